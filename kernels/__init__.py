@@ -1,0 +1,1 @@
+"""OpenCL C sources; read README.md beside this file first."""

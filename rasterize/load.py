@@ -1,0 +1,80 @@
+"""Loading scenes from files and from trimesh."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import trimesh
+
+from ssgi_cl import check
+from ssgi_cl.errors import SceneError, SsgiError
+
+from .from_trimesh import read_trimesh
+from .gltf import read_gltf
+from .normals import DEFAULT_CREASE_ANGLE
+from .obj import read_obj
+from .parts import Part, assemble
+from .ply import read_ply
+from .scene import Material, Scene
+from .textures import TextureSet
+
+_Reader = Callable[[Path, TextureSet], tuple[list[Part], list[Material]]]
+
+READERS: dict[str, _Reader] = {
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".obj": read_obj,
+    ".ply": read_ply,
+}
+"""Which function reads which kind of file; see each for what it keeps and what it leaves out."""
+
+
+def load_scene(
+    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh,
+    *,
+    crease_angle: float = DEFAULT_CREASE_ANGLE,
+) -> Scene:
+    """Load a scene from a file (.glb, .gltf, .obj with .mtl, .ply) or from trimesh objects.
+
+    Every instance becomes triangles in world space around the centre of their bounds. Normals are
+    kept where the source has them and computed where it hasn't. Triangles without area are
+    dropped. Factors of materials are linear, textures and colours in OBJ and PLY sRGB-encoded.
+
+    Args:
+        source: path of the file, or what trimesh made.
+        crease_angle: radians, in [0, pi]; where normals are missing, faces that meet at a sharper
+            angle keep an edge between them, others are smoothed. 0 makes every face flat.
+
+    Returns:
+        The scene; lights and cameras that a file may describe are not part of it.
+
+    Raises:
+        SceneError: the file is missing, of an unknown kind, damaged or without triangles; it
+            refers to a texture that is missing or outside of its folder; a vertex is not finite.
+        MissingExtraError: the file needs a package that is not installed.
+        ValueError: `crease_angle` is out of range.
+    """
+    angle = check.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
+    textures = TextureSet()
+    if isinstance(source, (trimesh.Scene, trimesh.Trimesh)):
+        parts, materials = read_trimesh(source, textures)
+        return assemble(parts, materials, textures.textures, crease_angle=angle)
+    path = Path(source)
+    if not path.is_file():
+        raise SceneError(f"{path}: there is no such file")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        kinds = ", ".join(READERS)
+        raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {kinds}")
+    try:
+        parts, materials = reader(path, textures)
+        return assemble(parts, materials, textures.textures, crease_angle=angle)
+    except SsgiError as error:
+        if str(path.name) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
+    except Exception as error:  # a damaged file can trip any part of a parser
+        raise SceneError(f"{path} can't be read: {type(error).__name__}: {error}") from error

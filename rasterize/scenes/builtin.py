@@ -1,0 +1,41 @@
+"""A scene that comes with the library, with its lights and a view of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.lights import Light
+
+from ..scene import Scene
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BuiltinScene:
+    """A scene made by code.
+
+    Attributes:
+        name: key in `BUILTIN_SCENES`.
+        scene: triangles and materials, in metres, y up.
+        eye, target, up: the view, world space, metres.
+        yfov: vertical field of view in radians.
+        lights: what lights it, in W and metres.
+        ao_radius: a reach of ambient occlusion that suits the scene, metres.
+    """
+
+    name: str
+    scene: Scene
+    eye: Vector
+    target: Vector
+    up: Vector = (0.0, 1.0, 0.0)
+    yfov: float
+    lights: tuple[Light, ...]
+    ao_radius: float
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Return the view as a camera of `width` x `height` pixels."""
+        return Camera.look_at(
+            self.eye, self.target, self.up, yfov=self.yfov, width=width, height=height
+        )

@@ -1,0 +1,176 @@
+"""Validation of arguments: every message names the argument, its value, what is allowed, the unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def number(
+    name: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    unit: str = "",
+    above: bool = False,
+    infinite: bool = False,
+) -> float:
+    """Return `value` as a float within [low, high] ((low, high] with `above`), else raise."""
+    allowed = _range(low, high, unit, above)
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{name} is {value!r}: expected a number {allowed}")
+    result = float(value)
+    inside = low < result <= high if above else low <= result <= high
+    if math.isnan(result) or not inside or (math.isinf(result) and not infinite):
+        raise ValueError(f"{name} is {value!r}: expected a number {allowed}")
+    return result
+
+
+def integer(name: str, value: object, *, low: int, high: int, unit: str = "") -> int:
+    """Return `value` as an int within [low, high], else raise."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"{name} is {value!r}: expected an integer {_range(low, high, unit, False)}")
+    if not low <= int(value) <= high:
+        raise ValueError(f"{name} is {value}: expected an integer {_range(low, high, unit, False)}")
+    return int(value)
+
+
+def choice(name: str, value: object, allowed: Sequence[str]) -> str:
+    """Return `value` if it is one of `allowed`, else raise."""
+    if value not in allowed:
+        options = ", ".join(repr(option) for option in allowed)
+        raise ValueError(f"{name} is {value!r}: expected one of {options}")
+    return str(value)
+
+
+def vector(name: str, value: ArrayLike, size: int, unit: str = "") -> NDArray[np.float64]:
+    """Return `value` as `size` finite float64 numbers; a scalar is repeated. Else raise."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} is {value!r}: expected {size} numbers{_of(unit)}") from error
+    if array.ndim == 0:
+        array = np.repeat(array, size)
+    if array.shape != (size,):
+        raise ValueError(f"{name} has shape {array.shape}: expected {size} numbers{_of(unit)}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is {array.tolist()}: expected {size} finite numbers{_of(unit)}")
+    return array
+
+
+def direction(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a float64 vector of unit length, else raise."""
+    array = vector(name, value, 3)
+    largest = float(np.abs(array).max())
+    if largest == 0.0:
+        raise ValueError(f"{name} is {array.tolist()}: expected a direction of non-zero length")
+    scaled = array / largest
+    return scaled / float(np.linalg.norm(scaled))
+
+
+def rgb(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
+    """Return `value` as three finite numbers >= 0 (a scalar is repeated), else raise."""
+    array = vector(name, value, 3, unit)
+    if (array < 0).any():
+        raise ValueError(f"{name} is {array.tolist()}: expected numbers >= 0{_of(unit)}")
+    return array
+
+
+def matrix4(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a finite float64 4x4 matrix, else raise."""
+    array = floats(name, value, np.float64)
+    if array.shape != (4, 4):
+        raise ValueError(f"{name} has shape {array.shape}: expected (4, 4)")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds a value that is not finite: {array.tolist()}")
+    return array
+
+
+def plane(
+    name: str,
+    value: ArrayLike,
+    *,
+    channels: int = 0,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+    infinite: bool = False,
+) -> NDArray[np.float32]:
+    """Return `value` as float32 [rows, columns] or, with `channels`, [rows, columns, channels].
+
+    Raises TypeError for a dtype that is not a real number, ValueError for a wrong shape, for NaN,
+    for infinities (unless `infinite` allows +inf) and for values outside [low, high].
+    """
+    array = floats(name, value, np.float32)
+    wanted = f"(rows, columns, {channels})" if channels else "(rows, columns)"
+    fits = array.ndim == 3 and array.shape[2] == channels if channels else array.ndim == 2
+    if not fits:
+        raise ValueError(f"{name} has shape {array.shape}: expected {wanted}")
+    values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite)
+    return array
+
+
+def plane_list(name: str, value: ArrayLike, width: int) -> NDArray[np.float32]:
+    """Return `value` as finite float32 [count, width], else raise."""
+    array = floats(name, value, np.float32)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise ValueError(f"{name} has shape {array.shape}: expected (count, {width})")
+    values_in_range(name, array)
+    return array
+
+
+def values_in_range(
+    name: str,
+    array: NDArray[np.float32],
+    *,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+    infinite: bool = False,
+    above: bool = False,
+) -> None:
+    """Raise ValueError naming the first element that is NaN, not allowed infinite or outside."""
+    if array.size == 0:
+        return
+    # min and max are NaN if any element is: two passes without a temporary decide the good case.
+    least, most = float(array.min()), float(array.max())
+    fine = (least > low if above else least >= low) and most <= high
+    if fine and math.isfinite(least) and (infinite or math.isfinite(most)):
+        return
+    outside = (array <= low) if above else (array < low)
+    wrong = np.isnan(array) | outside | (array > high) | np.isneginf(array)
+    if not infinite:
+        wrong |= np.isposinf(array)
+    where = tuple(int(i) for i in np.argwhere(wrong)[0])
+    place = ", ".join(map(str, where))
+    also = ", or +inf" if infinite else ""
+    raise ValueError(
+        f"{name}[{place}] is {array[where]}: expected numbers {_range(low, high, unit, above)}{also}"
+    )
+
+
+def floats(
+    name: str, value: ArrayLike, dtype: type[np.floating[Any]] = np.float32
+) -> NDArray[Any]:
+    """Return `value` in C order as `dtype`; raise TypeError unless it holds real numbers."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} has dtype {array.dtype}: expected a real floating-point array")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(array, dtype=dtype)
+
+
+def _range(low: float, high: float, unit: str, above: bool) -> str:
+    left = f"{'>' if above else '>='} {low:g}" if low > -math.inf else ""
+    right = f"<= {high:g}" if high < math.inf else ""
+    both = " and ".join(part for part in (left, right) if part) or "that is finite"
+    return f"{both}{_of(unit)}"
+
+
+def _of(unit: str) -> str:
+    return f" ({unit})" if unit else ""

@@ -1,0 +1,27 @@
+"""Errors that the library raises beyond ValueError and TypeError for bad arguments."""
+
+from __future__ import annotations
+
+
+class SsgiError(Exception):
+    """Base of every error of this library that is not a plain ValueError or TypeError."""
+
+
+class DeviceError(SsgiError):
+    """No OpenCL device fits what was asked for; the message lists those that exist."""
+
+
+class KernelBuildError(SsgiError):
+    """A kernel did not compile; the message names entry, device, options and file:line."""
+
+
+class KernelSourceError(SsgiError):
+    """A kernel file or include does not exist, or includes itself."""
+
+
+class SceneError(SsgiError, ValueError):
+    """A scene file is missing, damaged, empty or of an unknown kind."""
+
+
+class MissingExtraError(SsgiError, ImportError):
+    """An optional package is not installed; the message names the extra that brings it."""

@@ -1,0 +1,250 @@
+"""OpenEXR files: linear float32 channels with conventional names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl import atomic, check
+
+BACKGROUND_DEPTH = 1e10
+"""Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
+
+_STEMS = {"": "", "image": "", "normal": "N"}
+_SINGLES = {"depth": "Z"}
+_SUFFIXES = {"normal": ("X", "Y", "Z")}
+
+# Usual names, in order of preference. "*." stands for any prefix (a layer and a pass).
+_DEPTH_NAMES = ("Z", "depth", "depth.V", "Depth", "Depth.V", "depth.Z", "*.Depth.Z", "*.Depth.V")
+_STEMS_OF = {
+    "normal": ("N", "normal", "Normal", "normals", "*.Normal", "*.normal"),
+    "albedo": (
+        *("albedo", "Albedo", "diffuse_albedo", "DiffCol", "*.DiffCol", "*.albedo"),
+        *("*.Diffuse Color", "*.Denoising Albedo"),
+    ),
+    "emission": ("emission", "Emission", "*.Emit", "*.Emission", "*.emission"),
+}
+
+
+def write(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
+    """Write arrays as float32 channels of one OpenEXR file (ZIP, lossless), whole or not at all.
+
+    Args:
+        path: the file; one that exists is replaced.
+        arrays: by name, [rows, columns] or [rows, columns, 3], all of one size, row 0 on top.
+            "image" (or "") becomes the channels R, G, B (Y with one channel), "depth" Z, "normal"
+            N.X, N.Y, N.Z; any other name stands for itself, with .R, .G, .B if it has 3 channels.
+            Infinities and NaN are kept.
+
+    Raises:
+        TypeError: an array is not of real numbers.
+        ValueError: no array, a wrong shape, sizes that differ, or a channel that is there twice.
+        OSError: the file can't be written; the message names it.
+    """
+    channels: dict[str, NDArray[np.float32]] = {}
+    size: tuple[int, ...] = ()
+    for name, value in arrays.items():
+        array = check.floats(name, value)
+        if array.ndim not in (2, 3) or array.shape[2:] not in ((), (1,), (3,)) or array.size == 0:
+            raise ValueError(
+                f"{name} has shape {array.shape}: expected (rows, columns) or (rows, columns, 3)"
+            )
+        size = size or array.shape[:2]
+        if array.shape[:2] != size:
+            raise ValueError(
+                f"{name} has {array.shape[0]} rows and {array.shape[1]} columns: expected "
+                f"{size[0]} x {size[1]} as the arrays before it"
+            )
+        for channel, plane in _split(name, array):
+            if channel in channels:
+                raise ValueError(f"{name} needs the channel {channel!r}, which is taken already")
+            channels[channel] = plane
+    if not channels:
+        raise ValueError("arrays is empty: expected at least one array")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with atomic.replacement(path) as temporary:
+        try:
+            OpenEXR.File(header, channels).write(os.fspath(temporary))
+        except RuntimeError as error:
+            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
+            raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
+
+
+def _split(name: str, array: NDArray[np.float32]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Yield (channel, contiguous plane); the writer reads any other memory layout wrongly."""
+    stem = _STEMS.get(name, name)
+    if array.shape[2:] == (3,):
+        for index, suffix in enumerate(_SUFFIXES.get(name, ("R", "G", "B"))):
+            plane = np.ascontiguousarray(array[..., index])
+            yield (f"{stem}.{suffix}" if stem else suffix), plane
+    else:
+        plane = np.ascontiguousarray(array.reshape(array.shape[:2]))
+        yield _SINGLES.get(name, stem) or "Y", plane
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """Return the channels of an OpenEXR file by name.
+
+    Args:
+        path: a file with one part of flat pixels (scan lines or tiles) without subsampling, whose
+            data window is its display window or exceeds it equally on opposite sides (overscan).
+
+    Returns:
+        [rows, columns] each, row 0 on top: float32 for half and float, uint32 for integers. With
+        overscan the arrays have the size of the data window.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: not an OpenEXR file, damaged, cut short, or of a kind not named above.
+        OSError: the file can't be read.
+    """
+    name = os.fspath(path)
+    with open(name, "rb") as file:  # says precisely why a file can't be opened
+        magic = file.read(4)
+    if magic != b"\x76\x2f\x31\x01":
+        raise ValueError(f"{name} is not an OpenEXR file")
+    header = _header(name)
+    size = _size(name, header)
+    for channel in header["channels"]:
+        if channel.xSampling != 1 or channel.ySampling != 1:
+            raise ValueError(
+                f"{name}: channel {channel.name!r} is subsampled {channel.xSampling} x "
+                f"{channel.ySampling}: expected one value for each pixel"
+            )
+    try:
+        channels = OpenEXR.File(name, separate_channels=True).channels()
+    except (RuntimeError, ValueError, MemoryError) as error:
+        raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
+    arrays: dict[str, NDArray[Any]] = {}
+    for key, channel in channels.items():
+        pixels = channel.pixels
+        if pixels is None or pixels.shape != size:
+            raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
+        kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
+        arrays[key] = np.ascontiguousarray(pixels, dtype=kind)
+    return arrays
+
+
+def _header(name: str) -> dict[str, Any]:
+    try:
+        file = OpenEXR.File(name, separate_channels=True, header_only=True)
+        parts = len(file.parts)
+        header: dict[str, Any] = file.header() if parts else {}
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"{name} is damaged or cut short: its header can't be read") from error
+    if parts != 1:
+        raise ValueError(f"{name} has {parts} parts: expected a file with one")
+    kind = header.get("type", OpenEXR.scanlineimage)
+    if kind not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
+        raise ValueError(f"{name} holds {kind.name}: expected flat pixels, not deep ones")
+    return header
+
+
+def _size(name: str, header: dict[str, Any]) -> tuple[int, int]:
+    """Return (rows, columns) of the data window."""
+    data, display = (np.asarray(header[key], np.int64) for key in ("dataWindow", "displayWindow"))
+    before, after = display[0] - data[0], data[1] - display[1]
+    if (before != after).any() or (before < 0).any():
+        raise ValueError(
+            f"{name} has the data window {data.tolist()} and the display window "
+            f"{display.tolist()}: expected the same window, or a margin of equal size on opposite "
+            "sides"
+        )
+    columns, rows = data[1] - data[0] + 1
+    return int(rows), int(columns)
+
+
+def read_gbuffer(
+    path: str | os.PathLike[str], channels: Mapping[str, str | tuple[str, ...]] | None = None
+) -> dict[str, NDArray[np.float32]]:
+    """Return the arrays of a G-buffer that an OpenEXR file holds.
+
+    Args:
+        path: a file as for `read`.
+        channels: channel names for some of "depth" (one name), "normal", "albedo", "emission"
+            (three names each, or the stem of three: "N" for N.X, N.Y, N.Z). What isn't given is
+            looked for under its usual names, such as Z, depth.V or ViewLayer.Depth.Z.
+
+    Returns:
+        "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
+        file has them. Depths of 1e10 and more, Blender's background, are +inf.
+
+    Raises:
+        FileNotFoundError, OSError: as `read`.
+        ValueError: as `read`; or no depth, or a given channel that the file doesn't have: the
+            message lists those that it has.
+    """
+    name = os.fspath(path)
+    given = dict(channels or {})
+    unknown = sorted(set(given) - {"depth", *_STEMS_OF})
+    if unknown:
+        raise ValueError(
+            f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'"
+        )
+    present = read(name)
+    arrays: dict[str, NDArray[np.float32]] = {}
+    for key in ("depth", *_STEMS_OF):
+        if key in given:
+            names: tuple[str, ...] | None = _given(name, key, given[key], present)
+        elif key == "depth":
+            names = next(((found,) for found in _matches(_DEPTH_NAMES, present)), None)
+        else:
+            names = next(_triples(_STEMS_OF[key], present), None)
+        if names is None and key == "depth":
+            raise ValueError(f"{name} has no depth channel; it has {_listed(present)}")
+        if names is not None:
+            planes = [present[channel].astype(np.float32, copy=False) for channel in names]
+            arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
+    depth = arrays["depth"].copy()
+    depth[depth >= BACKGROUND_DEPTH] = np.inf
+    arrays["depth"] = depth
+    return arrays
+
+
+def _given(
+    path: str, key: str, wanted: str | tuple[str, ...], present: Mapping[str, object]
+) -> tuple[str, ...]:
+    if isinstance(wanted, str) and key != "depth":
+        return next(_triples((wanted,), present), None) or _missing(path, f"{wanted}.*", present)
+    names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    count = 1 if key == "depth" else 3
+    if len(names) != count:
+        raise ValueError(f"channels[{key!r}] is {wanted!r}: expected {count} channel name(s)")
+    for channel in names:
+        if channel not in present:
+            _missing(path, channel, present)
+    return names
+
+
+def _missing(path: str, channel: str, present: Mapping[str, object]) -> tuple[str, ...]:
+    raise ValueError(f"{path} has no channel {channel!r}; it has {_listed(present)}")
+
+
+def _matches(patterns: tuple[str, ...], present: Mapping[str, object]) -> Iterator[str]:
+    """Yield the names that fit a pattern, best pattern first, then in alphabetical order."""
+    for pattern in patterns:
+        tail = pattern.removeprefix("*")
+        for channel in sorted(present):
+            if channel == pattern or (tail != pattern and channel.endswith(tail)):
+                yield channel
+
+
+def _triples(
+    stems: tuple[str, ...], present: Mapping[str, object]
+) -> Iterator[tuple[str, str, str]]:
+    for stem in stems:
+        for first, second, third in (("X", "Y", "Z"), ("R", "G", "B"), ("x", "y", "z")):
+            for channel in _matches((f"{stem}.{first}",), present):
+                prefix = channel.removesuffix(first)
+                names = channel, prefix + second, prefix + third
+                if all(one in present for one in names):
+                    yield names
+
+
+def _listed(present: Mapping[str, object]) -> str:
+    return ", ".join(sorted(present)) or "none"

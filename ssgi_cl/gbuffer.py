@@ -1,0 +1,228 @@
+"""G-buffers and reflective shadow maps: numpy arrays with the camera that saw them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl import check, exr
+from ssgi_cl.camera import Camera
+from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GBuffer:
+    """What a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
+
+    Arrays may be larger than the camera's image by an even number of rows and columns: the margin
+    (overscan) then surrounds the image, and results have the size of the camera's image.
+
+    Attributes:
+        camera: the camera; its size is that of the results.
+        depth: [rows, columns] or [layers, rows, columns] float32, linear view depth in scene
+            units, > 0; +inf where nothing is there. Layers go from front to back.
+        normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
+            With None, and where it is 0 on a surface, the normal is reconstructed from depth.
+            [layers, rows, columns, 3] gives the deeper layers' normals too.
+        albedo: [rows, columns, 3] (or with layers) float32, linear reflectance in [0, 1]; None
+            stands for 0.8 everywhere.
+        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, >= 0, or None.
+        specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
+        gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
+
+    Raises:
+        TypeError: an array is not of real numbers.
+        ValueError: a wrong shape, NaN, or a value outside its range; the message names the pixel.
+    """
+
+    camera: Camera
+    depth: ArrayLike
+    normal: ArrayLike | None = None
+    albedo: ArrayLike | None = None
+    emission: ArrayLike | None = None
+    specular: ArrayLike | None = None
+    gloss: ArrayLike | None = None
+    margin: tuple[int, int] = field(init=False)
+    """(rows, columns) by which the arrays exceed the camera's image on every side."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
+        depth = _layered("depth", self.depth, 0, unit="scene units", low=0.0, infinite=True)
+        check.values_in_range(
+            "depth", depth, unit="scene units", low=0.0, above=True, infinite=True
+        )
+        self._set("depth", depth)
+        margin = np.subtract(depth.shape[-2:], self.camera.size)
+        if (margin < 0).any() or (margin % 2).any():
+            raise ValueError(
+                f"depth has {depth.shape[-2]} rows and {depth.shape[-1]} columns: expected "
+                f"{self.camera.height} x {self.camera.width} as the camera, or more by an even "
+                "number (a margin of equal size on opposite sides)"
+            )
+        object.__setattr__(self, "margin", (int(margin[0]) // 2, int(margin[1]) // 2))
+        if self.normal is not None:
+            self._set("normal", _unit(self._attribute("normal", self.normal, low=-np.inf)))
+        for name, high in (("albedo", 1.0), ("emission", np.inf), ("specular", 1.0)):
+            value = getattr(self, name)
+            if value is not None:
+                self._set(name, self._attribute(name, value, low=0.0, high=high))
+        if self.gloss is not None:
+            gloss = check.plane("gloss", self.gloss, unit="Phong exponent", low=0.0)
+            self._same_size("gloss", gloss.shape)
+            self._set("gloss", gloss)
+
+    def _set(self, name: str, value: Floats) -> None:
+        object.__setattr__(self, name, value)
+
+    def _attribute(
+        self, name: str, value: ArrayLike, *, low: float, high: float = np.inf
+    ) -> Floats:
+        array = _layered(name, value, 3, low=low, high=high)
+        self._same_size(name, array.shape[:-1])
+        return array
+
+    def _same_size(self, name: str, shape: tuple[int, ...]) -> None:
+        depth: Floats = self.depth  # type: ignore[assignment]
+        if shape not in (depth.shape, depth.shape[-2:]):
+            raise ValueError(f"{name} has shape {shape}: expected {depth.shape} as the depth")
+
+    @property
+    def layers(self) -> int:
+        """Number of depth layers."""
+        depth: Floats = self.depth  # type: ignore[assignment]
+        return 1 if depth.ndim == 2 else int(depth.shape[0])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(rows, columns) of the camera's image, which is that of every result."""
+        return self.camera.size
+
+    def first(self, name: str) -> Floats | None:
+        """Return the front layer of the array called `name`, margin included, or None."""
+        array = getattr(self, name)
+        if array is None:
+            return None
+        flat = 2 if name in ("depth", "gloss") else 3
+        result: Floats = array if array.ndim == flat else array[0]
+        return result
+
+    def inner(self, array: Floats) -> Floats:
+        """Return `array` [rows, columns, ...] without the margin (a view)."""
+        rows, columns = self.margin
+        return array[rows : array.shape[0] - rows, columns : array.shape[1] - columns]
+
+    @classmethod
+    def from_exr(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        camera: Camera,
+        channels: Mapping[str, str | tuple[str, ...]] | None = None,
+    ) -> Self:
+        """Read a G-buffer from an OpenEXR file.
+
+        Args:
+            path: the file.
+            camera: the camera that saw it.
+            channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
+                {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
+                given.
+
+        Raises:
+            ValueError: not an EXR file, damaged, without depth, or of another size than `camera`.
+        """
+        return cls(camera=camera, **exr.read_gbuffer(path, channels))
+
+    def to_exr(self, path: str | os.PathLike[str]) -> None:
+        """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""
+        names = ("depth", "normal", "albedo", "emission")
+        arrays = {name: self.first(name) for name in names}
+        exr.write(path, {name: array for name, array in arrays.items() if array is not None})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReflectiveShadowMap:
+    """What a light sees, and how much of its light every texel reflects.
+
+    Attributes:
+        light: the light whose map this is.
+        camera: its camera, or a tuple of six for a point light, whose faces are stacked from top
+            to bottom in the arrays.
+        depth: [rows, columns] float32, linear depth from the light in scene units; +inf = nothing.
+        position: [rows, columns, 3] float32, world space; 0 where nothing is there.
+        normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
+        flux: [rows, columns, 3] float32, reflected radiant flux of the texel in W.
+    """
+
+    light: SpotLight | PointLight | DirectionalLight
+    camera: Camera | tuple[Camera, ...]
+    depth: ArrayLike
+    position: ArrayLike
+    normal: ArrayLike
+    flux: ArrayLike
+
+    def __post_init__(self) -> None:
+        depth = check.plane("depth", self.depth, unit="scene units", low=0.0, infinite=True)
+        check.values_in_range(
+            "depth", depth, unit="scene units", low=0.0, above=True, infinite=True
+        )
+        heights = sum(camera.height for camera in self.cameras)
+        if depth.shape != (heights, self.cameras[0].width):
+            raise ValueError(
+                f"depth has shape {depth.shape}: expected {(heights, self.cameras[0].width)} "
+                "as the light's cameras, stacked"
+            )
+        object.__setattr__(self, "depth", depth)
+        for name, low in (("position", -np.inf), ("normal", -np.inf), ("flux", 0.0)):
+            array = check.plane(name, getattr(self, name), channels=3, low=low)
+            if array.shape[:2] != depth.shape:
+                raise ValueError(f"{name} has shape {array.shape}: expected {(*depth.shape, 3)}")
+            object.__setattr__(self, name, array)
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras of the faces, one or six."""
+        return self.camera if isinstance(self.camera, tuple) else (self.camera,)
+
+
+def _layered(
+    name: str,
+    value: ArrayLike,
+    channels: int,
+    *,
+    low: float,
+    high: float = np.inf,
+    unit: str = "",
+    infinite: bool = False,
+) -> Floats:
+    array = np.asarray(value)
+    flat = 3 if channels else 2
+    if array.ndim == flat + 1 and array.shape[0] > 0:
+        array = check.floats(name, array)
+        if channels and array.shape[-1] != channels:
+            raise ValueError(f"{name} has shape {array.shape}: expected {channels} channels")
+        check.values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite)
+        return array
+    return check.plane(
+        name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite
+    )
+
+
+def _unit(normal: Floats) -> Floats:
+    """Return normals of length 1 or 0; the same array where they are so already."""
+    squared = np.einsum("...i,...i->...", normal, normal)
+    wrong = (np.abs(squared - 1.0) > 1e-5) & (squared != 0.0)
+    if not wrong.any() and np.isfinite(squared).all():
+        return normal
+    wide = normal.astype(np.float64)
+    length = np.linalg.norm(wide, axis=-1, keepdims=True)
+    scaled: Floats = (wide / np.where(length > 0.0, length, 1.0)).astype(np.float32)
+    return scaled

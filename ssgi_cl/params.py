@@ -1,0 +1,69 @@
+"""Parameters of techniques: declared once with range, unit and meaning, checked when made."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, get_type_hints
+
+from ssgi_cl import check
+
+
+def param(
+    default: Any,
+    doc: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    unit: str = "",
+    choices: tuple[str, ...] = (),
+    above: bool = False,
+) -> Any:
+    """Declare a parameter: a number in [low, high] ((low, high] with `above`) or one of `choices`.
+
+    The same declaration validates, documents (`describe`) and bounds a search over parameters.
+    """
+    metadata = {"doc": doc, "low": low, "high": high, "unit": unit, "choices": choices,
+                "above": above}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class Params:
+    """Base of the frozen dataclasses of parameters; checks every field that has a declaration."""
+
+    def __post_init__(self) -> None:
+        kinds = get_type_hints(type(self))
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            rule, value = field.metadata, getattr(self, field.name)
+            if not rule or kinds[field.name] not in (int, float, str, bool):
+                continue
+            if kinds[field.name] is bool:
+                if not isinstance(value, bool):
+                    raise TypeError(f"{field.name} is {value!r}: expected True or False")
+            elif rule["choices"]:
+                check.choice(field.name, value, rule["choices"])
+            elif kinds[field.name] is int:
+                value = check.integer(
+                    field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"]
+                )
+            else:
+                value = check.number(
+                    field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"],
+                    above=rule["above"], infinite=math.isinf(rule["high"]) and rule["high"] > 0
+                    and field.default == math.inf,
+                )
+            object.__setattr__(self, field.name, value)
+
+
+def describe(params: type[Params]) -> list[tuple[str, str, str]]:
+    """Return (name, default, meaning with range and unit) of each parameter, for help texts."""
+    lines = []
+    for field in dataclasses.fields(params):  # type: ignore[arg-type]
+        rule = field.metadata
+        limits = " to ".join(f"{rule[side]:g}" for side in ("low", "high")
+                             if rule and math.isfinite(rule[side]))
+        allowed = ", ".join(rule["choices"]) if rule and rule["choices"] else limits
+        note = "; ".join(part for part in (allowed, rule["unit"] if rule else "") if part)
+        lines.append((field.name, str(field.default), f"{rule['doc']} ({note})" if note
+                      else str(rule["doc"] if rule else "")))
+    return lines

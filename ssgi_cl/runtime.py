@@ -1,0 +1,454 @@
+"""The runtime: one device with its queue, programs and memory, and the time of every pass."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl import drivers, sources
+from ssgi_cl.drivers import DeviceInfo, Form
+from ssgi_cl.errors import DeviceError, KernelBuildError
+from ssgi_cl.structs import Struct
+
+GUARD = 16
+"""Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
+
+Size = tuple[int, int]
+"""(rows, columns)"""
+
+
+@dataclass(frozen=True)
+class PassTime:
+    """A pass that ran, or was skipped.
+
+    Attributes:
+        name: of the pass.
+        ms: milliseconds on the device; 0 if skipped.
+        skipped: why it was not run; empty if it ran.
+    """
+
+    name: str
+    ms: float
+    skipped: str = ""
+
+
+class Runtime:
+    """A device, opened. Make one with `Runtime.open` and use it from one thread at a time.
+
+    Attributes:
+        info: the device.
+        form: the build of the kernels that it gets.
+        allocated_bytes, builds: device memory taken and programs compiled so far.
+    """
+
+    def __init__(self, info: DeviceInfo, form: Form) -> None:
+        import pyopencl as cl
+
+        self.info = info
+        self.form = form
+        self.allocated_bytes = 0
+        self.builds = 0
+        device = cl.get_platforms()[info.platform].get_devices()[info.device]
+        if form.storage == "image" and not device.image_support:
+            raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
+        self.context = cl.Context([device])
+        profiling = cl.command_queue_properties.PROFILING_ENABLE
+        self.queue = cl.CommandQueue(self.context, properties=profiling)
+        self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
+        self._device = device
+        self._programs: dict[str, Any] = {}
+        self._prepared: dict[object, Any] = {}
+        self._events: list[tuple[str, Any]] = []
+        self._skips: list[tuple[int, PassTime]] = []
+        self._depth = 0
+
+    @classmethod
+    def open(
+        cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None
+    ) -> Runtime:
+        """Return the runtime of a device; the same object for the same arguments.
+
+        Args:
+            name: words that the device's label holds, such as "pocl", "pocl 3.1" or "nvidia";
+                by default the variable SSGI_CL_DEVICE, and without it the fastest device found.
+            lanes, storage: force a build of the kernels (1, 8 or 16; "buffer" or "image") in
+                place of the fastest on this device.
+
+        Raises:
+            DeviceError: no such device (the message lists all), or another driver is in use in
+                this process already.
+        """
+        name = name or os.environ.get("SSGI_CL_DEVICE") or None
+        info = drivers.choose(name)
+        form = info.best
+        assert form is not None  # noqa: S101  choose() returns usable devices only
+        if lanes is not None or storage is not None:
+            form = Form(form.lanes if lanes is None else lanes, storage or "buffer")
+            reason = info.speeds.get(str(form))
+            if isinstance(reason, str):
+                raise DeviceError(f"{info.label} cannot run {form}: {reason}")
+        key = (info.driver, info.platform, info.device, form)
+        runtime = _OPENED.get(key)
+        if runtime is None:
+            _load_driver(info)
+            runtime = _OPENED[key] = cls(info, form)
+        return runtime
+
+    def __repr__(self) -> str:
+        return f"<Runtime {self.info.label}, {self.form}>"
+
+    # ---- memory
+
+    def plane(self, count: int, size: Size, outside: float = 0.0) -> Plane:
+        """Return new device memory for `count` images; see kernels/common/gbuffer.clh."""
+        return Plane(self, count, size, outside)
+
+    def array(self, values: NDArray[Any]) -> DeviceArray:
+        """Return new device memory that holds a copy of `values` (at least one element)."""
+        return DeviceArray(self, values)
+
+    def empty(self, count: int, dtype: type[np.generic]) -> DeviceArray:
+        """Return new device memory for `count` elements (at least one), not initialised."""
+        return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
+
+    def _allocate(self, size: int) -> Any:
+        import pyopencl as cl
+
+        self.allocated_bytes += size
+        flags = cl.mem_flags.READ_WRITE
+        if self.shares_memory:
+            flags |= cl.mem_flags.ALLOC_HOST_PTR
+        try:
+            return cl.Buffer(self.context, flags, size)
+        except cl.Error as error:
+            raise DeviceError(
+                f"{self.info.label}: no room for {size / 2**20:.1f} MiB more; "
+                f"{self.allocated_bytes / 2**20:.1f} MiB were asked for so far"
+            ) from error
+
+    def prepared(self, key: object, make: Callable[[], Any]) -> Any:
+        """Return what `make` returned for `key` before, or its result now (kept: 64 latest)."""
+        value = self._prepared.pop(key, None)
+        if value is None:
+            value = make()
+            if len(self._prepared) >= 64:
+                self._prepared.pop(next(iter(self._prepared)))
+        self._prepared[key] = value
+        return value
+
+    # ---- programs
+
+    def kernel(
+        self,
+        path: str,
+        macros: Mapping[str, int] | None = None,
+        structs: Sequence[Struct] = (),
+    ) -> Kernel:
+        """Return a kernel, compiled unless the same text with the same options was before.
+
+        Args:
+            path: file in kernels/, such as "ssao/ssao.cl"; its stem is the kernel's name.
+            macros: name -> integer, the switches and loop counts of that file.
+            structs: definitions that the file needs.
+
+        Raises:
+            KernelBuildError: the compiler refused it; the message has file:line in kernels/.
+        """
+        text = sources.flatten(path, "\n".join(struct.text for struct in structs))
+        options = [
+            "-cl-std=CL1.2",
+            f"-DSSGI_LANES={self.form.lanes}",
+            f"-DSSGI_IMAGES={int(self.form.storage == 'image')}",
+            *(f"-D{name}={value}" for name, value in sorted((macros or {}).items())),
+        ]
+        key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
+        program = self._programs.get(key)
+        if program is None:
+            program = self._programs[key] = self._build(path, text, options)
+        return Kernel(self, program, path)
+
+    def _build(self, path: str, text: str, options: list[str]) -> Any:
+        import pyopencl as cl
+
+        self.builds += 1
+        with warnings.catch_warnings():
+            # Compilers report success in words; failures raise.
+            warnings.simplefilter("ignore")
+            try:
+                return cl.Program(self.context, text).build(options=options)
+            except cl.RuntimeError as error:
+                raise KernelBuildError(
+                    f"kernels/{path} does not compile on {self.info.label} with "
+                    f"{' '.join(options)}:\n{error}"
+                ) from error
+
+    # ---- time
+
+    @contextmanager
+    def frame(self) -> Iterator[Self]:
+        """Collect the passes within; frames inside a frame belong to it."""
+        if self._depth == 0:
+            self._events, self._skips = [], []
+        self._depth += 1
+        try:
+            yield self
+        finally:
+            self._depth -= 1
+
+    def times(self) -> list[PassTime]:
+        """Return the passes of the latest frame, in order; waits for those still running."""
+        if self._events:
+            self._events[-1][1].wait()
+        ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6)
+               for name, event in self._events]
+        for position, skip in reversed(self._skips):
+            ran.insert(position, skip)
+        return ran
+
+    def record(self, name: str, event: Any) -> None:
+        """Add a pass to the current frame."""
+        self._events.append((name, event))
+
+    def skip(self, name: str, why: str) -> None:
+        """Note in the current frame that a pass was not needed."""
+        self._skips.append((len(self._events), PassTime(name, 0.0, why)))
+
+    def finish(self) -> None:
+        """Wait for the device."""
+        self.queue.finish()
+
+
+_OPENED: dict[tuple[Any, ...], Runtime] = {}
+_loaded_driver: str | None = None
+
+
+def _load_driver(info: DeviceInfo) -> None:
+    """Make the loader see this driver alone, which only works before its first use."""
+    global _loaded_driver
+    if _loaded_driver is None:
+        asked = os.environ.get("OCL_ICD_VENDORS")
+        os.environ["OCL_ICD_VENDORS"] = info.driver
+        try:
+            import pyopencl as cl
+
+            cl.get_platforms()
+        finally:
+            if asked is None:
+                del os.environ["OCL_ICD_VENDORS"]
+            else:
+                os.environ["OCL_ICD_VENDORS"] = asked
+        _loaded_driver = info.driver
+    elif _loaded_driver != info.driver:
+        raise DeviceError(
+            f"this process already uses the driver {_loaded_driver}; {info.label} needs "
+            f"{info.driver}, and two drivers can clash in one process: use another process"
+        )
+
+
+class DeviceArray:
+    """A list of numbers in device memory."""
+
+    def __init__(self, runtime: Runtime, values: NDArray[Any], *, fill: bool = True) -> None:
+        self.runtime = runtime
+        self.dtype = values.dtype
+        self.count = values.size
+        self.buffer = runtime._allocate(max(values.nbytes, 4))
+        if fill:
+            self.upload(values)
+
+    def upload(self, values: NDArray[Any]) -> None:
+        """Replace the contents; same dtype, at most the same number of elements."""
+        import pyopencl as cl
+
+        flat = np.ascontiguousarray(values, self.dtype).ravel()
+        if flat.size > self.count:
+            raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
+        if flat.size:
+            cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=True)
+
+    def download(self) -> NDArray[Any]:
+        """Return a copy of the contents."""
+        import pyopencl as cl
+
+        values = np.empty(self.count, self.dtype)
+        cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
+        return values
+
+    def argument(self) -> Any:
+        """Return what a kernel takes."""
+        return self.buffer
+
+
+class Plane:
+    """`count` images of the same size in device memory, float32.
+
+    Layout: kernels/common/gbuffer.clh. On a device that shares the host's memory, uploads and
+    downloads are one copy between numpy's array and the mapped memory, and `view` is none at all.
+    """
+
+    def __init__(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
+        self.runtime = runtime
+        self.count = count
+        self.size = size
+        self.outside = outside
+        self.pitch = (size[1] + 15) // 16 * 16 + GUARD
+        self._rows = count * size[0] + 2  # one row before, one after
+        self.buffer = runtime._allocate(self._rows * self.pitch * 4)
+        self._image: Any = None
+        self._image_is_current = False
+        with self._mapped(write_only=True) as memory:
+            memory[...] = outside
+
+    @contextmanager
+    def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
+        """Give the whole memory [rows, pitch] to the host; written back at the end."""
+        import pyopencl as cl
+
+        queue, shape = self.runtime.queue, (self._rows, self.pitch)
+        if self.runtime.shares_memory:
+            flags = cl.map_flags.READ | cl.map_flags.WRITE
+            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, shape, np.float32)
+            try:
+                yield memory
+            finally:
+                memory.base.release(queue)
+        else:
+            memory = np.empty(shape, np.float32)
+            if not write_only or self._image is not None:
+                cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
+            else:
+                memory[...] = self.outside
+            yield memory
+            cl.enqueue_copy(queue, self.buffer, memory, is_blocking=True)
+        self._image_is_current = False
+
+    def _images(self, memory: NDArray[np.float32]) -> NDArray[np.float32]:
+        rows, columns = self.size
+        inner = memory[1 : 1 + self.count * rows]
+        return inner.reshape(self.count, rows, self.pitch)[:, :, :columns]
+
+    def upload(self, values: NDArray[np.float32]) -> None:
+        """Replace the contents by `values` [count, rows, columns], any strides."""
+        with self._mapped(write_only=True) as memory:
+            np.copyto(self._images(memory), values)
+
+    def download(self, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """Return a copy [count, rows, columns], written to `out` if given (any strides)."""
+        import pyopencl as cl
+
+        if out is None:
+            out = np.empty((self.count, *self.size), np.float32)
+        queue, shape = self.runtime.queue, (self._rows, self.pitch)
+        if self.runtime.shares_memory:
+            memory, _ = cl.enqueue_map_buffer(
+                queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
+            )
+            np.copyto(out, self._images(memory))
+            memory.base.release(queue)
+        else:
+            memory = np.empty(shape, np.float32)
+            cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
+            np.copyto(out, self._images(memory))
+        return out
+
+    def written(self) -> None:
+        """Note that a kernel writes to this plane."""
+        self._image_is_current = False
+
+    def argument(self) -> Any:
+        """Return what a kernel reads: the buffer, or an image with the same contents."""
+        if self.runtime.form.storage == "buffer":
+            return self.buffer
+        import pyopencl as cl
+
+        shape = (self.pitch, self._rows)
+        if self._image is None:
+            largest = self.runtime._device.image2d_max_height
+            if self._rows > largest:
+                raise DeviceError(
+                    f"{self.runtime.info.label} has images of at most {largest} rows: "
+                    f"{self._rows} are needed; use storage 'buffer'"
+                )
+            layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
+            flags = cl.mem_flags.READ_ONLY
+            self._image = cl.Image(self.runtime.context, flags, layout, shape=shape)
+            self.runtime.allocated_bytes += self.pitch * self._rows * 4
+        if not self._image_is_current:
+            event = cl.enqueue_copy(
+                self.runtime.queue, self._image, self.buffer, offset=0, origin=(0, 0), region=shape
+            )
+            self.runtime.record("copy to image", event)
+            self._image_is_current = True
+        return self._image
+
+
+class Kernel:
+    """A compiled kernel with arguments of its own."""
+
+    def __init__(self, runtime: Runtime, program: Any, path: str) -> None:
+        import pyopencl as cl
+
+        self.runtime = runtime
+        self.name = path.rsplit("/", 1)[-1].removesuffix(".cl")
+        try:
+            self._kernel = cl.Kernel(program, self.name)
+        except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
+            raise KernelBuildError(
+                f"kernels/{path} has no kernel {self.name} on {runtime.info.label}, "
+                f"{runtime.form}: {error}"
+            ) from error
+
+    def run(
+        self,
+        name: str,
+        size: Size,
+        reads: Sequence[Plane | DeviceArray],
+        writes: Sequence[Plane | DeviceArray],
+        values: Sequence[Any] = (),
+        *,
+        grid: Size | None = None,
+        local: Size | None = None,
+    ) -> None:
+        """Queue the kernel. Arguments in order: reads, writes, size, values.
+
+        Args:
+            name: of the pass, for the table of times.
+            size: (rows, columns) that the kernel gets as int2 (columns, rows).
+            reads, writes: planes or arrays.
+            values: further arguments: numpy scalars or packed structs.
+            grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
+                a row.
+            local: (rows, columns) of a work-group; by default chosen for the device.
+        """
+        import pyopencl as cl
+
+        lanes = self.runtime.form.lanes
+        rows, columns = grid or (size[0], -(-size[1] // lanes))
+        if rows == 0 or columns == 0:
+            return
+        arguments = [read.argument() for read in reads]
+        arguments += [write.buffer for write in writes]
+        extent = np.array([size[1], size[0]], np.int32)
+        self._kernel.set_args(*arguments, extent, *values)
+        group = local or self._group(rows, columns)
+        work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
+        event = cl.enqueue_nd_range_kernel(
+            self.runtime.queue, self._kernel, work, (group[1], group[0])
+        )
+        for write in writes:
+            if isinstance(write, Plane):
+                write.written()
+        self.runtime.record(name, event)
+
+    def _group(self, rows: int, columns: int) -> Size:
+        if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":
+            return (1, min(columns, 64))
+        return (8, 8) if rows >= 8 else (1, 64)

@@ -1,0 +1,313 @@
+"""Screen-space ambient occlusion from points in a ball round each pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl import check
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.params import Params, param
+from ssgi_cl.runtime import Plane, Runtime, Size
+from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+
+SSAO = Struct(
+    "SsaoParams",
+    (
+        *floats("radius_0", "radius_1", "radius_2", "radius_3"),
+        *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
+        *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
+        *floats("border_depth"),
+        *(
+            (name, "int")
+            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")
+        ),
+    ),
+)
+
+DEPTH_BIAS = 2e-6
+"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
+
+RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SsaoParams(Params):
+    """Parameters of SSAO (Mittring 2007; Filion and McNaughton 2008)."""
+
+    radius: float | tuple[float, ...] = param(
+        0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
+        unit="scene units",
+    )
+    samples: int = param(16, "points per pixel and radius", low=1, high=256)
+    length_power: float = param(
+        0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly",
+        low=0.05, high=4.0,
+    )
+    hemisphere: bool = param(
+        True, "flip points to the normal's side; without, a flat wall is half occluded"
+    )
+    falloff: str | tuple[float, ...] = param(
+        "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
+        "equal steps from 0 to `falloff_end`"
+    )
+    rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
+    full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0,
+                        unit="radii")
+    none: float = param(2.0, "ramp: no occlusion from this d on", low=1e-3, high=1e3, unit="radii")
+    power: float = param(1.0, "ramp: exponent of its linear part", low=0.01, high=100.0)
+    falloff_end: float = param(2.0, "values: d of the last one, no occlusion beyond",
+                               low=1e-3, high=1e3, unit="radii")
+    bias: float = param(
+        0.02, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
+        unit="radii",
+    )
+    outside: str | float = param(
+        "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
+        "or the depth of a border in scene units"
+    )
+    max_radius_px: float = param(
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
+        unit="px",
+    )
+    near_px: float = param(
+        math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
+        low=1.0, high=math.inf, unit="px",
+    )
+    max_samples: int = param(0, "most points per pixel; 0 for `samples`", low=0, high=256)
+    resolution: str = param(
+        "full", "size at which occlusion is computed", choices=("full", "half", "quarter")
+    )
+    blur_radius: int = param(
+        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
+        unit="px",
+    )
+    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+
+    def __post_init__(self) -> None:
+        super(SsaoParams, self).__post_init__()
+        set_ = object.__setattr__
+        radii = self.radius if isinstance(self.radius, (Sequence, np.ndarray)) else (self.radius,)
+        if not 1 <= len(radii) <= 4:
+            raise ValueError(f"radius has {len(radii)} values: expected 1 to 4")
+        set_(self, "radius", tuple(
+            check.number("radius", r, low=0, high=1e30, above=True, unit="scene units")
+            for r in radii
+        ))
+        if isinstance(self.falloff, str):
+            check.choice("falloff", self.falloff, ("exponential", "ramp"))
+        else:
+            curve = check.vector("falloff", self.falloff, np.size(self.falloff))
+            if len(curve) < 2 or len(curve) > 4096 or curve.min() < 0 or curve.max() > 1:
+                raise ValueError(
+                    f"falloff has {len(curve)} values from {curve.min():g} to {curve.max():g}: "
+                    "expected 2 to 4096 values in [0, 1]"
+                )
+            set_(self, "falloff", tuple(curve.tolist()))
+        if isinstance(self.outside, str):
+            check.choice("outside", self.outside, ("unknown", "open"))
+        else:
+            set_(self, "outside", check.number(
+                "outside", self.outside, low=0, above=True, unit="scene units"))
+        if self.none <= self.full and self.falloff == "ramp":
+            raise ValueError(f"none is {self.none}: expected more than full, which is {self.full}")
+        if self.max_samples and self.max_samples < self.samples:
+            raise ValueError(
+                f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
+            )
+
+
+def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
+    """Return [count, 3] points of the unit ball; any beginning of the list is well spread.
+
+    Directions and lengths follow the three-dimensional R sequence (Roberts 2018).
+    """
+    root = 1.22074408460575947536  # of g^4 = g + 1
+    steps = root ** -np.arange(1.0, 4.0)
+    u = np.mod(0.5 + np.outer(np.arange(1, count + 1), steps), 1.0)
+    z = 1.0 - 2.0 * u[:, 0]
+    ring = np.sqrt(1.0 - z * z)
+    angle = 2.0 * np.pi * u[:, 1]
+    direction = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
+    return direction * u[:, 2:] ** length_power
+
+
+def tile_vectors() -> NDArray[np.float64]:
+    """Return [4, 4, 3] unit vectors, neighbours far apart: the random vectors of a 4 x 4 tile."""
+    order = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])  # Bayer
+    # Reflection about v and about -v is the same, so the spiral covers half of the sphere.
+    z = (order + 0.5) / 16.0
+    angle = order * (np.pi * (3.0 - np.sqrt(5.0)))
+    ring = np.sqrt(1.0 - z * z)
+    return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
+
+
+def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
+    """Return [4, 4, count, 3]: `sample_points` reflected about the vector of each tile pixel."""
+    points = sample_points(count, length_power)
+    mirror = tile_vectors()[:, :, None, :]
+    along = np.sum(points * mirror, axis=-1, keepdims=True)
+    reflected: NDArray[np.float64] = points - 2.0 * along * mirror
+    return reflected
+
+
+class Ssao:
+    """SSAO, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: see `SsaoParams`.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: SsaoParams | None = None,
+        margin: Size = (0, 0),
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.margin = margin
+        self.params = params = params or SsaoParams()
+        self._step = RESOLUTIONS[params.resolution]
+        most = max(params.samples, params.max_samples)
+        curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
+        self._kernel = runtime.kernel(
+            "ssao/ssao.cl",
+            {
+                "SSAO_MOST_SAMPLES": most,
+                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]
+                "SSAO_HEMISPHERE": int(params.hemisphere),
+                "SSAO_FALLOFF": {"exponential": 0, "ramp": 1}.get(params.falloff, 2)  # type: ignore[call-overload]
+                if isinstance(params.falloff, str)
+                else 2,
+                "SSAO_CURVE_SIZE": len(curve),
+                "SSAO_OUTSIDE": int(params.outside != "unknown"),
+            },
+            (CAMERA, SSAO),
+        )
+        points = reflected_points(most, params.length_power)  # row, column, point, axis
+        table = np.tile(points.transpose(0, 2, 3, 1), 4)  # row, point, axis, 16 columns
+        self._points = runtime.array(table.astype(np.float32))
+        self._curve = runtime.array(curve.astype(np.float32))
+        self._reduced: ReducedGBuffer | None = None
+        coarse = (-(-size[0] // self._step), -(-size[1] // self._step))
+        self._openness = runtime.plane(1, coarse, 1.0)
+        blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+        self._blur = Bilateral(runtime, coarse, blur)
+        self._upsample = (
+            Upsample(runtime, size, self._step, background=1.0) if self._step > 1 else None
+        )
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+        if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
+            raise ValueError(
+                f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
+                f"expected {self.size} and {self.margin}"
+            )
+        source: Any = gbuffer
+        if self._upsample is not None:
+            if self._reduced is None:
+                self._reduced = ReducedGBuffer(gbuffer, self._step)
+            self._reduced.update(gbuffer)
+            source = self._reduced
+        self._kernel.run(
+            "ssao",
+            self._openness.size,
+            reads=[source.depth, source.normal, self._points, self._curve],
+            writes=[self._openness],
+            values=[source.camera_struct, self._packed(source)],
+        )
+        result = self._blur.run(self._openness, source)
+        if self._upsample is not None and self._reduced is not None:
+            result = self._upsample.run(result, self._reduced, gbuffer)
+        return result
+
+    def __call__(
+        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download(None if out is None else out[None])
+        return result[0]
+
+    def _packed(self, source: Any) -> Any:
+        params = self.params
+        radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
+        rows, columns = self._openness.size
+        curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
+        return SSAO.pack(
+            {
+                **{f"radius_{i}": radius for i, radius in enumerate(radii)},
+                "most_px": params.max_radius_px / self._step,
+                "samples_per_px": params.samples * self._step / params.near_px,
+                "fewest": params.samples,
+                "bias": params.bias,
+                "depth_bias": DEPTH_BIAS,
+                "rate": params.rate,
+                "none_at": params.none,
+                "ramp_scale": 1.0 / (params.none - params.full)
+                if params.none > params.full else 0.0,
+                "power": params.power,
+                "curve_end": params.falloff_end,
+                "curve_scale": (curve_size - 1) / params.falloff_end,
+                "border_depth": params.outside
+                if isinstance(params.outside, float) else math.inf,
+                "margin_left": source.margin[1],
+                "margin_right": source.whole[1] - columns - source.margin[1],
+                "margin_top": source.margin[0],
+                "margin_bottom": source.whole[0] - rows - source.margin[0],
+            }
+        )
+
+
+def ssao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: ArrayLike = 0.5,
+    samples: int = 16,
+    *,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from points in a ball round each pixel.
+
+    Args:
+        gbuffer: depth, and normals if there are any; with a margin, samples reach into it.
+        radius: of the ball in scene units, > 0; up to 4 values, of which the greatest occlusion
+            counts in each pixel.
+        samples: points per pixel, 1 to 256.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `SsaoParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    radii = np.asarray(radius)
+    if radii.dtype.kind not in "fiu":
+        raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
+    chosen = SsaoParams(radius=tuple(radii.ravel().tolist()), samples=samples, **params)
+    device = on_device(gbuffer, runtime)
+    technique: Ssao = device.runtime.prepared(
+        (Ssao, device.size, device.margin, chosen),
+        lambda: Ssao(device.runtime, device.size, chosen, device.margin),
+    )
+    return technique(device)
+
+

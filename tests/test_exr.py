@@ -1,0 +1,279 @@
+"""OpenEXR files."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl import exr
+
+Arrays = dict[str, NDArray[np.float32]]
+
+
+def arrays_of(rows: int, columns: int) -> Arrays:
+    rng = np.random.default_rng(7)
+    arrays = {
+        name: rng.normal(size=(rows, columns, 3)).astype(np.float32)
+        for name in ("image", "normal", "albedo", "emission", "bounce")
+    }
+    arrays["depth"] = rng.uniform(1, 1e6, (rows, columns)).astype(np.float32)
+    arrays["ao"] = rng.uniform(0, 1, (rows, columns)).astype(np.float32)
+    arrays["depth"][0, 0] = np.inf
+    return arrays
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    exr.write(tmp_path / "a.exr", arrays_of(64, 48))
+    return tmp_path / "a.exr"
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (17, 31), (64, 48)])
+def test_what_is_written_is_read_back_to_the_bit(tmp_path: Path, rows: int, columns: int) -> None:
+    arrays = arrays_of(rows, columns)
+    exr.write(tmp_path / "a.exr", arrays)
+    channels = exr.read(tmp_path / "a.exr")
+    names = ["R", "G", "B", "N.X", "N.Y", "N.Z", "Z", "ao"]
+    names += [f"{stem}.{c}" for stem in ("albedo", "emission", "bounce") for c in "RGB"]
+    assert sorted(channels) == sorted(names)
+    assert {channel.dtype for channel in channels.values()} == {np.dtype(np.float32)}
+    for stem, suffixes in (("", "RGB"), ("N.", "XYZ"), ("albedo.", "RGB"), ("bounce.", "RGB")):
+        name = {"": "image", "N.": "normal"}.get(stem, stem[:-1])
+        together = np.stack([channels[stem + c] for c in suffixes], axis=-1)
+        np.testing.assert_array_equal(together, arrays[name])
+    np.testing.assert_array_equal(channels["Z"], arrays["depth"])
+    np.testing.assert_array_equal(channels["ao"], arrays["ao"])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
+
+
+def test_a_gbuffer_comes_back_to_the_bit(tmp_path: Path) -> None:
+    arrays = arrays_of(17, 31)
+    exr.write(tmp_path / "a.exr", arrays)
+    found = exr.read_gbuffer(tmp_path / "a.exr")
+    assert sorted(found) == ["albedo", "depth", "emission", "normal"]
+    for name, array in found.items():
+        np.testing.assert_array_equal(array, arrays[name])
+        assert array.dtype == np.float32
+        assert array.flags.c_contiguous
+    assert np.isposinf(found["depth"][0, 0])
+
+
+def test_infinities_and_nan_are_kept(tmp_path: Path) -> None:
+    odd = np.array([[np.inf, -np.inf, np.nan, 3e38, 1e-45]], np.float32)
+    exr.write(tmp_path / "a.exr", {"odd": odd})
+    np.testing.assert_array_equal(exr.read(tmp_path / "a.exr")["odd"], odd)
+
+
+def test_views_with_strides_are_written_right(tmp_path: Path) -> None:
+    wide = np.arange(20 * 30, dtype=np.float32).reshape(20, 30)
+    exr.write(tmp_path / "a.exr", {"depth": wide[::-2, ::3], "turned": wide.T[:10, :10]})
+    channels = exr.read(tmp_path / "a.exr")
+    np.testing.assert_array_equal(channels["Z"], wide[::-2, ::3])
+    np.testing.assert_array_equal(channels["turned"], wide.T[:10, :10])
+
+
+def test_one_channel_of_a_nameless_image_is_luminance(tmp_path: Path) -> None:
+    exr.write(tmp_path / "a.exr", {"": np.ones((2, 3, 1))})
+    assert list(exr.read(tmp_path / "a.exr")) == ["Y"]
+
+
+def test_half_becomes_single_and_integers_stay(tmp_path: Path) -> None:
+    half = np.linspace(0, 1, 12, dtype=np.float16).reshape(3, 4)
+    ids = np.arange(12, dtype=np.uint32).reshape(3, 4)
+    OpenEXR.File({}, {"Z": half, "id": ids}).write(str(tmp_path / "a.exr"))
+    channels = exr.read(tmp_path / "a.exr")
+    assert channels["Z"].dtype == np.float32
+    np.testing.assert_array_equal(channels["Z"], half.astype(np.float32))
+    np.testing.assert_array_equal(channels["id"], ids)
+
+
+@pytest.mark.parametrize(
+    ("depth", "normal", "albedo"),
+    [
+        ("Z", "N.X", "albedo.R"),
+        ("depth", "normal.X", "diffuse_albedo.R"),
+        ("depth.V", "Normal.X", "DiffCol.R"),
+        ("ViewLayer.Depth.Z", "ViewLayer.Normal.X", "ViewLayer.DiffCol.R"),
+        ("A.B.Depth.Z", "A.B.Normal.X", "A.B.DiffCol.R"),
+        ("Z", "N.R", "Albedo.R"),
+    ],
+)
+def test_usual_names_are_found(tmp_path: Path, depth: str, normal: str, albedo: str) -> None:
+    plane = np.ones((3, 4), np.float32)
+    channels = {depth: plane}
+    for first in (normal, albedo):
+        suffixes = "XYZ" if first[-1] == "X" else "RGB"
+        channels |= {first[:-1] + c: plane * (i + 2) for i, c in enumerate(suffixes)}
+    OpenEXR.File({}, channels).write(str(tmp_path / "a.exr"))
+    found = exr.read_gbuffer(tmp_path / "a.exr")
+    np.testing.assert_array_equal(found["depth"], plane)
+    np.testing.assert_array_equal(found["normal"][0, 0], [2, 3, 4])
+    np.testing.assert_array_equal(found["albedo"][0, 0], [2, 3, 4])
+
+
+def test_given_names_win(tmp_path: Path) -> None:
+    plane = np.ones((3, 4), np.float32)
+    channels = {"Z": plane, "far": plane * 2, "a": plane * 3, "b": plane * 4, "c": plane * 5}
+    channels |= {"shade.R": plane * 6, "shade.G": plane * 7, "shade.B": plane * 8}
+    OpenEXR.File({}, channels).write(str(tmp_path / "a.exr"))
+    mapping: dict[str, str | tuple[str, ...]] = {
+        "depth": "far",
+        "normal": ("c", "b", "a"),
+        "albedo": "shade",
+    }
+    found = exr.read_gbuffer(tmp_path / "a.exr", mapping)
+    assert found["depth"][0, 0] == 2
+    np.testing.assert_array_equal(found["normal"][0, 0], [5, 4, 3])
+    np.testing.assert_array_equal(found["albedo"][0, 0], [6, 7, 8])
+
+
+def test_blenders_background_is_infinitely_far(tmp_path: Path) -> None:
+    depth = np.array([[1.0, 9.9e9, 1e10, 2e10, np.inf]], np.float32)
+    exr.write(tmp_path / "a.exr", {"depth": depth})
+    found = exr.read_gbuffer(tmp_path / "a.exr")["depth"]
+    np.testing.assert_array_equal(found, np.array([[1.0, 9.9e9, np.inf, np.inf, np.inf]], "f"))
+
+
+def test_without_depth_the_channels_are_listed(tmp_path: Path) -> None:
+    exr.write(tmp_path / "a.exr", {"normal": np.zeros((2, 2, 3)), "mist": np.zeros((2, 2))})
+    with pytest.raises(ValueError, match=r"no depth channel; it has N.X, N.Y, N.Z, mist"):
+        exr.read_gbuffer(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize(
+    ("mapping", "message"),
+    [
+        ({"depth": "W"}, "no channel 'W'; it has Z"),
+        ({"normal": ("Z", "Z", "q")}, "no channel 'q'; it has Z"),
+        ({"albedo": "Base"}, "no channel 'Base.*'; it has Z"),
+        ({"normal": ("Z", "Z")}, "expected 3 channel name"),
+        ({"depth": ("Z", "Z")}, "expected 1 channel name"),
+        ({"colour": "Z"}, "names 'colour': expected 'depth'"),
+    ],
+)
+def test_a_wrong_mapping_is_explained(
+    tmp_path: Path, mapping: dict[str, str | tuple[str, ...]], message: str
+) -> None:
+    exr.write(tmp_path / "a.exr", {"depth": np.ones((2, 2))})
+    with pytest.raises(ValueError, match=message):
+        exr.read_gbuffer(tmp_path / "a.exr", mapping)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"none\.exr"):
+        exr.read(tmp_path / "none.exr")
+
+
+def test_a_folder_is_not_read(tmp_path: Path) -> None:
+    with pytest.raises(IsADirectoryError):
+        exr.read(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"v", b"\x89PNG\r\n\x1a\n" * 40, b"hello " * 99])
+def test_what_is_no_exr_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.exr").write_bytes(content)
+    with pytest.raises(ValueError, match=r"a\.exr is not an OpenEXR file"):
+        exr.read(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("part", [0.0001, 0.001, 0.01, 0.5, 0.99])
+def test_a_file_cut_short_is_refused(damaged: Path, part: float) -> None:
+    content = damaged.read_bytes()
+    damaged.write_bytes(content[: max(5, int(len(content) * part))])
+    with pytest.raises(ValueError, match=r"a\.exr is damaged or cut short"):
+        exr.read(damaged)
+
+
+def test_a_file_without_its_last_byte_is_refused(damaged: Path) -> None:
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    with pytest.raises(ValueError, match="damaged or cut short"):
+        exr.read(damaged)
+
+
+def test_a_file_with_several_parts_is_refused(tmp_path: Path) -> None:
+    plane = np.ones((3, 4), np.float32)
+    parts = [OpenEXR.Part({"name": name}, {"Z": plane}) for name in ("left", "right")]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    with pytest.raises(ValueError, match="has 2 parts: expected a file with one"):
+        exr.read(tmp_path / "a.exr")
+
+
+def windowed(path: Path, left: int, top: int, right: int, bottom: int) -> None:
+    """Write 4 x 6 pixels whose display window exceeds the data window by the given pixels."""
+    exr.write(path, {"depth": np.arange(24).reshape(4, 6)})
+    content = bytearray(path.read_bytes())
+    place = content.index(b"displayWindow\0box2i\0") + len("displayWindow\0box2i\0") + 4
+    window = np.array([-left, -top, 5 + right, 3 + bottom], np.int32)
+    content[place : place + 16] = window.tobytes()
+    path.write_bytes(content)
+
+
+def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
+    windowed(tmp_path / "a.exr", -2, -1, -2, -1)
+    np.testing.assert_array_equal(
+        exr.read(tmp_path / "a.exr")["Z"], np.arange(24, dtype=np.float32).reshape(4, 6)
+    )
+
+
+@pytest.mark.parametrize("window", [(1, 0, 0, 0), (0, 0, 0, 2), (-1, 0, 0, 0), (1, 1, 1, 1)])
+def test_a_cropped_window_is_refused(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
+    windowed(tmp_path / "a.exr", *window)
+    with pytest.raises(ValueError, match=r"data window .* and the display window"):
+        exr.read(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({}, "arrays is empty"),
+        ({"depth": np.zeros(3)}, r"depth has shape \(3,\)"),
+        ({"depth": np.zeros((0, 3))}, r"depth has shape \(0, 3\)"),
+        ({"ao": np.zeros((2, 2, 2))}, r"ao has shape \(2, 2, 2\)"),
+        ({"a": np.zeros((2, 2)), "b": np.zeros((2, 3))}, "b has 2 rows and 3 columns"),
+        ({"depth": np.zeros((2, 2)), "Z": np.zeros((2, 2))}, "'Z', which is taken"),
+    ],
+)
+def test_wrong_arrays_are_refused(tmp_path: Path, arrays: Arrays, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        exr.write(tmp_path / "a.exr", arrays)
+    assert not list(tmp_path.iterdir())
+
+
+def test_complex_numbers_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="depth has dtype complex"):
+        exr.write(tmp_path / "a.exr", {"depth": np.zeros((2, 2), complex)})
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        exr.write(tmp_path / "nowhere" / "a.exr", {"depth": np.ones((2, 2))})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "folder.exr").mkdir()
+    with pytest.raises(IsADirectoryError, match=r"folder\.exr"):
+        exr.write(tmp_path / "folder.exr", {"depth": np.ones((2, 2))})
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.exr"]
+
+
+def test_a_writer_that_fails_leaves_the_old_file(
+    damaged: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = damaged.read_bytes()
+
+    class Failing:
+        def __init__(self, header: object, channels: object) -> None:
+            pass
+
+        def write(self, path: str) -> None:
+            Path(path).write_bytes(b"half a file")
+            raise RuntimeError(f"no space left for {path}")
+
+    monkeypatch.setattr(OpenEXR, "File", Failing)
+    with pytest.raises(OSError, match=r"no space left for .*a\.exr"):
+        exr.write(damaged, {"depth": np.ones((2, 2))})
+    assert damaged.read_bytes() == old
+    assert [path.name for path in damaged.parent.iterdir()] == ["a.exr"]

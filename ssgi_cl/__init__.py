@@ -1,0 +1,52 @@
+"""Image-space global illumination on G-buffers: numpy in, numpy out, OpenCL in between."""
+
+from ssgi_cl import rasterize
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.drivers import Form
+from ssgi_cl.errors import (
+    DeviceError,
+    KernelBuildError,
+    KernelSourceError,
+    MissingExtraError,
+    SceneError,
+    SsgiError,
+)
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.runtime import PassTime, Runtime
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.techniques.upsample import Upsample, upsample
+from ssgi_cl.version import __version__
+
+__all__ = [
+    "Bilateral",
+    "BilateralParams",
+    "Camera",
+    "DeviceError",
+    "DeviceGBuffer",
+    "DirectionalLight",
+    "Environment",
+    "Form",
+    "GBuffer",
+    "KernelBuildError",
+    "KernelSourceError",
+    "Light",
+    "MissingExtraError",
+    "PassTime",
+    "PointLight",
+    "ReflectiveShadowMap",
+    "Runtime",
+    "SceneError",
+    "SpotLight",
+    "Ssao",
+    "SsaoParams",
+    "SsgiError",
+    "Upsample",
+    "__version__",
+    "bilateral_blur",
+    "rasterize",
+    "ssao",
+    "upsample",
+]

@@ -37,7 +37,8 @@ def read_trimesh(
     parts: list[Part] = []
     made: dict[str, Part] = {}
     for node in source.graph.nodes_geometry:
-        matrix, name = source.graph[node]
+        matrix, key = source.graph[node]
+        name = str(key)
         mesh = source.geometry[name]
         if not isinstance(mesh, trimesh.Trimesh):
             continue
@@ -63,7 +64,7 @@ class _Reader:
         positions = np.asarray(mesh.vertices, dtype=np.float64)
         normals = _given_normals(mesh)
         uvs, colors, of_face = None, None, None
-        visual = mesh.visual
+        visual: Any = mesh.visual  # of colours or of textures, as its kind says
         if visual.kind == "texture":
             if visual.uv is not None:
                 uvs = np.asarray(visual.uv, dtype=np.float64)

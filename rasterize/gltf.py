@@ -199,14 +199,16 @@ class _Geometry:
 
     def part(self, mesh: trimesh.Trimesh, materials: GltfMaterials, name: str) -> Part:
         """Return what trimesh made of a primitive, with the material that the file gives it."""
-        primitive = self._primitives[int(mesh.visual.material.name)]
+        visual: Any = mesh.visual
+        primitive = self._primitives[int(visual.material.name)]
         index, material = materials.of(primitive.get("material"))
-        attributes, data = primitive["attributes"], mesh.vertex_attributes
+        attributes: Json = primitive["attributes"]
+        data: dict[str, Any] = dict(mesh.vertex_attributes)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
-        normals = self._floats(attributes, "NORMAL", data.get("_NORMAL"))
-        colors = self._floats(attributes, "COLOR_0", data.get("_COLOR"))
+        normals = self._optional(attributes, "NORMAL", data.get("_NORMAL"))
+        colors = self._optional(attributes, "COLOR_0", data.get("_COLOR"))
         key = f"TEXCOORD_{material.uv_set}"
-        uvs = self._floats(attributes, key, data.get(f"_UV{material.uv_set}"))
+        uvs = self._optional(attributes, key, data.get(f"_UV{material.uv_set}"))
         return Part(
             name=name,
             positions=self._floats(attributes, "POSITION", np.asarray(mesh.vertices)),
@@ -217,12 +219,13 @@ class _Geometry:
             colors=None if colors is None else np.clip(colors[:, :3], 0.0, None),
         )
 
-    def _floats(
+    def _optional(
         self, attributes: Json, key: str, values: NDArray[Any] | None
     ) -> NDArray[np.float64] | None:
+        return None if values is None else self._floats(attributes, key, values)
+
+    def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return `values` of an attribute as numbers; normalised integers come to [-1, 1]."""
-        if values is None or key not in attributes:
-            return None
         accessor = self._document["accessors"][attributes[key]]
         numbers = np.asarray(values, dtype=np.float64)
         if accessor.get("normalized"):

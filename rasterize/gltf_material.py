@@ -124,7 +124,8 @@ class GltfMaterials:
             )
         if index not in self._images:
             image: Json = _entry(self._document, "images", index)
-            what = f"image {index} {image.get('name', image.get('uri', ''))[:80]!r}"
+            name = str(image.get("name", image.get("uri", "")))
+            what = f"image {index} {name[:80]!r}"
             if "bufferView" in image:
                 view = image["bufferView"]
                 if not 0 <= view < len(self._views):

@@ -21,7 +21,7 @@ from .polygons import triangulate
 from .scene import Material
 from .textures import TextureSet, read_beside, srgb_to_linear
 
-_MISSING_SLASHES = ("/0/0", "/0", "")
+_MISSING_SLASHES = (b"/0/0", b"/0", b"")
 
 
 @dataclass
@@ -112,18 +112,38 @@ def _sort_lines(text: str) -> _Statements:
     return found
 
 
+def _words(rows: list[str]) -> tuple[list[bytes], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the words of all rows, how many each row has, and how many slashes each word has."""
+    text = "\n".join([*rows, ""])
+    if "#" in text:
+        text = "\n".join([*(row.split("#", 1)[0] for row in rows), ""])
+    plain = text.encode("ascii", errors="replace")
+    # The bytes are counted all at once: a list for each row would take most of the time.
+    letters = np.frombuffer(plain, dtype=np.uint8)
+    blank = (letters == ord(" ")) | ((letters >= ord("\t")) & (letters <= ord("\r")))
+    starts = np.flatnonzero(~blank & np.concatenate([[True], blank[:-1]]))
+    row_ends = np.flatnonzero(letters == ord("\n"))
+    before_row = np.concatenate([[0], np.searchsorted(starts, row_ends)])
+    before_word = np.searchsorted(np.flatnonzero(letters == ord("/")), [*starts, len(letters)])
+    return plain.split(), np.diff(before_row), np.diff(before_word)
+
+
 def _numbers(key: str, rows: list[str], *, least: int) -> NDArray[np.float64]:
     """Return [rows, numbers] float64, as many numbers as the shortest row has."""
-    split = [(row.split("#", 1)[0] if "#" in row else row).split() for row in rows]
-    width = min(map(len, split), default=least)
+    words, counts, _ = _words(rows)
+    width = int(counts.min()) if rows else least
     if width < least:
-        row = next(row for row, words in zip(rows, split, strict=True) if len(words) < least)
-        raise SceneError(f"'{key} {row.strip()[:80]}': expected at least {least} numbers")
+        row = rows[int(np.argmin(counts))].strip()
+        raise SceneError(f"'{key} {row[:80]}': expected at least {least} numbers")
     try:
-        flat = [float(word) for words in split for word in words[:width]]
+        flat = np.array(list(map(float, words)), dtype=np.float64)
     except ValueError as error:
         raise SceneError(f"a '{key}' line holds a word that is not a number: {error}") from None
-    return np.array(flat, dtype=np.float64).reshape(-1, width)
+    if len(flat) == len(rows) * width:
+        return flat.reshape(-1, width)
+    starts = np.cumsum(counts) - counts
+    table: NDArray[np.float64] = flat[starts[:, None] + np.arange(width)]
+    return table
 
 
 def _vertex_colors(table: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -139,13 +159,9 @@ def _corners(
     statements: _Statements, lengths: tuple[int, int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return [corners, 3] indices of vertex, uv (or -1), normal (or -1); [faces] corner counts."""
-    split = [(face.split("#", 1)[0] if "#" in face else face).split() for face in statements.faces]
-    counts = np.array([len(words) for words in split], dtype=np.int64)
+    words, counts, slashes = _words(statements.faces)
     try:
-        full = [word + _MISSING_SLASHES[word.count("/")] for words in split for word in words]
-        text = "/".join(full).replace("//", "/0/")
-        flat = np.array([int(number) for number in text.split("/")] if full else [], np.int64)
-        given = flat.reshape(-1, 3)
+        given = _indices(words, slashes)
     except (ValueError, IndexError, OverflowError):
         raise SceneError(
             "an 'f' line holds a corner that is not v, v/vt, v//vn or v/vt/vn with whole numbers"
@@ -166,6 +182,19 @@ def _corners(
     return corners, counts
 
 
+def _indices(words: list[bytes], slashes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return [corners, 3] indices as they are written, 0 for those left out."""
+    if not words:
+        return np.zeros((0, 3), dtype=np.int64)
+    width = int(slashes[0]) + 1
+    if width > 3 or (slashes != slashes[0]).any():
+        words = [word + _MISSING_SLASHES[word.count(b"/")] for word in words]
+        width = 3
+    numbers = b"/".join(words).replace(b"//", b"/0/").split(b"/")
+    table = np.array(list(map(int, numbers)), dtype=np.int64).reshape(len(words), width)
+    return np.pad(table, ((0, 0), (0, 3 - width)))
+
+
 def _unique_corners(
     corners: NDArray[np.int64], material_ids: NDArray[np.int64], found: list[MtlMaterial]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -173,12 +202,14 @@ def _unique_corners(
     plain = np.array([m.uv_scale == (1.0, 1.0) and m.uv_offset == (0.0, 0.0) for m in found])
     # All materials that lay their texture plainly share vertices: the first of them stands in.
     stand_in = np.where(plain, int(np.argmax(plain)), np.arange(len(found)))
-    laying = np.repeat(stand_in[material_ids], 3)
-    columns = [*corners.T, laying]
-    key = np.zeros(len(corners), dtype=np.int64)
+    columns = [*corners.T, np.repeat(stand_in[material_ids], 3)]
+    key, reach = np.zeros(len(corners), dtype=np.int64), 1
     for column in columns:
-        # Renumbered after each column, so that the product stays far below 2^63.
-        _, key = np.unique(key * (int(column.max(initial=0)) + 2) + column + 1, return_inverse=True)
+        size = int(column.max(initial=-1)) + 2
+        if reach * size >= 2**62:
+            key = np.unique(key, return_inverse=True)[1]
+            reach = len(corners)
+        key, reach = key * size + column + 1, reach * size
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     return np.column_stack(columns)[first], inverse
 

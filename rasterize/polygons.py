@@ -72,7 +72,8 @@ def _clip_ears(outline: NDArray[np.int64], points: NDArray[np.float64]) -> NDArr
         ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), 0)
         ears.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
         del left[ear]
-    return outline[np.array([*ears, left])]
+    cut: NDArray[np.int64] = outline[np.array([*ears, left])]
+    return cut
 
 
 def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:

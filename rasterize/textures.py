@@ -98,7 +98,7 @@ class TextureSet:
 
     def add(self, texture: NDArray[np.uint8]) -> int:
         """Return the index of `texture` [rows, columns, 4] uint8; equal pixels share one."""
-        key = (texture.shape, hashlib.sha256(np.ascontiguousarray(texture)).digest())
+        key = (texture.shape, hashlib.sha256(texture.tobytes()).digest())
         if key not in self._index:
             self._index[key] = len(self.textures)
             self.textures.append(texture)

@@ -163,19 +163,38 @@ class Runtime:
             KernelBuildError: the compiler refused it; the message has file:line in kernels/.
         """
         text = sources.flatten(path, "\n".join(struct.text for struct in structs))
+        name = path.rsplit("/", 1)[-1].removesuffix(".cl")
+        return self._kernel(name, f"kernels/{path}", text, macros or {})
+
+    def kernel_from_text(
+        self,
+        name: str,
+        text: str,
+        macros: Mapping[str, int] | None = None,
+        structs: Sequence[Struct] = (),
+    ) -> Kernel:
+        """Return the kernel called `name` in `text`, which may include files of kernels/.
+
+        The rest is as in `kernel`.
+        """
+        prelude = "\n".join(struct.text for struct in structs)
+        flat = sources.flatten_text(text, name, prelude)
+        return self._kernel(name, f"kernel text {name!r}", flat, macros or {})
+
+    def _kernel(self, name: str, source: str, text: str, macros: Mapping[str, int]) -> Kernel:
         options = [
             "-cl-std=CL1.2",
             f"-DSSGI_LANES={self.form.lanes}",
             f"-DSSGI_IMAGES={int(self.form.storage == 'image')}",
-            *(f"-D{name}={value}" for name, value in sorted((macros or {}).items())),
+            *(f"-D{macro}={value}" for macro, value in sorted(macros.items())),
         ]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:
-            program = self._programs[key] = self._build(path, text, options)
-        return Kernel(self, program, path)
+            program = self._programs[key] = self._build(source, text, options)
+        return Kernel(self, program, name, source)
 
-    def _build(self, path: str, text: str, options: list[str]) -> Any:
+    def _build(self, source: str, text: str, options: list[str]) -> Any:
         import pyopencl as cl
 
         self.builds += 1
@@ -186,7 +205,7 @@ class Runtime:
                 return cl.Program(self.context, text).build(options=options)
             except cl.RuntimeError as error:
                 raise KernelBuildError(
-                    f"kernels/{path} does not compile on {self.info.label} with "
+                    f"{source} does not compile on {self.info.label} with "
                     f"{' '.join(options)}:\n{error}"
                 ) from error
 
@@ -393,16 +412,16 @@ class Plane:
 class Kernel:
     """A compiled kernel with arguments of its own."""
 
-    def __init__(self, runtime: Runtime, program: Any, path: str) -> None:
+    def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
         import pyopencl as cl
 
         self.runtime = runtime
-        self.name = path.rsplit("/", 1)[-1].removesuffix(".cl")
+        self.name = name
         try:
             self._kernel = cl.Kernel(program, self.name)
         except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
             raise KernelBuildError(
-                f"kernels/{path} has no kernel {self.name} on {runtime.info.label}, "
+                f"{source} has no kernel {self.name} on {runtime.info.label}, "
                 f"{runtime.form}: {error}"
             ) from error
 

@@ -37,23 +37,44 @@ def flatten(path: str, prelude: str = "") -> str:
         KernelSourceError: a file does not exist; the message names it and who includes it.
     """
     seen: set[str] = set()
-    lines = ['#line 1 "generated"', *prelude.splitlines()]
-    _append(path, "the library", seen, lines)
+    lines = _generated(prelude)
+    _append_file(path, "the library", seen, lines)
     return "\n".join(lines) + "\n"
 
 
-def _append(path: str, wanted_by: str, seen: set[str], lines: list[str]) -> None:
+def flatten_text(text: str, name: str, prelude: str = "") -> str:
+    """Return a kernel text that is in no file with its includes in place; see `flatten`.
+
+    Args:
+        text: OpenCL C that may include files of `kernels/`.
+        name: what the compiler's messages call the text.
+        prelude: generated text that comes first (struct definitions).
+    """
+    lines = _generated(prelude)
+    _append(text, name, name, set(), lines)
+    return "\n".join(lines) + "\n"
+
+
+def _generated(prelude: str) -> list[str]:
+    return ['#line 1 "generated"', *prelude.splitlines()]
+
+
+def _append_file(path: str, wanted_by: str, seen: set[str], lines: list[str]) -> None:
     if path in seen:
         return
     seen.add(path)
     file = files("ssgi_cl.kernels").joinpath(*path.split("/"))
     if not file.is_file():
         raise KernelSourceError(f"kernels/{path} does not exist; {wanted_by} asks for it")
-    lines.append(f'#line 1 "{path}"')
-    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
+    _append(file.read_text(encoding="utf-8"), path, f"kernels/{path}", seen, lines)
+
+
+def _append(text: str, name: str, shown: str, seen: set[str], lines: list[str]) -> None:
+    lines.append(f'#line 1 "{name}"')
+    for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)
         if include:
-            _append(include[1], f"kernels/{path}:{number}", seen, lines)
-            lines.append(f'#line {number + 1} "{path}"')
+            _append_file(include[1], f"{shown}:{number}", seen, lines)
+            lines.append(f'#line {number + 1} "{name}"')
         else:
             lines.append(line)

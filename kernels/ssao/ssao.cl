@@ -72,11 +72,13 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat k = ssgi_k(camera, z);
     const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
     const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
+#if SSAO_HEMISPHERE
     const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
     const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
     const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
     // Height of a point (a, b, -c) above the tangent plane: n . (a, b, -c) - own height.
     const vfloat own_height = v_fma(nx, px, v_fma(ny, py, -(nz * z)));
+#endif
     // Pixels per scene unit at this depth, the greater of both axes.
     const vfloat pixels = max(fabs(camera.from_x), fabs(camera.from_y)) / k;
 
@@ -97,8 +99,10 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
         const vint count = v_iselect(v_splat_int(0), v_to_int(share),
                                      there & v_ge(radius_px, v_splat(1.0f)));
         const vfloat inverse_radius = 1.0f / radius;
+#if SSAO_HEMISPHERE
         const vfloat bias = v_fma(z, v_splat(params.depth_bias), radius * params.bias);
         const vfloat floor_height = own_height + bias;
+#endif
 
         vfloat sum = zero;
         vfloat known = zero;

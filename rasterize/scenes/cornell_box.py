@@ -48,7 +48,7 @@ _BLOCKS = (
 
 
 def cornell_box() -> BuiltinScene:
-    """Make the Cornell box: 34 triangles, the red wall on the left, 0.56 m wide.
+    """Make the Cornell box: 32 triangles, the red wall on the left, 0.56 m wide.
 
     The light is there twice, for renderers that take emission and for those that take lights: as a
     quad of radiance L, and as a spot light just below it. A Lambertian quad of area A sends out a

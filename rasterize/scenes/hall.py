@@ -16,6 +16,7 @@ from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
 from ..scene import Material
 from .builtin import BuiltinScene
+from .furnishings import banner, railing
 from .shapes import (
     box,
     grid,
@@ -62,7 +63,7 @@ _VAULT = 9.6
 
 
 def hall() -> BuiltinScene:
-    """Make the hall: about 300,000 triangles, 30 m long, always the same.
+    """Make the hall: about 480,000 triangles, 30 m long, always the same.
 
     The sun comes in over the open side; the sky is a constant environment; a spot light shines on
     the sphere before the apse. The iron bars are 16 mm thick.
@@ -218,39 +219,8 @@ def _gallery() -> list[Part]:
         ),
         of_material(box((_ROW_X - 0.3, _VAULT - 0.3, -_END_Z), (_OUTER_X, _VAULT, _END_Z)), _STONE),
         *[moved(colonnette, _ROW_X, 0.0, z) for z in places],
-        _railing(_ROW_X - 0.22, _GALLERY + 0.05, 1.0, -_END_Z, _END_Z),
+        of_material(railing(_ROW_X - 0.22, _GALLERY + 0.05, 1.0, -_END_Z, _END_Z), _IRON),
     ]
-
-
-def _railing(x: float, floor: float, height: float, start: float, end: float) -> Part:
-    """Return an iron railing along z: bars of 16 mm every 14 cm between two rails."""
-    radius = 0.008
-    count = round((end - start) / 0.14)
-    places = start + (np.arange(count) + 0.5) * (end - start) / count
-    profile = [(radius, 0.06), (radius, 0.42), (0.022, 0.46), (radius, 0.5), (radius, height)]
-    bar = complete(lathe(profile, 8), DEFAULT_CREASE_ANGLE)
-    bars = [moved(bar, x, floor, z) for z in places]
-    rails = [
-        tube(np.array([(x, floor + y, start), (x, floor + y, end)]), (1.0, 0.0, 0.0), radius, 12)
-        for y, radius in ((0.06, 0.014), (height, 0.03))
-    ]
-    return of_material(joined([*bars, *rails]), _IRON)
-
-
-def _cloth(width: float, height: float, phase: float) -> Part:
-    """Return a banner in the plane z = 0 that hangs from y = 0 and faces +z and -z."""
-    u = np.linspace(-0.5, 0.5, 29)[None, :]
-    v = np.linspace(-1.0, 0.0, 25)[:, None]
-    fall = -v
-    folds = 0.055 * (0.35 + fall) * np.sin(4.5 * np.pi * u + phase + 1.2 * fall)
-    sway = 0.10 * fall**2 * np.sin(phase)
-    swallowtail = 0.12 * height * fall**6 * (1.0 - 2.0 * np.abs(u))
-    front = np.stack(
-        [width * u * (1.0 - 0.06 * fall), height * v + swallowtail, folds + sway], axis=-1
-    )
-    # Two sheets 6 mm apart: each is seen from its own side only.
-    back = front - [0.0, 0.0, 0.006]
-    return joined([grid(front), grid(back[:, ::-1])])
 
 
 def _spandrel_cloth() -> list[Part]:
@@ -258,7 +228,7 @@ def _spandrel_cloth() -> list[Part]:
     colors = (_RED, _GOLD, _BLUE, _GREEN)
     return [
         of_material(
-            moved(turned(_cloth(0.95, 2.3, 0.9 * i), -0.5 * np.pi), _ROW_X - 0.62, 6.3, z),
+            moved(turned(banner(0.95, 2.3, 0.9 * i), -0.5 * np.pi), _ROW_X - 0.62, 6.3, z),
             colors[i % 4],
         )
         for i, z in enumerate(_COLUMNS_Z)
@@ -270,8 +240,7 @@ def _floor() -> list[Part]:
     """Return tiles of two tints that vary a little, and a carpet up to the steps."""
     size = 0.75
     columns, rows = round(2 * (_OUTER_X + 0.75) / size), round(2 * _END_Z / size)
-    column, row = np.meshgrid(np.arange(columns), np.arange(rows))
-    column, row = column.ravel(), row.ravel()
+    row, column = np.divmod(np.arange(rows * columns), columns)
     x, z = -_OUTER_X - 0.75 + column * size, -_END_Z + row * size
     low = np.stack([x, np.zeros_like(x), z], axis=1)
     offsets = size * np.array([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]], dtype=np.float64)
@@ -293,9 +262,10 @@ def _floor() -> list[Part]:
     v = np.linspace(-9.7, 13.8, 95)[:, None]
     ripple = 0.018 + 0.006 * np.sin(5.0 * v + 2.0 * u) * np.sin(1.7 * v)
     carpet = np.stack([u + 0.0 * v, ripple + 0.0 * u, v + 0.0 * u], axis=-1)
-    bands = np.where(np.abs(carpet[..., :1]) > 0.7, [0.95, 6.0, 1.0], [1.0, 1.0, 1.0])
-    cloth = of_material(grid(carpet[::-1]), _RED)
-    return [tiles, replace(cloth, colors=bands[::-1].reshape(-1, 3))]
+    cloth = grid(carpet[::-1])
+    across = cloth.positions[cloth.triangles, 0].mean(axis=1)
+    border = np.where(np.abs(across) > 0.75, _GOLD, _RED)
+    return [tiles, replace(cloth, material_ids=border)]
 
 
 def _walls() -> list[Part]:
@@ -312,12 +282,12 @@ def _walls() -> list[Part]:
         parts.append(
             of_material(box((x - 0.3, 0, place - 0.3), (x + 0.3, top, place + 0.3)), _STONE)
         )
-    parts.append(_railing(x, 0.0, 1.1, -z, z))
-    parts.append(_railing(x, _GALLERY, 1.0, -z, z))
+    parts.append(of_material(railing(x, 0.0, 1.1, -z, z), _IRON))
+    parts.append(of_material(railing(x, _GALLERY, 1.0, -z, z), _IRON))
     hung = (_GREEN, _BLUE, _RED, _GOLD)
     for i, place in enumerate(_COLUMNS_Z[:-1] + 0.5 * _BAY):
-        banner = turned(_cloth(1.5, 3.6, 1.7 * i), 0.5 * np.pi)
-        parts.append(of_material(moved(banner, -x + 0.22, 5.2, place), hung[i % 4]))
+        cloth = turned(banner(1.5, 3.6, 1.7 * i), 0.5 * np.pi)
+        parts.append(of_material(moved(cloth, -x + 0.22, 5.2, place), hung[i % 4]))
     return parts
 
 

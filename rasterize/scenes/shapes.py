@@ -64,8 +64,9 @@ def lathe(
 
     `shape`, if given, maps angles [1, segments] and heights [points, 1] to factors of the radius.
     """
-    radius, height = np.asarray(profile, dtype=np.float64).T[:, :, None]
-    angle = np.arange(segments)[None, :] * (2.0 * np.pi / segments)
+    table = np.asarray(profile, dtype=np.float64)
+    radius, height = table[:, :1], table[:, 1:]
+    angle = np.arange(segments, dtype=np.float64)[None, :] * (2.0 * np.pi / segments)
     if shape is not None:
         radius = radius * shape(angle, height)
     points = np.stack(

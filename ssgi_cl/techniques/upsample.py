@@ -44,10 +44,8 @@ class ReducedGBuffer:
         self.margin = (gbuffer.margin[0] // step, gbuffer.margin[1] // step)
         # The pixel that coarse pixel 0 is picked from, so that the inner images' corners meet.
         self.first = (gbuffer.margin[0] % step, gbuffer.margin[1] % step)
-        self.whole = (
-            -(-(gbuffer.whole[0] - self.first[0]) // step),
-            -(-(gbuffer.whole[1] - self.first[1]) // step),
-        )
+        # The same margin on every side, as techniques expect, though one pixel more may fit.
+        self.whole = (self.size[0] + 2 * self.margin[0], self.size[1] + 2 * self.margin[1])
         self.depth = runtime.plane(1, self.whole, math.inf)
         self.linear = runtime.plane(1, self.whole, math.inf)
         self.normal = runtime.plane(3, self.whole)
@@ -101,7 +99,7 @@ class Upsample:
         self._depth_scale = math.sqrt(0.5 / math.log(2.0)) / depth_sigma
         self._normal_scale = 1.0 / (math.log(2.0) * normal_sigma**2)
         self._kernel = runtime.kernel(
-            "upsample/upsample.cl", {"UPSAMPLE_COUNT": channels}, (CAMERA, UPSAMPLE)
+            "upsample/upsample_joint.cl", {"UPSAMPLE_COUNT": channels}, (CAMERA, UPSAMPLE)
         )
         self._fine = runtime.plane(channels, size)
 

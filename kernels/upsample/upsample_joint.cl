@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// upsample: from a result at half or quarter size to full size, along surfaces.
+// upsample_joint: from a result at half or quarter size to full size, along surfaces.
+// (OpenCL C has a built-in function called upsample, so no kernel can be.)
 //
 // Method:  Kopf et al. 2007, "Joint Bilateral Upsampling", with the 2 x 2 nearest coarse pixels,
 //          weighted by distance, by how far each lies off the pixel's tangent plane and by normal.
@@ -19,10 +20,10 @@
 #error "UPSAMPLE_COUNT must be defined by the host"
 #endif
 
-__kernel void upsample(ssgi_plane coarse, ssgi_plane coarse_linear, ssgi_plane coarse_normal,
-                       ssgi_plane linear, ssgi_plane normal, __global float *restrict fine,
-                       const int2 size, // of the fine result
-                       const SsgiCamera camera, const UpsampleParams params)
+__kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
+                             ssgi_plane coarse_normal, ssgi_plane linear, ssgi_plane normal,
+                             __global float *restrict fine, const int2 size, // of the fine result
+                             const SsgiCamera camera, const UpsampleParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

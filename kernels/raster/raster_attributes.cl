@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+// raster_attributes: depth, normal, albedo and emission of the triangle that each pixel sees.
+//
+// Reads:   triangles  [tile count][32][32] number of the triangle seen, or -1
+//          corners, positions_view, normals, uvs, colors: the mesh, planar
+//          material_ids [triangles], materials [count][RASTER_MATERIAL], textures, texels, decode
+// Writes:  depth     image params.layer of a plane: scene units; INFINITY where nothing is
+//          normal    3 images: world space, unit length, as the mesh has it
+//          albedo    3 images in [0, 1]
+//          emission  3 images, W m^-2 sr^-1 (RASTER_EMISSION 1)
+// Macros:  RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
+// Launch:  SSGI_LANES pixels of a row per work-item
+
+#include "common/gbuffer.clh"
+#include "raster/records.clh"
+#include "raster/texture.clh"
+#include "raster/triangle.clh"
+
+#if !defined(RASTER_SHADED) || !defined(RASTER_TEXTURED) || !defined(RASTER_COLORED) ||            \
+    !defined(RASTER_EMISSION)
+#error "RASTER_SHADED, _TEXTURED, _COLORED and _EMISSION must be defined by the host"
+#endif
+
+__kernel void raster_attributes(
+    __global const int *restrict triangles, __global const int *restrict corners,
+    __global const float *restrict positions_view, __global const float *restrict normals,
+    __global const float *restrict uvs, __global const float *restrict colors,
+    __global const int *restrict material_ids, __global const float *restrict materials,
+    __global const int *restrict textures, __global const uchar *restrict texels,
+    __global const float *restrict decode, __global float *restrict depth,
+    __global float *restrict normal, __global float *restrict albedo,
+    __global float *restrict emission, const int2 size, const SsgiCamera camera,
+    const RasterView view)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int tile = y / RASTER_TILE * view.tiles_x + x / RASTER_TILE;
+    const int at = (tile * RASTER_TILE + (y & (RASTER_TILE - 1))) * RASTER_TILE +
+                   (x & (RASTER_TILE - 1));
+    const vint seen = v_iload(triangles + at);
+    const vmask there = v_ige(seen, v_splat_int(0));
+    const vfloat zero = v_splat(0.0f);
+    if (!v_any(there)) {
+        ssgi_store(v_splat(INFINITY), depth, size, view.layer, x, y, INFINITY);
+#if RASTER_SHADED
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(zero, normal, size, c, x, y, 0.0f);
+            ssgi_store(zero, albedo, size, c, x, y, 0.0f);
+#if RASTER_EMISSION
+            ssgi_store(zero, emission, size, c, x, y, 0.0f);
+#endif
+        }
+#endif
+        return;
+    }
+    const vint triangle = v_imax(seen, v_splat_int(0));
+    const RasterTriangle t = raster_triangle(corners, view.triangle_stride, positions_view,
+                                             view.vertex_stride, triangle);
+    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
+    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
+    const RasterHit hit = raster_hit(camera, t, slope_x, slope_y);
+    const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
+    ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
+
+#if RASTER_SHADED
+    const int stride = view.vertex_stride;
+    const vfloat nx = raster_mix(normals, t, hit);
+    const vfloat ny = raster_mix(normals + stride, t, hit);
+    const vfloat nz = raster_mix(normals + 2 * stride, t, hit);
+    const vfloat squared = nx * nx + ny * ny + nz * nz;
+    const vmask unit = there & v_gt(squared, v_splat(1e-12f));
+    const vfloat scale = v_select(zero, v_rsqrt(v_max(squared, v_splat(1e-12f))), unit);
+    ssgi_store(nx * scale, normal, size, 0, x, y, 0.0f);
+    ssgi_store(ny * scale, normal, size, 1, x, y, 0.0f);
+    ssgi_store(nz * scale, normal, size, 2, x, y, 0.0f);
+
+    const vint id = v_igather(material_ids, triangle) * RASTER_MATERIAL;
+    vfloat r = v_gather(materials, id);
+    vfloat g = v_gather(materials, id + 1);
+    vfloat b = v_gather(materials, id + 2);
+#if RASTER_COLORED
+    r = r * raster_mix(colors, t, hit);
+    g = g * raster_mix(colors + stride, t, hit);
+    b = b * raster_mix(colors + 2 * stride, t, hit);
+#endif
+#if RASTER_TEXTURED
+    const vint texture = v_to_int(v_gather(materials, id + 3));
+    const vmask textured = there & v_ige(texture, v_splat_int(0));
+    if (v_any(textured)) {
+        const RasterTextures from = {textures, texels, decode};
+        const RasterHit right = raster_meet(camera, t, slope_x + camera.to_x, slope_y);
+        const RasterHit below = raster_meet(camera, t, slope_x, slope_y + camera.to_y);
+        const vfloat u = raster_mix(uvs, t, hit);
+        const vfloat v = raster_mix(uvs + stride, t, hit);
+        const RasterColor color = raster_texture(
+            from, v_imax(texture, v_splat_int(0)), u, v, raster_mix(uvs, t, right) - u,
+            raster_mix(uvs + stride, t, right) - v, raster_mix(uvs, t, below) - u,
+            raster_mix(uvs + stride, t, below) - v);
+        const vfloat one = v_splat(1.0f);
+        r = r * v_select(one, color.r, textured);
+        g = g * v_select(one, color.g, textured);
+        b = b * v_select(one, color.b, textured);
+    }
+#endif
+    ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, 0, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, 1, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, 2, x, y, 0.0f);
+#if RASTER_EMISSION
+    for (int c = 0; c < 3; ++c) {
+        const vfloat e = v_gather(materials, id + (6 + c));
+        ssgi_store(v_select(zero, e, there), emission, size, c, x, y, 0.0f);
+    }
+#endif
+#endif
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+// raster_fill: the lists of records that may cover each tile.
+//
+// The order within a list depends on scheduling; the picture doesn't, since raster_tiles decides
+// every tie by the triangle's number.
+//
+// Reads:   records   see records.clh
+// Writes:  cursors   [tile count] moved to the ends of the lists
+//          list      record numbers; at most params.pair_room
+//          counters  read only
+// Params:  size = (work-items, 1)
+// Launch:  any number of work-items, each takes every size.x-th record
+
+#include "raster/records.clh"
+
+__kernel void raster_fill(__global const int *restrict records, __global int *restrict cursors,
+                          __global int *restrict list, __global int *restrict counters,
+                          const int2 size, const RasterView view)
+{
+    const int first = (int)get_global_id(0);
+    if (first >= size.x) {
+        return;
+    }
+    const int count = min(counters[RASTER_RECORDS], view.room);
+    for (int i = first; i < count; i += size.x) {
+        const RasterRecord record = raster_load(records, i);
+        const int4 bounds = raster_bounds(record, (int2)((int)view.columns, (int)view.rows));
+        const int4 range = bounds / RASTER_TILE;
+        const bool many = (range.z - range.x) * (range.w - range.y) > 0;
+        for (int y = range.y; y <= range.w; ++y) {
+            for (int x = range.x; x <= range.z; ++x) {
+                if (many && raster_misses_tile(record, (int2)(x, y))) {
+                    continue;
+                }
+                const int at = atomic_inc(cursors + y * view.tiles_x + x);
+                if (at < view.pair_room) {
+                    list[at] = i;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+"""A scene in device memory."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.runtime import Runtime
+
+from .scene import Scene
+
+
+class DeviceScene:
+    """The arrays of a scene as the rasteriser's kernels read them; see kernels/raster/.
+
+    Attributes:
+        scene: the scene itself.
+        vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
+        textured, colored, emits, has_cutouts: what the scene needs of the kernels.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.scene = scene
+        self.vertices = len(scene.positions)
+        self.triangles = len(scene.triangles)
+        self.vertex_stride = _rounded(self.vertices)
+        self.triangle_stride = _rounded(self.triangles)
+        self.positions = runtime.array(_planar(scene.positions))
+        self.normals = runtime.array(_planar(scene.normals))
+        self.uvs = runtime.array(_planar(scene.uvs))
+        self.colors = runtime.array(_planar(scene.colors))
+        self.corners = runtime.array(_planar(scene.triangles))
+        self.material_ids = runtime.array(scene.material_ids)
+        materials = np.array(
+            [
+                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission]
+                for m in scene.materials
+            ],
+            np.float32,
+        )
+        self.materials = runtime.array(materials)
+        cut = np.array([m.alpha_cutoff > 0 and m.texture >= 0 for m in scene.materials])
+        ids = scene.material_ids
+        self.cutouts = runtime.array(np.where(cut[ids], ids, -1).astype(np.int32))
+        table, texels = _mip_mapped(scene.textures)
+        self.textures = runtime.array(table)
+        self.texels = runtime.array(texels)
+        self.decode = runtime.array(SRGB_TO_LINEAR)
+        used = [scene.materials[i] for i in np.unique(ids)]
+        self.textured = any(m.texture >= 0 for m in used)
+        self.colored = bool((scene.colors != 1.0).any())
+        self.emits = any(any(m.emission) for m in used)
+        self.has_cutouts = bool(cut[ids].any())
+
+
+def _encoded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return linear light for sRGB-encoded values in [0, 1] (IEC 61966-2-1)."""
+    low = values / 12.92
+    high = ((values + 0.055) / 1.055) ** 2.4
+    return np.where(values <= 0.04045, low, high)
+
+
+SRGB_TO_LINEAR = _encoded(np.arange(256) / 255.0).astype(np.float32)
+_LINEAR_TO_SRGB_STEPS = 4095
+# Of each linear value in 1/4095, the byte whose linear value is nearest.
+_LINEAR_TO_SRGB = np.searchsorted(
+    (SRGB_TO_LINEAR[1:] + SRGB_TO_LINEAR[:-1]) / 2,
+    np.linspace(0.0, 1.0, _LINEAR_TO_SRGB_STEPS + 1),
+).astype(np.uint8)
+
+
+def _rounded(count: int) -> int:
+    return (count + 15) // 16 * 16
+
+
+def _planar(rows: NDArray[np.float32] | NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return [components, rounded count] of [count, components], the rest 0."""
+    planar = np.zeros((rows.shape[1], _rounded(len(rows))), rows.dtype)
+    planar[:, : len(rows)] = rows.T
+    return planar
+
+
+def _mip_mapped(textures: tuple[NDArray[np.uint8], ...]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return the table of textures and all texels; see kernels/raster/texture.clh."""
+    table, texels, offset = [], [], 0
+    for texture in textures:
+        levels = [texture]
+        while max(levels[-1].shape[:2]) > 1:
+            levels.append(_halved(levels[-1]))
+        table.append([offset, texture.shape[1], texture.shape[0], len(levels)])
+        texels += [level.reshape(-1, 4) for level in levels]
+        offset += sum(level.shape[0] * level.shape[1] for level in levels)
+    if not textures:
+        return np.zeros((1, 4), np.int32), np.zeros((1, 4), np.uint8)
+    if offset * 4 > 2**31 - 1:
+        raise ValueError(f"the scene's textures have {offset} texels: expected at most {2**29}")
+    return np.array(table, np.int32), np.concatenate(texels)
+
+
+def _halved(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Average 2 x 2 texels in linear light; an odd last row or column is doubled."""
+    rows, columns = texels.shape[:2]
+    padded = np.pad(texels, ((0, rows % 2), (0, columns % 2), (0, 0)), mode="edge")
+    linear = SRGB_TO_LINEAR[padded[..., :3]]
+    alpha = padded[..., 3:].astype(np.float32) / 255.0
+    both = np.concatenate([linear, alpha], axis=-1)
+    mean = (both[0::2, 0::2] + both[1::2, 0::2] + both[0::2, 1::2] + both[1::2, 1::2]) * 0.25
+    half = np.empty(mean.shape, np.uint8)
+    steps = np.rint(mean[..., :3] * _LINEAR_TO_SRGB_STEPS).astype(np.int32)
+    half[..., :3] = _LINEAR_TO_SRGB[steps]
+    half[..., 3] = np.rint(mean[..., 3] * 255.0)
+    return half

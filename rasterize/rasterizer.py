@@ -1,0 +1,220 @@
+"""The rasteriser in OpenCL: triangles to a visibility buffer, and from there to a G-buffer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.runtime import DeviceArray, Runtime, Size
+from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+
+from .device_scene import DeviceScene
+
+TILE = 32
+RECORD = 12  # ints, kernels/raster/records.clh
+PEEL = 1e-5
+"""A deeper layer begins this much behind the one before, relative to its depth."""
+
+VIEW = Struct(
+    "RasterView",
+    (
+        *floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"),
+        *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel"),
+        *(
+            (name, "int")
+            for name in (
+                "tiles_x", "tiles_y", "room", "pair_room", "vertex_stride", "triangle_stride",
+                "layer",
+            )
+        ),
+    ),
+)
+STRUCTS = (CAMERA, VIEW)
+
+
+class Rasterizer:
+    """Draws scenes at one size; see `render`.
+
+    Attributes:
+        target: the device G-buffer that it draws into.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        *,
+        layers: int = 1,
+        margin: Size = (0, 0),
+        shaded: bool = True,
+    ) -> None:
+        self.runtime = runtime
+        self.shaded = shaded
+        self.target = DeviceGBuffer(runtime, size, layers=layers, margin=margin)
+        rows, columns = self.target.whole
+        self._tiles = (-(-rows // TILE), -(-columns // TILE))
+        count = self._tiles[0] * self._tiles[1]
+        self._counts = runtime.empty(count, np.int32)
+        self._starts = runtime.empty(count + 1, np.int32)
+        self._cursors = runtime.empty(count, np.int32)
+        self._counters = runtime.array(np.zeros(2, np.int32))
+        self._depths = [runtime.empty(count * TILE * TILE, np.float32) for _ in range(2)]
+        self._seen = runtime.empty(count * TILE * TILE, np.int32)
+        self._room = 0
+        self._pair_room = 0
+        self._records: DeviceArray
+        self._list: DeviceArray
+        self._grow(1 << 15, 1 << 16)
+        self._vertex_room = 0
+        self._view: DeviceArray
+        self._snapped: DeviceArray
+        self._codes: DeviceArray
+        kernel = runtime.kernel
+        self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
+        self._setup = kernel("raster/raster_setup.cl", structs=STRUCTS)
+        self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
+        self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
+        parallel = runtime.info.kind == "gpu"
+        # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
+        self._rectangle = (1, runtime.form.lanes) if parallel else (TILE, TILE)
+        self._group = (8, 8) if parallel else (1, 1)
+
+    def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
+        """Draw the scene as the camera sees it and return the target.
+
+        Reads 8 bytes back at the end: if lists were too small they grow, and it draws again. The
+        size of the lists stays for the next frame, so a steady frame allocates nothing.
+        """
+        if camera.size != self.target.size:
+            raise ValueError(
+                f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
+            )
+        if scene.vertex_stride > self._vertex_room:
+            self._vertex_room = scene.vertex_stride
+            self._view = self.runtime.empty(3 * scene.vertex_stride, np.float32)
+            self._snapped = self.runtime.empty(2 * scene.vertex_stride, np.int32)
+            self._codes = self.runtime.empty(scene.vertex_stride, np.int32)
+        self.target.set_camera(camera)
+        self.target.emits = scene.emits
+        self._draw(scene, camera)
+        records, pairs = self._counters.download().tolist()
+        if records > self._room or pairs > self._pair_room:
+            # The pairs of records that found no room were not counted: leave room for theirs.
+            share = max(1.0, records / self._room)
+            self._grow(records + records // 4, int(pairs * share) + pairs // 4)
+            return self.render(scene, camera)
+        return self.target
+
+    def _grow(self, room: int, pair_room: int) -> None:
+        if room > self._room:
+            self._room = room
+            self._records = self.runtime.empty(room * RECORD, np.int32)
+        if pair_room > self._pair_room:
+            self._pair_room = pair_room
+            self._list = self.runtime.empty(pair_room, np.int32)
+
+    def _draw(self, scene: DeviceScene, camera: Camera) -> None:
+        target, whole = self.target, self.target.whole
+        values = self._view_values(scene, camera)
+        packed_camera = CAMERA.pack(camera_values(camera, target.margin))
+        view = [packed_camera, VIEW.pack(values)]
+        lanes = self.runtime.form.lanes
+        tile_count = self._tiles[0] * self._tiles[1]
+        self._vertices.run(
+            "raster vertices", (1, scene.vertices),
+            reads=[scene.positions],
+            writes=[self._view, self._snapped, self._codes, self._counters, self._counts],
+            values=view,
+        )
+        self._setup.run(
+            "raster setup", (1, scene.triangles),
+            reads=[scene.corners, self._view, self._snapped, self._codes],
+            writes=[self._records, self._counts, self._counters],
+            values=view,
+        )
+        self._scan.run(
+            "raster scan", (1, tile_count), reads=[self._counts],
+            writes=[self._starts, self._cursors, self._counters], grid=(1, 1),
+        )
+        workers = 256 if self.runtime.info.kind == "cpu" else 16384
+        self._fill.run(
+            "raster fill", (1, workers), reads=[self._records],
+            writes=[self._cursors, self._list, self._counters], values=view[1:],
+            grid=(1, workers),
+        )
+        high, wide = self._rectangle
+        mesh = [scene.corners, self._view]
+        surface = [scene.materials, scene.textures, scene.texels, scene.decode]
+        for layer in range(target.layers):
+            tiles = self.runtime.kernel(
+                "raster/raster_tiles.cl",
+                {
+                    "RASTER_PEEL": int(layer > 0),
+                    "RASTER_CUTOUT": int(scene.has_cutouts),
+                    "RASTER_WIDE": wide,
+                    "RASTER_HIGH": high,
+                },
+                STRUCTS,
+            )
+            shaded = self.shaded and layer == 0
+            attributes = self.runtime.kernel(
+                "raster/raster_attributes.cl",
+                {
+                    "RASTER_SHADED": int(shaded),
+                    "RASTER_TEXTURED": int(shaded and scene.textured),
+                    "RASTER_COLORED": int(shaded and scene.colored),
+                    "RASTER_EMISSION": int(shaded and scene.emits),
+                },
+                STRUCTS,
+            )
+            values["layer"] = layer
+            view = [packed_camera, VIEW.pack(values)]
+            now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
+            suffix = f" {layer + 1}" if target.layers > 1 else ""
+            tiles.run(
+                f"raster tiles{suffix}", whole,
+                reads=[self._records, self._starts, self._list, before, *mesh, scene.uvs,
+                       scene.cutouts, *surface],
+                writes=[now, self._seen], values=view,
+                grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
+                local=self._group,
+            )
+            attributes.run(
+                f"raster attributes{suffix}", whole,
+                reads=[self._seen, *mesh, scene.normals, scene.uvs, scene.colors,
+                       scene.material_ids, *surface],
+                writes=[target.depth, target.normal_world, target.albedo, target.emission],
+                values=view,
+                grid=(whole[0], -(-whole[1] // lanes)),
+            )
+
+    def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
+        turn = camera.view[:3, :3]
+        # In float64: the camera's position relative to the scene's origin may be a small
+        # difference of large numbers.
+        shift = turn @ scene.scene.origin + camera.view[:3, 3]
+        near_depth = max(camera.near, 1e-30)
+        far_depth = camera.far
+        orthographic = camera.is_orthographic
+        rows, columns = self.target.whole
+        return {
+            **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(),
+                       strict=True)),
+            **dict(zip(("x", "y", "z"), shift, strict=True)),
+            "columns": columns,
+            "rows": rows,
+            "near_depth": near_depth,
+            "far_depth": far_depth,
+            "furthest_d": -far_depth if orthographic else 1.0 / far_depth,
+            "peel": 1.0 + PEEL if orthographic else 1.0 - PEEL,
+            "tiles_x": self._tiles[1],
+            "tiles_y": self._tiles[0],
+            "room": self._room,
+            "pair_room": self._pair_room,
+            "vertex_stride": scene.vertex_stride,
+            "triangle_stride": scene.triangle_stride,
+            "layer": 0,
+        }

@@ -1,0 +1,98 @@
+"""Edge-aware blur in float64, pixel by pixel as defined in `ssgi_cl.techniques.bilateral`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.techniques.bilateral import BilateralParams
+
+LEAST_FACING = 0.0017
+"""Cosine between a normal and the line of sight below which a surface counts as no more tilted."""
+
+
+def bilateral_reference(
+    image: ArrayLike, gbuffer: GBuffer | SurfaceView, params: BilateralParams | None = None
+) -> NDArray[np.float64]:
+    """Return the blurred image, [rows, columns] or [rows, columns, channels] as given."""
+    params = params or BilateralParams()
+    view = gbuffer if isinstance(gbuffer, SurfaceView) else SurfaceView.of(gbuffer)
+    value = np.asarray(image, np.float64)
+    flat = value.ndim == 2
+    value = value[..., None] if flat else value
+    if params.radius > 0:
+        reach = range(-params.radius, params.radius + 1)
+        rows = [(0, d) for d in reach]
+        columns = [(d, 0) for d in reach]
+        square = [(dy, dx) for dy in reach for dx in reach]
+        for _ in range(params.passes):
+            for offsets in (rows, columns) if params.separable else (square,):
+                value = _blurred(value, view, params, offsets)
+    return value[..., 0] if flat else value
+
+
+def off_plane(view: SurfaceView, row: Doubles, column: Doubles, other: Doubles,
+              position: tuple[Doubles, Doubles, Doubles, Doubles]) -> Doubles:
+    """Return how far surfaces lie off the tangent planes of pixels, relative to the depth.
+
+    Args:
+        view: whose lines of sight count.
+        row, column: of the other surface's pixel centre.
+        other: its depth.
+        position: row, column, depth and normal of the pixels whose tangent planes count.
+    """
+    own_row, own_column, depth, normal = position
+    sx, sy = view.slopes(row, column)
+    own_sx, own_sy = view.slopes(own_row, own_column)
+    p = 0.0 if view.camera.is_orthographic else 1.0
+    facing = -(normal[..., 0] * own_sx * p + normal[..., 1] * own_sy * p - normal[..., 2])
+    facing = np.maximum(facing, LEAST_FACING * np.sqrt(1.0 + p * own_sx**2 + p * own_sy**2))
+    # Where n . (x, y, z) is that of the pixel: depth changes by n . dx / n . forward; 1 / depth by
+    # its share of the pixel's own.
+    step = normal[..., 0] * (sx - own_sx) + normal[..., 1] * (sy - own_sy)
+    own = view.flatness(depth)
+    plane = own + step / facing if view.camera.is_orthographic else own - own * step / facing
+    return np.abs(view.flatness(other) - plane) / np.abs(own)
+
+
+def _blurred(
+    value: Doubles, view: SurfaceView, params: BilateralParams, offsets: list[tuple[int, int]]
+) -> Doubles:
+    rows, columns = view.size
+    depth, normal = view.inner(view.depth), view.inner(view.normal)
+    y, x = np.indices((rows, columns))
+    centre = (y + view.margin[0] + 0.5, x + view.margin[1] + 0.5)
+    there = np.isfinite(depth)
+    safe = np.where(there, depth, 1.0)
+    sigma = params.sigma or 0.5 * (params.radius + 1)
+    total = np.zeros((rows, columns))
+    result = np.zeros_like(value)
+    for dy, dx in offsets:
+        ty, tx = y + dy, x + dx
+        inside = (ty >= 0) & (ty < rows) & (tx >= 0) & (tx < columns)
+        ty, tx = np.clip(ty, 0, rows - 1), np.clip(tx, 0, columns - 1)
+        other_there = np.isfinite(depth[ty, tx])
+        off = off_plane(
+            view, centre[0] + dy, centre[1] + dx, np.where(other_there, depth[ty, tx], 1.0),
+            (*centre, safe, normal),
+        )
+        cosine = np.sum(normal * normal[ty, tx], axis=-1)
+        keep = (
+            inside & other_there & (off <= params.depth_threshold)
+            & (cosine >= math.cos(params.normal_threshold))
+        )
+        weight = np.exp(
+            -0.5 * (dx * dx + dy * dy) / sigma**2
+            - 0.5 * (off / params.depth_sigma) ** 2
+            - (1.0 - cosine) / params.normal_sigma**2  # angle^2 / 2, for small angles
+        )
+        weight = np.where(keep, weight, 0.0)
+        if (dy, dx) == (0, 0):
+            weight = np.ones_like(weight)
+        total += weight
+        result += weight[..., None] * value[ty, tx]
+    return np.where(there[..., None], result / total[..., None], value)

@@ -1,0 +1,111 @@
+"""SSAO in float64, sample by sample as defined in `ssgi_cl.techniques.ssao`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.bilateral import bilateral_reference
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.upsample import upsample_reference
+from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.techniques.ssao import DEPTH_BIAS, RESOLUTIONS, SsaoParams, reflected_points
+
+NEAREST_SAMPLE = 1e-3
+"""Samples nearer to the eye than this share of the pixel's depth are not counted."""
+
+
+def ssao_reference(gbuffer: GBuffer, params: SsaoParams | None = None) -> NDArray[np.float64]:
+    """Return A [rows, columns] from the same points as the kernel, blurred and upsampled alike."""
+    params = params or SsaoParams()
+    full = SurfaceView.of(gbuffer)
+    step = RESOLUTIONS[params.resolution]
+    view = full.reduced(step) if step > 1 else full
+    open_ = openness(view, params)
+    blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+    open_ = bilateral_reference(open_, view, blur)
+    return upsample_reference(open_, full, step=step, background=1.0) if step > 1 else open_
+
+
+def falloff(d: Doubles, params: SsaoParams) -> Doubles:
+    """Return the occlusion by a surface d radii in front of a sample."""
+    if params.falloff == "exponential":
+        return np.exp(-params.rate * d)
+    if params.falloff == "ramp":
+        ramp = np.clip((params.none - d) / (params.none - params.full), 0.0, 1.0)
+        return ramp**params.power
+    values = np.asarray(params.falloff, np.float64)
+    return np.interp(d, np.linspace(0.0, params.falloff_end, len(values)), values, right=0.0)
+
+
+def openness(view: SurfaceView, params: SsaoParams) -> Doubles:
+    """Return A before blur: 1 - the greatest occlusion of all radii."""
+    rows, columns = view.size
+    there = np.isfinite(view.inner(view.depth))
+    depth = np.where(there, view.inner(view.depth), 1.0)
+    normal = view.inner(view.normal)
+    centre_row, centre_column = view.centres()
+    position = view.position(view.inner(centre_row), view.inner(centre_column), depth)
+    y, x = np.indices((rows, columns))
+    most = max(params.samples, params.max_samples)
+    points = reflected_points(most, params.length_power)[y % 4, x % 4]  # row, column, point, axis
+    result = np.ones((rows, columns))
+    for wanted in params.radius:  # type: ignore[union-attr]
+        wanted_px = wanted * view.pixels_per_unit(depth)
+        limit_px = params.max_radius_px / view.step
+        radius_px = np.minimum(wanted_px, limit_px)
+        radius = np.where(wanted_px > limit_px, wanted * limit_px / wanted_px, wanted)
+        count = np.clip(
+            radius_px * view.step * params.samples / params.near_px, params.samples, most
+        ).astype(int)
+        count[radius_px < 1.0] = 0
+        occlusion = np.zeros((rows, columns))
+        known = np.zeros((rows, columns))
+        for i in range(most):
+            counted, amount = _sample(view, params, position, normal, radius, points[:, :, i])
+            counted &= there & (i < count)
+            known += counted
+            occlusion += np.where(counted, amount, 0.0)
+        result = np.minimum(result, 1.0 - occlusion / np.maximum(known, 1.0))
+    return np.clip(result, 0.0, 1.0)
+
+
+def _sample(
+    view: SurfaceView,
+    params: SsaoParams,
+    position: Doubles,
+    normal: Doubles,
+    radius: Doubles,
+    point: Doubles,
+) -> tuple[NDArray[np.bool_], Doubles]:
+    """Return whether one sample of every pixel counts, and how much it is occluded."""
+    if params.hemisphere:
+        beneath = np.sum(point * normal, axis=-1) < 0.0
+        point = np.where(beneath[..., None], -point, point)
+    at = position + radius[..., None] * point
+    depth = -position[..., 2]
+    counted = -at[..., 2] > NEAREST_SAMPLE * depth
+    row, column = view.pixel(np.where(counted[..., None], at, position))
+    rows, columns = view.depth.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    tap = (
+        np.clip(np.floor(row), 0, rows - 1).astype(int),
+        np.clip(np.floor(column), 0, columns - 1).astype(int),
+    )
+    seen = view.depth[tap]
+    if params.outside == "unknown":
+        counted = counted & inside
+    else:
+        border = np.inf if params.outside == "open" else float(params.outside)
+        seen = np.where(inside, seen, border)
+    occludes = counted & (-at[..., 2] > seen)
+    finite = np.where(np.isfinite(seen), seen, 0.0)
+    if params.hemisphere:
+        # Only what rises above the tangent plane occludes; of a border the place is not known.
+        surface = view.position(tap[0] + 0.5, tap[1] + 0.5, finite)
+        height = np.sum((surface - position) * normal, axis=-1)
+        rises = height > params.bias * radius + DEPTH_BIAS * depth
+        occludes &= rises | ~inside
+    behind = np.where(occludes, (-at[..., 2] - finite) / radius, 0.0)
+    return counted, np.where(occludes, falloff(behind, params), 0.0)

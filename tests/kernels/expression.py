@@ -1,0 +1,91 @@
+"""Kernels made of one expression: the functions of kernels/common, tested one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from ssgi_cl.runtime import Plane, Runtime
+from ssgi_cl.structs import Struct
+
+_SCALARS = {"f": "float", "i": "int", "u": "uchar"}
+
+
+def run_expressions(
+    runtime: Runtime,
+    include: str,
+    expressions: Mapping[str, str],
+    *,
+    returns: str = "vfloat",
+    values: Mapping[str, tuple[Struct, Any]] | None = None,
+    tables: Mapping[str, NDArray[Any]] | None = None,
+    planes: Mapping[str, Plane] | None = None,
+    **lanes: ArrayLike,
+) -> dict[str, NDArray[Any]]:
+    """Return what each expression in OpenCL C gives, element by element, from one kernel.
+
+    Args:
+        include: the file of kernels/ that has the functions.
+        expressions: name -> expression of type `returns`, "vfloat" or "vint". Beside the arguments
+            below it may use `first`, the index of its first element.
+        values: name -> structs passed by value.
+        tables: name -> memory of float, int or uchar.
+        planes: name -> planes of one size, which the expression knows as `size`.
+        **lanes: name -> float32 or int32 numbers, all lists of one length; each expression sees as
+            many at once as the build has lanes.
+    """
+    inputs = {name: np.asarray(numbers) for name, numbers in lanes.items()}
+    count = max(numbers.size for numbers in inputs.values())
+    whole = -(-count // 16) * 16
+    tables, planes, values = tables or {}, planes or {}, values or {}
+    kind = {"vfloat": "float", "vint": "int"}[returns]
+
+    arguments = [f"ssgi_plane {name}" for name in planes]
+    arguments += [
+        f"__global const {_SCALARS[table.dtype.kind]} *restrict {name}"
+        for name, table in tables.items()
+    ]
+    arguments += [
+        f"__global const {_SCALARS[numbers.dtype.kind]} *restrict all_{name}"
+        for name, numbers in inputs.items()
+    ]
+    arguments += [f"__global {kind} *restrict result", "const int2 size"]
+    arguments += [f"const {struct.name} {name}" for name, (struct, _) in values.items()]
+    body = ["const int first = (int)get_global_id(0) * SSGI_LANES;"]
+    for name, numbers in inputs.items():
+        is_float = numbers.dtype.kind == "f"
+        body.append(
+            f"const {'vfloat' if is_float else 'vint'} {name} = "
+            f"{'v_load' if is_float else 'v_iload'}(all_{name} + first);"
+        )
+    store = {"vfloat": "v_store", "vint": "v_istore"}[returns]
+    body += [
+        f"{store}({expression}, result + {index * whole} + first);"
+        for index, expression in enumerate(expressions.values())
+    ]
+    text = "\n    ".join(
+        [f'#include "{include}"\n__kernel void expression({", ".join(arguments)})\n{{', *body]
+    )
+    kernel = runtime.kernel_from_text(
+        "expression", text + "\n}\n", structs=[struct for struct, _ in values.values()]
+    )
+    result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
+    size = next(iter(planes.values())).size if planes else (1, whole)
+    reads = [
+        *planes.values(),
+        *(runtime.array(table) for table in tables.values()),
+        *(runtime.array(np.pad(numbers, (0, whole - count), "edge")) for numbers in inputs.values()),
+    ]
+    kernel.run(
+        "expression", size, reads, [result], [value for _, value in values.values()],
+        grid=(1, whole // runtime.form.lanes), local=(1, 1),
+    )
+    rows = result.download().reshape(len(expressions), whole)[:, :count]
+    return dict(zip(expressions, rows, strict=True))
+
+
+def run_expression(runtime: Runtime, include: str, expression: str, **rest: Any) -> NDArray[Any]:
+    """Return what one expression gives; see `run_expressions`."""
+    return run_expressions(runtime, include, {expression: expression}, **rest)[expression]

@@ -44,7 +44,7 @@ class DeviceScene:
         self.cutouts = runtime.array(np.where(cut[ids], ids, -1).astype(np.int32))
         table, texels = _mip_mapped(scene.textures)
         self.textures = runtime.array(table)
-        self.texels = runtime.array(texels)
+        self.texels = runtime.array(texels.view("<i4"))
         self.decode = runtime.array(SRGB_TO_LINEAR)
         used = [scene.materials[i] for i in np.unique(ids)]
         self.textured = any(m.texture >= 0 for m in used)

@@ -79,7 +79,7 @@ class Rasterizer:
         self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
-        self._rectangle = (1, runtime.form.lanes) if parallel else (TILE, TILE)
+        self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)
         self._group = (8, 8) if parallel else (1, 1)
 
     def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
@@ -158,6 +158,7 @@ class Rasterizer:
                     "RASTER_HIGH": high,
                 },
                 STRUCTS,
+                most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
             )
             shaded = self.shaded and layer == 0
             attributes = self.runtime.kernel(

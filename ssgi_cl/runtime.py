@@ -151,6 +151,8 @@ class Runtime:
         path: str,
         macros: Mapping[str, int] | None = None,
         structs: Sequence[Struct] = (),
+        *,
+        most_lanes: int = 16,
     ) -> Kernel:
         """Return a kernel, compiled unless the same text with the same options was before.
 
@@ -158,13 +160,14 @@ class Runtime:
             path: file in kernels/, such as "ssao/ssao.cl"; its stem is the kernel's name.
             macros: name -> integer, the switches and loop counts of that file.
             structs: definitions that the file needs.
+            most_lanes: for kernels whose work is too narrow for more.
 
         Raises:
             KernelBuildError: the compiler refused it; the message has file:line in kernels/.
         """
         text = sources.flatten(path, "\n".join(struct.text for struct in structs))
         name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-        return self._kernel(name, f"kernels/{path}", text, macros or {})
+        return self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
 
     def kernel_from_text(
         self,
@@ -181,10 +184,12 @@ class Runtime:
         flat = sources.flatten_text(text, name, prelude)
         return self._kernel(name, f"kernel text {name!r}", flat, macros or {})
 
-    def _kernel(self, name: str, source: str, text: str, macros: Mapping[str, int]) -> Kernel:
+    def _kernel(
+        self, name: str, source: str, text: str, macros: Mapping[str, int], most_lanes: int = 16
+    ) -> Kernel:
         options = [
             "-cl-std=CL1.2",
-            f"-DSSGI_LANES={self.form.lanes}",
+            f"-DSSGI_LANES={min(self.form.lanes, most_lanes)}",
             f"-DSSGI_IMAGES={int(self.form.storage == 'image')}",
             *(f"-D{macro}={value}" for macro, value in sorted(macros.items())),
         ]
@@ -398,7 +403,7 @@ class Plane:
                 )
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
-            self._image = cl.Image(self.runtime.context, flags, layout, shape=shape)
+            self._image = cl.create_image(self.runtime.context, flags, layout, shape)
             self.runtime.allocated_bytes += self.pitch * self._rows * 4
         if not self._image_is_current:
             event = cl.enqueue_copy(

@@ -26,7 +26,7 @@ __kernel void raster_attributes(
     __global const float *restrict positions_view, __global const float *restrict normals,
     __global const float *restrict uvs, __global const float *restrict colors,
     __global const int *restrict material_ids, __global const float *restrict materials,
-    __global const int *restrict textures, __global const uchar *restrict texels,
+    __global const int *restrict textures, __global const int *restrict texels,
     __global const float *restrict decode, __global float *restrict depth,
     __global float *restrict normal, __global float *restrict albedo,
     __global float *restrict emission, const int2 size, const SsgiCamera camera,

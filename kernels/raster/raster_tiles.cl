@@ -18,7 +18,7 @@
 #include "common/camera.clh"
 #include "raster/records.clh"
 #include "raster/texture.clh"
-#include "raster/triangle.clh"
+#include "raster/linear.clh"
 
 #if !defined(RASTER_PEEL) || !defined(RASTER_CUTOUT) || !defined(RASTER_WIDE) ||                   \
     !defined(RASTER_HIGH)
@@ -32,7 +32,7 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
                            __global const float *restrict uvs, __global const int *restrict cutouts,
                            __global const float *restrict materials,
                            __global const int *restrict textures,
-                           __global const uchar *restrict texels,
+                           __global const int *restrict texels,
                            __global const float *restrict decode, __global float *restrict depths,
                            __global int *restrict triangles, const int2 size,
                            const SsgiCamera camera, const RasterView view)
@@ -79,6 +79,16 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
         const vfloat lane_d = v_to_float(v_iota()) * d_x;
 #if RASTER_CUTOUT
         const int cutout = cutouts[record.triangle];
+        __global const float *material = materials + max(cutout, 0) * RASTER_MATERIAL;
+        RasterLinear u_of, v_of;
+        if (cutout >= 0) {
+            const int a = corners[record.triangle];
+            const int b = corners[view.triangle_stride + record.triangle];
+            const int c = corners[2 * view.triangle_stride + record.triangle];
+            u_of = raster_linear(positions_view, view.vertex_stride, uvs, a, b, c);
+            v_of = raster_linear(positions_view, view.vertex_stride, uvs + view.vertex_stride, a,
+                                 b, c);
+        }
 #endif
         for (int y = first_y; y <= last_y; ++y) {
             const float slope_y = fma((float)y + 0.5f, camera.to_y, camera.at_y);
@@ -110,18 +120,12 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
 #if RASTER_CUTOUT
                 if (cutout >= 0) {
                     const RasterTextures from = {textures, texels, decode};
-                    const RasterTriangle t =
-                        raster_triangle(corners, view.triangle_stride, positions_view,
-                                        view.vertex_stride, v_splat_int(record.triangle));
-                    const RasterHit h = raster_hit(
-                        camera, t, ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f),
-                        v_splat(slope_y));
-                    __global const float *material = materials + cutout * RASTER_MATERIAL;
-                    const vfloat u = raster_mix(uvs, t, h);
-                    const vfloat v = raster_mix(uvs + view.vertex_stride, t, h);
+                    const vfloat lane_x =
+                        ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
+                    const vfloat u = raster_linear_at(camera, u_of, lane_x, slope_y, d);
+                    const vfloat v = raster_linear_at(camera, v_of, lane_x, slope_y, d);
                     const vfloat alpha =
-                        raster_texture_level(from, v_splat_int((int)material[3]), v_splat_int(0),
-                                             u, v).a * material[4];
+                        raster_texture_alpha(from, (int)material[3], u, v) * material[4];
                     hit = hit & v_ge(alpha, v_splat(material[5]));
                 }
 #endif

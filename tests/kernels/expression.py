@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.runtime import Plane, Runtime
 from ssgi_cl.structs import Struct
 
-_SCALARS = {"f": "float", "i": "int", "u": "uchar"}
+_SCALARS = {"f": "float", "i": "int"}
 
 
 def run_expressions(
@@ -31,7 +31,7 @@ def run_expressions(
         expressions: name -> expression of type `returns`, "vfloat" or "vint". Beside the arguments
             below it may use `first`, the index of its first element.
         values: name -> structs passed by value.
-        tables: name -> memory of float, int or uchar.
+        tables: name -> memory of float32 or int32 numbers.
         planes: name -> planes of one size, which the expression knows as `size`.
         **lanes: name -> float32 or int32 numbers, all lists of one length; each expression sees as
             many at once as the build has lanes.

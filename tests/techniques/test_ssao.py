@@ -248,7 +248,7 @@ def test_limit_of_the_projected_radius_is_a_smaller_radius(
     assert share_off(limited, small, ROUNDING) <= FLIPS
 
 
-@pytest.mark.parametrize(("factor", "count"), [(0.5, 16), (24.5 / 16, 24), (10.0, 40)])
+@pytest.mark.parametrize(("factor", "count"), [(0.5, 16), (24.5 / 16, 24), (5.0, 40)])
 def test_samples_grow_with_the_projected_radius_up_to_the_most(
     runtime: Runtime, rng: np.random.Generator, factor: float, count: int
 ) -> None:
@@ -263,7 +263,9 @@ def test_radius_below_a_pixel_leaves_everything_open(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", made := camera("orthographic"), rng)
-    a = ssao(gbuffer, 0.99 * 4.0 / made.height, hemisphere=False, runtime=runtime)
+    a = ssao(
+        gbuffer, 0.99 * 4.0 / made.height, hemisphere=False, blur_radius=0, runtime=runtime
+    )
     np.testing.assert_array_equal(a, 1.0)
 
 
@@ -508,7 +510,7 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (math.nan, r"depth\[1, 2\] is nan: expected numbers > 0.*scene units.*or \+inf"),
+        (math.nan, r"depth\[1, 2\] is nan: expected numbers >.*scene units.*or \+inf"),
         (-1.0, r"depth\[1, 2\] is -1.0: expected numbers"),
         (0.0, r"depth\[1, 2\] is 0.0: expected numbers > 0"),
         (-math.inf, r"depth\[1, 2\] is -inf: expected numbers"),

@@ -1,0 +1,100 @@
+"""The G-buffer of a scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ssgi_cl import check
+from ssgi_cl.camera import Camera
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.runtime import Runtime, Size
+
+from .device_scene import DeviceScene
+from .rasterizer import Rasterizer
+from .scene import Scene
+
+MOST_LAYERS = 16
+
+
+def margin_of(camera: Camera, overscan: float) -> Size:
+    """Return (rows, columns) of the margin that is `overscan` of the image on every side."""
+    share = check.number("overscan", overscan, low=0.0, high=1.0, unit="share of the image's size")
+    return math.ceil(share * camera.height), math.ceil(share * camera.width)
+
+
+def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
+    """Return the scene in device memory; the same object for the same scene, while it is kept."""
+    if not isinstance(scene, Scene):
+        raise TypeError(
+            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
+        )
+    kept: DeviceScene = runtime.prepared(
+        (DeviceScene, id(scene)), lambda: DeviceScene(runtime, scene)
+    )
+    return kept
+
+
+def gbuffer(
+    scene: Scene,
+    camera: Camera,
+    *,
+    layers: int = 1,
+    overscan: float = 0.0,
+    backend: str = "opencl",
+    runtime: Runtime | None = None,
+) -> GBuffer:
+    """Draw a scene into a G-buffer.
+
+    Args:
+        scene: what `load_scene` returns, or one of your own making.
+        camera: whose size is that of results computed from the G-buffer.
+        layers: depth layers, 1 to 16; a deeper layer is the nearest surface that lies more than
+            1e-5 of the depth behind the layer before.
+        overscan: share of the image's height and width by which the arrays exceed it on every
+            side, in [0, 1].
+        backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).
+        runtime: the device of the OpenCL backend; by default the fastest found.
+
+    Returns:
+        depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
+        emits light, emission. Normals are the mesh's own, not turned to the viewer.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+        MissingExtraError: the pyrender backend can't run; the message says what is missing.
+    """
+    layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
+    check.choice("backend", backend, ("opencl", "pyrender"))
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    margin = margin_of(camera, overscan)
+    if backend == "pyrender":
+        from . import opengl
+
+        arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
+        depth, normal = arrays["depth"], arrays["normal"][0]
+        albedo, emission = arrays["albedo"][0], arrays["emission"][0]
+        emits = bool(emission.any())
+    else:
+        runtime = runtime or Runtime.open()
+        kept = device_scene(scene, runtime)
+        rasterizer: Rasterizer = runtime.prepared(
+            (Rasterizer, camera.size, layers, margin, True),
+            lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin),
+        )
+        with runtime.frame():
+            target = rasterizer.render(kept, camera)
+            depth = target.depth.download()
+            normal = np.moveaxis(target.normal_world.download(), 0, -1)
+            albedo = np.moveaxis(target.albedo.download(), 0, -1)
+            emits = target.emits
+            emission = np.moveaxis(target.emission.download(), 0, -1) if emits else None
+    return GBuffer(
+        camera=camera,
+        depth=depth[0] if layers == 1 else depth,
+        normal=normal,
+        albedo=albedo,
+        emission=emission if emits else None,
+    )

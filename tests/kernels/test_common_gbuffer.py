@@ -1,0 +1,142 @@
+"""kernels/common/gbuffer.clh: planes, their guard, and images that hold the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from ssgi_cl.runtime import GUARD, Plane, Runtime, Size
+
+from .expression import run_expression
+
+PLANES = "common/gbuffer.clh"
+SIZES = [(1, 1), (3, 15), (2, 16), (2, 17), (17, 31), (5, 64)]
+OUTSIDE = -7.5
+
+LOAD = """
+#include "common/gbuffer.clh"
+// Every position that a load may have, on both sides of the row.
+__kernel void load(ssgi_plane plane, __global float *restrict result, const int2 size,
+                   const int starts)
+{
+    const int start = (int)get_global_id(0);
+    const int row = (int)get_global_id(1);
+    const vfloat value = ssgi_load(plane, size, row / size.y, start - SSGI_GUARD, row % size.y);
+    v_store(value, result + (row * starts + start) * SSGI_LANES);
+}
+"""
+
+STORE = """
+#include "common/gbuffer.clh"
+__kernel void store(ssgi_plane plane, __global float *restrict result, const int2 size,
+                    const int images, const float outside)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    for (int i = 0; i < images; ++i) {
+        ssgi_store(ssgi_load(plane, size, i, x, y) + 1.0f, result, size, i, x, y, outside);
+    }
+}
+"""
+
+
+def filled(runtime: Runtime, count: int, size: Size) -> tuple[Plane, NDArray[np.float32]]:
+    """A plane of numbers that are all different, and those numbers."""
+    values = np.arange(1, count * size[0] * size[1] + 1, dtype=np.float32)
+    plane = runtime.plane(count, size, OUTSIDE)
+    plane.upload(values.reshape(count, *size))
+    return plane, values.reshape(count, *size)
+
+
+def memory_of(plane: Plane) -> NDArray[np.float32]:
+    """A copy of all of a plane's memory, guard included."""
+    with plane._mapped() as memory:
+        return np.array(memory)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("count", [1, 3])
+def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
+    form_runtime: Runtime, count: int, size: Size
+) -> None:
+    plane, values = filled(form_runtime, count, size)
+    lanes = form_runtime.form.lanes
+    rows, columns = size
+    starts = columns + 2 * GUARD - lanes + 1
+    result = form_runtime.empty(count * rows * starts * lanes, np.float32)
+    kernel = form_runtime.kernel_from_text("load", LOAD)
+    kernel.run(
+        "load", size, [plane], [result], [np.int32(starts)], grid=(count * rows, starts),
+        local=(1, 1),
+    )
+    wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
+    expected = np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2)
+    np.testing.assert_array_equal(
+        result.download().reshape(count, rows, starts, lanes), expected
+    )
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_gathers_read_any_pixel_of_any_image(
+    form_runtime: Runtime, size: Size, rng: np.random.Generator
+) -> None:
+    plane, values = filled(form_runtime, 3, size)
+    x = rng.integers(0, size[1], 100).astype(np.int32)
+    y = rng.integers(0, size[0], 100).astype(np.int32)
+    for image in range(3):
+        read = run_expression(
+            form_runtime, PLANES, f"ssgi_gather(plane, size, {image}, x, y)",
+            planes={"plane": plane}, x=x, y=y,
+        )
+        np.testing.assert_array_equal(read, values[image, y, x])
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_stores_leave_the_guard_as_it_is(form_runtime: Runtime, size: Size) -> None:
+    plane, values = filled(form_runtime, 2, size)
+    result = form_runtime.plane(2, size, OUTSIDE)
+    kernel = form_runtime.kernel_from_text("store", STORE)
+    kernel.run("store", size, [plane], [result], [np.int32(2), np.float32(OUTSIDE)])
+    expected = np.full((2 * size[0] + 2, result.pitch), OUTSIDE, np.float32)
+    expected[1:-1, : size[1]] = (values + 1.0).reshape(-1, size[1])
+    np.testing.assert_array_equal(memory_of(result), expected)
+    np.testing.assert_array_equal(result.download(), values + 1.0)
+
+
+def test_what_a_kernel_wrote_is_what_the_next_one_reads(form_runtime: Runtime) -> None:
+    # With images the second kernel reads a copy, which must be made anew.
+    plane, values = filled(form_runtime, 1, (3, 20))
+    other = form_runtime.plane(1, (3, 20), OUTSIDE)
+    kernel = form_runtime.kernel_from_text("store", STORE)
+    last = [np.int32(1), np.float32(OUTSIDE)]
+    for _ in range(2):
+        kernel.run("there", (3, 20), [plane], [other], last)
+        kernel.run("back", (3, 20), [other], [plane], last)
+    np.testing.assert_array_equal(plane.download(), values + 4.0)
+    plane.upload(values)
+    kernel.run("there", (3, 20), [plane], [other], last)
+    np.testing.assert_array_equal(other.download(), values + 1.0)
+
+
+def test_infinities_pass_through(form_runtime: Runtime) -> None:
+    values = np.array([[[np.inf, 1.0, np.inf], [2.0, np.inf, 3.0]]], np.float32)
+    plane = form_runtime.plane(1, (2, 3), np.inf)
+    plane.upload(values)
+    result = form_runtime.plane(1, (2, 3), np.inf)
+    kernel = form_runtime.kernel_from_text("store", STORE)
+    kernel.run("store", (2, 3), [plane], [result], [np.int32(1), np.float32(np.inf)])
+    np.testing.assert_array_equal(result.download(), values + 1.0)
+    assert np.isinf(memory_of(result)[0]).all()
+
+
+def test_pitch_and_index_are_those_of_the_host(form_runtime: Runtime) -> None:
+    for size in SIZES:
+        plane = form_runtime.plane(2, size)
+        found = run_expression(
+            form_runtime, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
+            returns="vint", planes={"plane": plane}, x=np.zeros(1, np.float32),
+        )
+        assert found[0] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD

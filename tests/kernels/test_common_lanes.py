@@ -1,0 +1,408 @@
+"""kernels/common/lanes.clh, function by function, in every form and on every implementation."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from ssgi_cl import drivers
+from ssgi_cl.runtime import Runtime
+
+from .expression import run_expression, run_expressions
+
+LANES = "common/lanes.clh"
+SOME = np.array([0.0, -0.0, 0.25, -0.25, 1.0, -1.0, 1.5, -1.5, 2.0, -3e7, 3e7, 1e-30, -1e30, 7.0])
+SOME_INTS = np.array([0, -1, 1, 7, -7, 2**31 - 1, -(2**31), 65536, 5, 5, -3, 12], np.int32)
+TRUE, FALSE = -1, 0
+
+
+def pairs(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Every pair of the values."""
+    first, second = np.meshgrid(values, values)
+    return first.ravel(), second.ravel()
+
+
+def bits(values: NDArray[Any]) -> NDArray[np.int32]:
+    return np.ascontiguousarray(values, np.float32).view(np.int32)
+
+
+def fused(
+    a: NDArray[np.float32], b: NDArray[np.float32], c: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """a * b + c rounded once (Boldo and Melquiond 2008: round to odd, then to float32)."""
+    product = a.astype(np.float64) * b.astype(np.float64)  # exact: 48 bits
+    wide = c.astype(np.float64)
+    total = product + wide
+    part = total - product
+    error = (product - (total - part)) + (wide - part)  # Knuth's exact error of the sum
+    even = (total.view(np.int64) & 1) == 0
+    towards = np.where(error > 0, np.inf, -np.inf)
+    odd = np.where((error != 0) & even, np.nextafter(total, towards), total)
+    return odd.astype(np.float32)
+
+
+def divides_exactly(runtime: Runtime) -> bool:
+    """Whether the device promises correctly rounded division and square root."""
+    return "PoCL" in runtime.info.label or runtime.info.kind == "cpu"
+
+
+ARITHMETIC = {
+    "sum": "x + y",
+    "difference": "x - y",
+    "product": "x * y",
+    "quotient": "x / y",
+    "root": "v_sqrt(v_abs(x))",
+    "fused": "v_fma(x, y, z)",
+    "not fused": "x * y + z",
+    "1 / root": "v_rsqrt(v_abs(x))",
+}
+
+
+def operands(rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
+    """Numbers of both signs and of many sizes, whose products and quotients are normal."""
+    count = 4096
+    x, y = (
+        rng.choice([-1, 1], count) * np.exp2(rng.uniform(-40, 40, count)) for _ in range(2)
+    )
+    near = -x * y * (1 + rng.uniform(-1e-6, 1e-6, count))  # where rounding once or twice differs
+    return {name: v.astype(np.float32) for name, v in (("x", x), ("y", y), ("z", near))}
+
+
+def test_arithmetic_rounds_as_ieee_754_says(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    given = operands(rng)
+    x, y, z = given["x"], given["y"], given["z"]
+    result = run_expressions(form_runtime, LANES, ARITHMETIC, **given)
+    expected = {
+        "sum": x + y,
+        "difference": x - y,
+        "product": x * y,
+        "fused": fused(x, y, z),
+        "not fused": x * y + z,
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(bits(result[name]), bits(values), err_msg=name)
+    assert (expected["fused"] != expected["not fused"]).mean() > 0.5  # so that the two are told apart
+    one = np.float32(1)
+    rounded = {"quotient": x / y, "root": np.sqrt(np.abs(x)), "1 / root": one / np.sqrt(np.abs(x))}
+    for name, values in rounded.items():
+        # OpenCL allows 2.5 (division) and 3 (square root) units in the last place; CPUs are exact.
+        error = np.abs(bits(result[name]).astype(np.int64) - bits(values))
+        assert error.max() <= (0 if divides_exactly(form_runtime) else 6), name
+
+
+def test_every_form_gives_the_same_bits(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    expressions = {
+        **ARITHMETIC,
+        "exp2": "v_exp2(x)",
+        "weight": "v_exp2_weight(x)",
+        "exp": "v_exp(x)",
+        "log2": "v_log2(v_abs(x))",
+        "pow": "v_pow(v_min(v_abs(x), v_splat(1.0f)), v_abs(y))",
+        "floor": "v_floor(x)",
+    }
+    given = operands(rng)
+    plain = Runtime.open(lanes=1, storage="buffer")
+    here = run_expressions(form_runtime, LANES, expressions, **given)
+    there = run_expressions(plain, LANES, expressions, **given)
+    for name in expressions:
+        np.testing.assert_array_equal(bits(here[name]), bits(there[name]), err_msg=name)
+
+
+def test_splat_and_iota_fill_the_lanes(form_runtime: Runtime) -> None:
+    x = np.zeros(32, np.float32)
+    assert (run_expression(form_runtime, LANES, "v_splat(0.1f)", x=x) == np.float32(0.1)).all()
+    whole = run_expressions(
+        form_runtime, LANES, {"splat": "v_splat_int(-7)", "iota": "v_iota()"}, returns="vint", x=x
+    )
+    assert (whole["splat"] == -7).all()
+    np.testing.assert_array_equal(whole["iota"], np.arange(32) % form_runtime.form.lanes)
+
+
+def test_comparisons_of_floats_give_0_or_all_bits(form_runtime: Runtime) -> None:
+    x, y = pairs(np.array([*SOME, np.inf, -np.inf, np.nan], np.float32))
+    result = run_expressions(
+        form_runtime,
+        LANES,
+        {name: f"v_{name}(x, y)" for name in ("lt", "le", "gt", "ge", "eq", "ne")},
+        returns="vint", x=x, y=y,
+    )
+    expected = {"lt": x < y, "le": x <= y, "gt": x > y, "ge": x >= y, "eq": x == y, "ne": x != y}
+    for name, values in expected.items():
+        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+
+
+def test_comparisons_of_integers_give_0_or_all_bits(form_runtime: Runtime) -> None:
+    i, j = pairs(SOME_INTS)
+    result = run_expressions(
+        form_runtime,
+        LANES,
+        {name: f"v_{name}(i, j)" for name in ("ilt", "ile", "igt", "ige", "ieq", "ine")},
+        returns="vint", i=i, j=j,
+    )
+    expected = {
+        "ilt": i < j, "ile": i <= j, "igt": i > j, "ige": i >= j, "ieq": i == j, "ine": i != j
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+
+
+def test_bit_operators_are_the_logic_of_masks(form_runtime: Runtime) -> None:
+    x, y = pairs(np.array([-1, 1], np.float32))
+    a, b = "v_lt(x, v_splat(0.0f))", "v_lt(y, v_splat(0.0f))"
+    result = run_expressions(
+        form_runtime, LANES,
+        {"not": f"~{a}", "and": f"{a} & {b}", "or": f"{a} | {b}", "xor": f"{a} ^ {b}"},
+        returns="vint", x=x, y=y,
+    )
+    p, q = x < 0, y < 0
+    for name, values in {"not": ~p, "and": p & q, "or": p | q, "xor": p ^ q}.items():
+        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+
+
+def test_select_takes_the_second_value_where_the_mask_is_set(form_runtime: Runtime) -> None:
+    x, y = pairs(np.array([-2, -1, 0, 1, np.nan, np.inf], np.float32))
+    chosen = run_expression(form_runtime, LANES, "v_select(x, y, v_lt(x, y))", x=x, y=y)
+    np.testing.assert_array_equal(chosen, np.where(x < y, y, x))
+    i, j = pairs(SOME_INTS)
+    whole = run_expression(
+        form_runtime, LANES, "v_iselect(i, j, ~v_ilt(i, j))", returns="vint", i=i, j=j
+    )
+    np.testing.assert_array_equal(whole, np.where(i < j, i, j))
+
+
+def test_any_and_all_look_at_every_lane(form_runtime: Runtime) -> None:
+    # Blocks of 16 lanes with every number of set lanes, at either end.
+    x = np.concatenate(
+        [np.where(np.arange(16) < n, 1, -1) for n in range(17)]
+        + [np.where(np.arange(16) >= n, 1, -1) for n in range(17)]
+    ).astype(np.float32)
+    result = run_expressions(
+        form_runtime, LANES,
+        {
+            "any": "v_splat_int(v_any(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
+            "all": "v_splat_int(v_all(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
+        },
+        returns="vint", x=x,
+    )
+    lanes = form_runtime.form.lanes
+    blocks = (x > 0).reshape(-1, lanes)
+    np.testing.assert_array_equal(result["any"], np.repeat(blocks.any(axis=1), lanes))
+    np.testing.assert_array_equal(result["all"], np.repeat(blocks.all(axis=1), lanes))
+
+
+def test_sums_and_maxima_of_the_lanes_have_one_order(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    x = (rng.standard_normal(1024) * np.exp2(rng.uniform(-20, 20, 1024))).astype(np.float32)
+    i = rng.integers(-(2**31), 2**31, 1024, dtype=np.int64).astype(np.int32)
+    lanes = form_runtime.form.lanes
+    result = run_expressions(
+        form_runtime, LANES,
+        {"sum": "v_splat(v_sum(x))", "largest": "v_splat(v_largest(x))"}, x=x,
+    )
+    halves = x.reshape(-1, lanes)
+    while halves.shape[1] > 1:  # the first half of the lanes plus the second, over and over
+        middle = halves.shape[1] // 2
+        halves = halves[:, :middle] + halves[:, middle:]
+    np.testing.assert_array_equal(result["sum"], np.repeat(halves[:, 0], lanes))
+    np.testing.assert_array_equal(
+        result["largest"], np.repeat(x.reshape(-1, lanes).max(axis=1), lanes)
+    )
+    whole = run_expression(
+        form_runtime, LANES, "v_splat_int(v_ilargest(i))", returns="vint", i=i
+    )
+    np.testing.assert_array_equal(whole, np.repeat(i.reshape(-1, lanes).max(axis=1), lanes))
+
+
+def test_smallest_largest_and_clamped_floats(form_runtime: Runtime) -> None:
+    x, y = pairs(np.array([*SOME[SOME != 0], 0.0, np.inf, -np.inf], np.float32))
+    result = run_expressions(
+        form_runtime, LANES,
+        {
+            "min": "v_min(x, y)", "max": "v_max(x, y)", "clamp": "v_clamp(x, -1.25f, 7.5f)",
+            "abs": "v_abs(x)", "floor": "v_floor(x)",
+        },
+        x=x, y=y,
+    )
+    expected = {
+        "min": np.minimum(x, y), "max": np.maximum(x, y), "clamp": np.clip(x, -1.25, 7.5),
+        "abs": np.abs(x), "floor": np.floor(x),
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(result[name], values, err_msg=name)
+
+
+def test_smallest_largest_and_clamped_integers(form_runtime: Runtime) -> None:
+    i, j = pairs(SOME_INTS)
+    result = run_expressions(
+        form_runtime, LANES,
+        {"imin": "v_imin(i, j)", "imax": "v_imax(i, j)", "iclamp": "v_iclamp(i, -3, 6)"},
+        returns="vint", i=i, j=j,
+    )
+    np.testing.assert_array_equal(result["imin"], np.minimum(i, j))
+    np.testing.assert_array_equal(result["imax"], np.maximum(i, j))
+    np.testing.assert_array_equal(result["iclamp"], np.clip(i, -3, 6))
+
+
+def test_floats_and_integers_convert(form_runtime: Runtime) -> None:
+    x = np.array([0.0, -0.0, 0.9, -0.9, 1.5, -1.5, -2.0, 16777216.0, -1e9, 1e9], np.float32)
+    result = run_expressions(
+        form_runtime, LANES,
+        {"cast": "v_to_int(x)", "floor": "v_floor_to_int(x)", "bits": "v_bits(x)"},
+        returns="vint", x=x,
+    )
+    np.testing.assert_array_equal(result["cast"], x.astype(np.int32))  # towards 0
+    np.testing.assert_array_equal(result["floor"], np.floor(x).astype(np.int32))
+    np.testing.assert_array_equal(result["bits"], bits(x))
+    floats = run_expressions(
+        form_runtime, LANES, {"number": "v_to_float(i)", "bits": "v_from_bits(i & 0x3fffffff)"},
+        i=SOME_INTS,
+    )
+    np.testing.assert_array_equal(floats["number"], SOME_INTS.astype(np.float32))
+    np.testing.assert_array_equal(bits(floats["bits"]), SOME_INTS & 0x3FFFFFFF)
+
+
+def test_copysign_takes_the_sign_of_zeros_too(form_runtime: Runtime) -> None:
+    x, y = pairs(np.array([*SOME, np.inf, -np.inf], np.float32))
+    result = run_expression(form_runtime, LANES, "v_copysign(x, y)", x=x, y=y)
+    np.testing.assert_array_equal(bits(result), bits(np.copysign(x, y)))
+
+
+def test_gathers_read_each_lane_from_its_own_place(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    i = rng.integers(0, 100, 200).astype(np.int32)
+    reals = rng.standard_normal(100).astype(np.float32)
+    whole = rng.integers(-(2**31), 2**31, 100, dtype=np.int64).astype(np.int32)
+    gathered = run_expression(form_runtime, LANES, "v_gather(t, i)", tables={"t": reals}, i=i)
+    np.testing.assert_array_equal(gathered, reals[i])
+    integers = run_expression(
+        form_runtime, LANES, "v_igather(t, i)", returns="vint", tables={"t": whole}, i=i
+    )
+    np.testing.assert_array_equal(integers, whole[i])
+
+
+@pytest.mark.parametrize("shift", [0, 1, 3])
+def test_loads_and_stores_need_no_alignment(form_runtime: Runtime, shift: int) -> None:
+    lanes = form_runtime.form.lanes
+    kernel = form_runtime.kernel_from_text(
+        "move",
+        f"""#include "{LANES}"
+        __kernel void move(__global const float *restrict x, __global const int *restrict i,
+                           __global float *restrict y, __global int *restrict j, const int2 size)
+        {{
+            const int at = (int)get_global_id(0) * SSGI_LANES + {shift};
+            v_store(v_load(x + at), y + at);
+            v_istore(v_iload(i + at), j + at);
+        }}
+        """,
+    )
+    x, i = np.arange(64, dtype=np.float32) + 0.5, np.arange(64, dtype=np.int32) - 32
+    y, j = np.full_like(x, -1), np.full_like(i, -1)
+    to = [form_runtime.array(y), form_runtime.array(j)]
+    sources = [form_runtime.array(x), form_runtime.array(i)]
+    kernel.run("move", (1, 32), sources, to, local=(1, 1))
+    moved = slice(shift, shift + 32)
+    y[moved], j[moved] = x[moved], i[moved]
+    assert 32 % lanes == 0
+    np.testing.assert_array_equal(to[0].download(), y)
+    np.testing.assert_array_equal(to[1].download(), j)
+
+
+def relative_error(result: NDArray[np.float32], truth: NDArray[np.float64]) -> float:
+    return float(np.abs(result.astype(np.float64) / truth - 1.0).max())
+
+
+def spread(rng: np.random.Generator, low: float, high: float) -> NDArray[np.float32]:
+    """Numbers from all of a range, its ends and whole numbers among them."""
+    whole = np.arange(np.ceil(low), np.floor(high) + 1)
+    return np.concatenate([[low, high], whole, rng.uniform(low, high, 200_000)]).astype(np.float32)
+
+
+# The bounds below are those that lanes.clh states.
+
+
+def test_exp2_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    x = spread(rng, -126, 126)
+    result = run_expression(form_runtime, LANES, "v_exp2(x)", x=x)
+    assert relative_error(result, np.exp2(x.astype(np.float64))) < 2.5e-7
+    whole = x == np.floor(x)
+    np.testing.assert_array_equal(result[whole], np.exp2(x[whole]))
+
+
+def test_exp_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    x = spread(rng, -87, 87)
+    result = run_expression(form_runtime, LANES, "v_exp(x)", x=x)
+    assert relative_error(result, np.exp(x.astype(np.float64))) < 2.5e-7
+
+
+def test_weights_are_as_accurate_as_they_say(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    x = spread(rng, -126, 0)
+    result = run_expression(form_runtime, LANES, "v_exp2_weight(x)", x=x)
+    assert relative_error(result, np.exp2(x.astype(np.float64))) < 1e-4
+    assert result[x == 0] == pytest.approx(1.0, abs=0)
+    assert result.max() == 1.0
+
+
+def test_log2_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    x = np.concatenate([np.exp2(spread(rng, -125.9, 127.9)), spread(rng, 0.5, 2.0)])
+    result = run_expression(form_runtime, LANES, "v_log2(x)", x=x).astype(np.float64)
+    truth = np.log2(x.astype(np.float64))
+    rounding = 0.5 * np.spacing(np.abs(truth).astype(np.float32))
+    assert (np.abs(result - truth) - rounding).max() < 3e-7
+
+
+def test_pow_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    x = np.exp2(rng.uniform(-20, 99, 200_000)).astype(np.float32)
+    y = np.exp2(rng.uniform(-6, 8, x.size)).astype(np.float32)
+    power = y.astype(np.float64) * np.log2(x.astype(np.float64))
+    inside = np.abs(power) < 125.9  # beyond, it is clamped
+    x, y, power = x[inside], y[inside], power[inside]
+    result = run_expression(form_runtime, LANES, "v_pow(x, y)", x=x, y=y).astype(np.float64)
+    error = np.abs(result / np.exp2(power) - 1.0)
+    assert (error - 2e-7 * np.abs(power)).max() < 3e-7
+    assert np.abs(result - np.exp2(power))[x <= 1].max() < 2e-7
+
+
+def test_arguments_beyond_the_range_are_clamped(form_runtime: Runtime) -> None:
+    x = np.array([-np.inf, -1e30, -127.0, 127.0, 1e30, np.inf], np.float32)
+    result = run_expressions(
+        form_runtime, LANES,
+        {"exp2": "v_exp2(x)", "exp": "v_exp(x)", "weight": "v_exp2_weight(x)"}, x=x,
+    )
+    low, high = 2.0**-126, 2.0**126
+    np.testing.assert_array_equal(result["exp2"], [low] * 3 + [high] * 3)
+    np.testing.assert_array_equal(result["weight"], [low] * 3 + [1.0] * 3)
+    ends = np.exp([-87.0] * 3 + [87.0] * 3)
+    np.testing.assert_allclose(result["exp"], ends, rtol=2.5e-7)  # its stated accuracy
+
+
+def test_pow_of_nothing_is_nothing(form_runtime: Runtime) -> None:
+    x = np.array([0.0, 1e-38, 0.0, 1.0, 1.0, 1e-30], np.float32)
+    y = np.array([0.1, 1.0, 100.0, 0.1, 100.0, 100.0], np.float32)
+    result = run_expression(form_runtime, LANES, "v_pow(x, y)", x=x, y=y)
+    # The last one's power is clamped to -126.
+    np.testing.assert_array_equal(result, [0.0, 0.0, 0.0, 1.0, 1.0, np.float32(2.0**-126)])
+
+
+@pytest.mark.slow
+def test_every_other_implementation_passes_these_tests(runtime: Runtime) -> None:
+    others = [info for info in drivers.devices() if info.driver != runtime.info.driver]
+    for info in others:
+        if info.best is None:
+            continue
+        run = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-m", "not slow", os.path.dirname(__file__)],
+            env={**os.environ, "OCL_ICD_VENDORS": info.driver, "SSGI_CL_DEVICE": info.label},
+            capture_output=True, text=True, timeout=600, check=False,
+        )
+        assert run.returncode == 0, f"{info.label}:\n{run.stdout[-8000:]}"

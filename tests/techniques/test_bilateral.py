@@ -1,0 +1,288 @@
+"""The edge-aware blur: against its numpy twin, on planes, and at edges that it must not cross."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.bilateral import bilateral_reference
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+
+from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+
+WEIGHTS = 2e-4
+"""Of a blurred image in [0, 1]: a weight is off by 1e-4, as kernels/common/lanes.clh states."""
+FLIPS = 1e-3
+"""Share of pixels in which a neighbour may fall to the other side of a threshold."""
+
+
+def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> float:
+    """Return the share of values that differ by more than `tolerance` (or are not numbers)."""
+    return float(np.mean(~(np.abs(a - b) <= tolerance)))
+
+
+def narrow(size: tuple[int, int] = (33, 47)) -> Camera:
+    """Return a camera with a view so narrow that a plane tilted by 80 degrees fills it."""
+    return Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.15, width=size[1], height=size[0])
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+) -> None:
+    gbuffer = scene(name, camera(kind), rng)
+    image = rng.random(gbuffer.size).astype(np.float32)
+    blurred = bilateral_blur(image, gbuffer, runtime=runtime)
+    assert share_off(blurred, bilateral_reference(image, gbuffer), WEIGHTS) <= FLIPS
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"radius": 1},
+        {"radius": 5, "separable": False},
+        {"radius": 16, "sigma": 6.0, "passes": 2},
+        {"radius": 3, "depth_sigma": 0.1, "depth_threshold": 0.5, "normal_sigma": 1.0,
+         "normal_threshold": 3.0},
+    ],
+    ids=str,
+)
+def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
+    form_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], channels: int
+) -> None:
+    gbuffer = scene("bumpy", camera(size=(19, 37)), rng)
+    shape = gbuffer.size if channels == 1 else (*gbuffer.size, 3)
+    image = rng.random(shape).astype(np.float32)
+    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime, **params)
+    wanted = bilateral_reference(image, gbuffer, BilateralParams(**params))
+    passes = 2 * params.get("passes", 1)
+    assert share_off(blurred, wanted, passes * WEIGHTS) <= FLIPS
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 5), (17, 31)], ids=str)
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
+    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
+    margin: tuple[int, int],
+) -> None:
+    gbuffer = scene("bumpy", camera(size=size), rng, margin=margin)
+    image = rng.random(size).astype(np.float32)
+    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    np.testing.assert_allclose(
+        blurred, bilateral_reference(image, gbuffer), rtol=0, atol=WEIGHTS
+    )
+
+
+def test_every_kernel_form_gives_the_same_result(
+    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
+    image = rng.random(gbuffer.size).astype(np.float32)
+    a = bilateral_blur(image, gbuffer, runtime=runtime)
+    b = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    assert share_off(a, b, 1e-5) < 1e-4
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("value", [0.0, 1.0, -3.7, 1e20])
+def test_constant_stays_constant(
+    form_runtime: Runtime, rng: np.random.Generator, name: str, value: float
+) -> None:
+    gbuffer = scene(name, camera(), rng)
+    image = np.full(gbuffer.size, value, np.float32)
+    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    # 2 x 9 products and sums, each rounded by 2^-24.
+    np.testing.assert_allclose(blurred, image, rtol=2e-6, atol=0)
+
+
+@pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
+@pytest.mark.parametrize("degrees", [45.0, 80.0])
+@pytest.mark.parametrize("separable", [True, False])
+def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
+    runtime: Runtime, rng: np.random.Generator, normals: bool, degrees: float, separable: bool
+) -> None:
+    made = narrow()
+    image = rng.random(made.size).astype(np.float32)
+    facing, leaning = (
+        bilateral_blur(
+            image,
+            trace(made, [tilted(made, d)], normals=normals),
+            separable=separable,
+            radius=7,
+            runtime=runtime,
+        )
+        for d in (0.0, degrees)
+    )
+    # Off the plane by some 2^-24 of the depth, 1e-5 sigma. Normals rebuilt from depths that are
+    # rounded to 2^-24 with pixels of 0.005 radians lean by 1e-5, times the tangent of 80 degrees.
+    np.testing.assert_allclose(leaning, facing, rtol=0, atol=WEIGHTS)
+
+
+@pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
+def test_blur_does_not_cross_a_step_in_depth(
+    form_runtime: Runtime, rng: np.random.Generator, normals: bool
+) -> None:
+    gbuffer = scene("step", camera(), rng)
+    near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
+    assert 0.1 < near.mean() < 0.9
+    if not normals:
+        gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
+    for separable in (True, False):
+        blurred = bilateral_blur(
+            near, gbuffer, radius=7, passes=3, separable=separable, runtime=form_runtime
+        )
+        # Tossed neighbours weigh exactly 0; 1 is a quotient of equal sums.
+        np.testing.assert_allclose(blurred, near, rtol=0, atol=1e-6)
+
+
+def test_blur_does_not_cross_a_crease(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("corner", camera(), rng)
+    wall = np.argmax(np.abs(gbuffer.normal), axis=-1).astype(np.float32)
+    assert len(np.unique(wall)) == 3
+    blurred = bilateral_blur(wall, gbuffer, radius=7, runtime=form_runtime)
+    np.testing.assert_allclose(blurred, wall, rtol=0, atol=2e-6)  # as above, of values up to 2
+
+
+def test_separable_blur_of_a_plane_is_the_full_one(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = trace(made := narrow(), [tilted(made, 60.0)])
+    image = rng.random(made.size).astype(np.float32)
+    a, b = (
+        bilateral_blur(image, gbuffer, radius=5, separable=s, runtime=runtime)
+        for s in (True, False)
+    )
+    # On a plane all weights are those of the Gaussian, which is a product.
+    np.testing.assert_allclose(a, b, rtol=0, atol=2e-6)
+
+
+def test_passes_are_the_blur_again_and_again(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    image = rng.random((*gbuffer.size, 3)).astype(np.float32)
+    once = image
+    for _ in range(3):
+        once = bilateral_blur(once, gbuffer, runtime=runtime)
+    np.testing.assert_array_equal(bilateral_blur(image, gbuffer, passes=3, runtime=runtime), once)
+
+
+def test_channels_are_blurred_apart(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    image = rng.random((*gbuffer.size, 3)).astype(np.float32)
+    together = bilateral_blur(image, gbuffer, runtime=runtime)
+    for c in range(3):
+        alone = bilateral_blur(image[..., c], gbuffer, runtime=runtime)
+        np.testing.assert_array_equal(together[..., c], alone)
+
+
+@pytest.mark.parametrize("params", [{"radius": 0}, {"passes": 0}], ids=str)
+def test_blur_of_no_reach_returns_the_image(
+    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
+) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    image = rng.random(gbuffer.size).astype(np.float32)
+    np.testing.assert_array_equal(
+        bilateral_blur(image, gbuffer, runtime=runtime, **params), image
+    )
+
+
+def test_pixels_with_nothing_keep_their_value_and_give_none(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("noisy", camera(), rng)
+    empty = np.isinf(gbuffer.depth)
+    image = np.where(empty, rng.uniform(-1e6, 1e6, gbuffer.size), 0.25).astype(np.float32)
+    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    np.testing.assert_array_equal(blurred[empty], image[empty])
+    np.testing.assert_allclose(blurred[~empty], 0.25, rtol=2e-6)  # as of any constant
+
+
+def test_any_depths_give_values_within_those_of_the_image(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    for kind in ("perspective", "orthographic"):
+        made = camera(kind, (33, 70))
+        depth = (10.0 ** rng.uniform(-37.0, 37.0, made.size)).astype(np.float32)
+        image = rng.random(made.size).astype(np.float32)
+        blurred = bilateral_blur(
+            image, GBuffer(camera=made, depth=depth), runtime=form_runtime, normal_threshold=3.0
+        )
+        assert blurred.min() >= 0.0
+        assert blurred.max() <= 1.0
+
+
+def test_two_runs_give_the_same_bits(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
+    image = rng.random(gbuffer.size).astype(np.float32)
+    first = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    np.testing.assert_array_equal(first, bilateral_blur(image, gbuffer, runtime=form_runtime))
+
+
+def test_second_call_allocates_and_builds_nothing(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device.upload(gbuffer)
+    blur = Bilateral(form_runtime, gbuffer.size, BilateralParams(passes=2))
+    plane = form_runtime.plane(1, gbuffer.size)
+    plane.upload(rng.random((1, *gbuffer.size)).astype(np.float32))
+    first = blur.run(plane, device).download()
+    before = form_runtime.allocated_bytes, form_runtime.builds
+    second = blur.run(plane, device).download()
+    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("params", "error", "message"),
+    [
+        ({"radius": -1}, ValueError, r"radius is -1: expected an integer >= 0 and <= 16 \(px\)"),
+        ({"radius": 17}, ValueError, r"radius is 17: expected an integer"),
+        ({"radius": 2.0}, TypeError, r"radius is 2.0: expected an integer"),
+        ({"sigma": math.nan}, ValueError, r"sigma is nan: expected a number"),
+        ({"depth_sigma": 0.0}, ValueError, r"depth_sigma is 0.0: expected a number >= 1e-06"),
+        ({"depth_threshold": 1.0}, ValueError, r"depth_threshold is 1.0: expected .* <= 0.9"),
+        ({"normal_sigma": -1.0}, ValueError, r"normal_sigma is -1.0: expected .*radians"),
+        ({"passes": 65}, ValueError, r"passes is 65: expected an integer >= 0 and <= 64"),
+        ({"separable": 1}, TypeError, r"separable is 1: expected True or False"),
+    ],
+    ids=str,
+)
+def test_bad_parameter_is_refused_with_its_name_value_and_range(
+    runtime: Runtime, params: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    gbuffer = trace(made := camera(size=(4, 4)), [tilted(made, 0.0)])
+    with pytest.raises(error, match=message):
+        bilateral_blur(np.ones((4, 4)), gbuffer, runtime=runtime, **params)
+
+
+@pytest.mark.parametrize(
+    ("image", "error", "message"),
+    [
+        (np.ones((4, 5)), ValueError, r"image has shape \(4, 5\): expected \(4, 4\)"),
+        (np.ones(4), ValueError, r"image has shape \(4,\): expected \(rows, columns\)"),
+        (np.ones((4, 4, 2)), ValueError, r"image has shape \(4, 4, 2\): expected .*3\)"),
+        (np.full((4, 4), math.nan), ValueError, r"image\[0, 0\] is nan: expected numbers"),
+        (np.full((4, 4), math.inf), ValueError, r"image\[0, 0\] is inf: expected numbers"),
+        (np.ones((4, 4), complex), TypeError, r"image has dtype complex128: expected a real"),
+        (np.full((4, 4), "a"), TypeError, r"image has dtype <U1: expected a real"),
+    ],
+    ids=["size", "list", "channels", "nan", "inf", "complex", "text"],
+)
+def test_bad_image_is_refused_with_its_shape_dtype_or_pixel(
+    runtime: Runtime, image: NDArray[Any], error: type[Exception], message: str
+) -> None:
+    gbuffer = trace(made := camera(size=(4, 4)), [tilted(made, 0.0)])
+    with pytest.raises(error, match=message):
+        bilateral_blur(image, gbuffer, runtime=runtime)

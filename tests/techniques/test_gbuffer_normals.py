@@ -1,0 +1,216 @@
+"""What a device G-buffer derives: view-space normals that face the viewer, and 1 / depth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import SurfaceView
+from ssgi_cl.runtime import Runtime
+
+from .analytic import CAMERAS, SCENES, Plane, camera, scene, tilted, trace
+
+FLIPS = 1e-3
+"""Share of pixels in which the smaller of two equal depth differences may be either."""
+
+
+def derived(runtime: Runtime, gbuffer: GBuffer) -> NDArray[np.float32]:
+    """Return [rows, columns, 3]: the device's view-space normals."""
+    return np.moveaxis(uploaded(runtime, gbuffer).normal.download(), 0, -1)
+
+
+def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
+    """Return the G-buffer on the device."""
+    device = DeviceGBuffer(
+        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin
+    )
+    device.upload(gbuffer)
+    return device
+
+
+def degrees_between(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the angle between unit vectors; exact for small angles too."""
+    wide = a.astype(np.float64), b.astype(np.float64)
+    across = np.linalg.norm(np.cross(*wide), axis=-1)
+    return np.degrees(np.arctan2(across, np.sum(wide[0] * wide[1], axis=-1)))
+
+
+def facing_normal(camera: Camera, plane: Plane) -> NDArray[np.float64]:
+    """Return the view-space normal of a plane made by `tilted`, which faces the camera."""
+    return camera.view[:3, :3] @ np.asarray(plane.normal)
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("size", [(3, 5), (17, 31), (47, 61), (16, 600), (600, 16)], ids=str)
+def test_normals_from_depth_are_right_to_a_tenth_of_a_degree_on_planes(
+    form_runtime: Runtime, kind: str, size: tuple[int, int]
+) -> None:
+    made = camera(kind, size)
+    for tilt in (0.0, 30.0, 60.0, 80.0, 89.0):
+        gbuffer = trace(made, [plane := tilted(made, tilt)], normals=False)
+        # A pixel without a neighbour in its row or column knows too little.
+        there = np.isfinite(gbuffer.depth)
+        known = there & _beside(there, 0) & _beside(there, 1)
+        normal = derived(form_runtime, gbuffer)
+        wanted = np.broadcast_to(facing_normal(made, plane), normal.shape)
+        wrong = degrees_between(normal, wanted)[known]
+        # Depths are rounded to 2^-24, and pixels are 0.001 radians apart at least.
+        assert wrong.max(initial=0.0) < 0.1, f"tilt {tilt}"
+
+
+def _beside(there: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
+    padded = np.pad(there, [(int(axis == i),) * 2 for i in (0, 1)])
+    rows, columns = there.shape
+    after = padded[2 * (axis == 0) :, 2 * (axis == 1) :]
+    return padded[:rows, :columns] | after
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_normals_from_depth_agree_with_numpy_twin(
+    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+) -> None:
+    given = scene(name, camera(kind), rng)
+    gbuffer = GBuffer(camera=given.camera, depth=given.depth)
+    wanted = SurfaceView.of(gbuffer).normal
+    # Positions are rounded to 2^-24 of a depth of 5 and lie 0.05 apart, which is 1e-4 degrees.
+    wrong = degrees_between(derived(runtime, gbuffer), wanted) > 0.01
+    assert wrong.mean() <= FLIPS
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_given_normals_agree_with_numpy_twin(
+    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+) -> None:
+    gbuffer = scene(name, camera(kind), rng)
+    wanted = SurfaceView.of(gbuffer).normal
+    wrong = degrees_between(derived(runtime, gbuffer), wanted) > 0.01  # as above
+    assert wrong.mean() <= FLIPS
+
+
+@pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
+def test_every_kernel_form_gives_the_same_normals(
+    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, normals: bool
+) -> None:
+    gbuffer = scene("bumpy", camera(size=(131, 217)), rng, margin=(1, 3))
+    if not normals:
+        gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
+    a, b = derived(runtime, gbuffer), derived(form_runtime, gbuffer)
+    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("name", SCENES)
+def test_normals_have_unit_length_and_are_0_where_nothing_is(
+    form_runtime: Runtime, rng: np.random.Generator, kind: str, name: str
+) -> None:
+    gbuffer = scene(name, camera(kind), rng)
+    length = np.linalg.norm(derived(form_runtime, gbuffer).astype(np.float64), axis=-1)
+    wanted = np.isfinite(gbuffer.depth).astype(float)
+    # A given normal's components are rounded by 2^-24, and by GBuffer left alone within 1e-5.
+    np.testing.assert_allclose(length, wanted, rtol=0, atol=6e-6)
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_normal_that_faces_away_from_its_surface_is_turned(
+    form_runtime: Runtime, rng: np.random.Generator, kind: str
+) -> None:
+    gbuffer = scene("corner", camera(kind), rng)
+    turned = GBuffer(
+        camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal)
+    )
+    a, b = derived(form_runtime, gbuffer), derived(form_runtime, turned)
+    # In a crease the surface rebuilt from depth may be the other one; measured: 1 pixel of 2867,
+    # with the camera given by intrinsics.
+    assert np.mean(np.any(a != b, axis=-1)) <= FLIPS
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
+    form_runtime: Runtime, sign: float
+) -> None:
+    # The surface is tilted by 80 degrees and its interpolated normal by 95: the sight says that
+    # the normal faces away, the surface that it does not. Its opposite faces the viewer already.
+    made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.05, width=20, height=20)
+    plane, leaning = tilted(made, 80.0), tilted(made, 95.0)
+    depth = trace(made, [plane]).depth
+    normal = sign * np.broadcast_to(leaning.normal, (20, 20, 3))
+    result = derived(form_runtime, GBuffer(camera=made, depth=depth, normal=normal))
+    wanted = sign * facing_normal(made, leaning)
+    np.testing.assert_allclose(result, np.broadcast_to(wanted, result.shape), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1)], ids=str)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_image_of_one_row_or_column_has_finite_normals_that_face_the_viewer(
+    form_runtime: Runtime, size: tuple[int, int], kind: str
+) -> None:
+    made = camera(kind, size)
+    gbuffer = GBuffer(camera=made, depth=np.full(size, 3.0, np.float32))
+    normal = derived(form_runtime, gbuffer)
+    # All differences have no depth, so the surface lies across the view.
+    np.testing.assert_allclose(normal, np.broadcast_to([0, 0, 1], normal.shape), atol=1e-6)
+
+
+def test_lone_pixel_has_a_normal_towards_the_viewer(form_runtime: Runtime) -> None:
+    made = camera(size=(9, 40))
+    depth = np.full(made.size, np.inf, np.float32)
+    depth[4, 0] = depth[4, 39] = depth[0, 17] = depth[8, 16] = 2.0
+    normal = derived(form_runtime, GBuffer(camera=made, depth=depth))
+    wanted = np.where(np.isfinite(depth)[..., None], [0.0, 0.0, 1.0], 0.0)
+    np.testing.assert_allclose(normal, wanted, atol=1e-6)  # a length of 1, rounded
+
+
+def test_given_normal_of_0_is_reconstructed_and_others_are_kept(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    holes = rng.random(gbuffer.size) < 0.3
+    partly = np.where(holes[..., None], 0.0, gbuffer.normal)
+    mixed = derived(
+        form_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly)
+    )
+    given = derived(form_runtime, gbuffer)
+    rebuilt = derived(form_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth))
+    np.testing.assert_array_equal(mixed, np.where(holes[..., None], rebuilt, given))
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+@pytest.mark.parametrize("reach", [3.0, 30.0])
+def test_any_depths_give_finite_unit_normals(
+    form_runtime: Runtime, rng: np.random.Generator, kind: str, reach: float
+) -> None:
+    made = camera(kind, (33, 70))
+    depth = (10.0 ** rng.uniform(-reach, reach, made.size)).astype(np.float32)
+    normal = derived(form_runtime, GBuffer(camera=made, depth=depth))
+    length = np.linalg.norm(normal.astype(np.float64), axis=-1)
+    np.testing.assert_allclose(length, 1.0, rtol=0, atol=1e-6)  # some roundings of 2^-24
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(
+    form_runtime: Runtime, rng: np.random.Generator, kind: str
+) -> None:
+    gbuffer = scene("noisy", camera(kind), rng)
+    linear = uploaded(form_runtime, gbuffer).linear.download()[0]
+    depth = np.asarray(gbuffer.depth)
+    wanted = depth if kind == "orthographic" else np.where(np.isinf(depth), np.inf, 1.0 / depth)
+    np.testing.assert_allclose(linear, wanted, rtol=2e-7)  # a division, rounded
+
+
+def test_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:
+    device = DeviceGBuffer(runtime, (8, 8))
+    gbuffer = trace(made := camera(size=(4, 4)), [tilted(made, 0.0)])
+    with pytest.raises(ValueError, match=r"size, margin and layers \(\(4, 4\).*expected"):
+        device.upload(gbuffer)
+
+
+def test_deriving_without_a_camera_is_refused(runtime: Runtime) -> None:
+    with pytest.raises(ValueError, match=r"no camera: call set_camera or upload first"):
+        DeviceGBuffer(runtime, (8, 8)).derive()

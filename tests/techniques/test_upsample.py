@@ -1,0 +1,200 @@
+"""Joint-bilateral upsampling: against its numpy twin, on planes, and at silhouettes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.reference.upsample import upsample_reference
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size, upsample
+
+from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+
+WEIGHTS = 2e-4
+"""Of an image in [0, 1]: a weight is off by 1e-4, as kernels/common/lanes.clh states."""
+SIZES = ((1, 1), (1, 40), (3, 5), (17, 31), (47, 61), (16, 600))
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+) -> None:
+    gbuffer = scene(name, camera(kind), rng)
+    image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
+    fine = upsample(image, gbuffer, runtime=runtime)
+    wanted = upsample_reference(image, gbuffer)
+    # Distances that halve a weight 20 times multiply its rounding: 2^-24 / 0.005 a sigma, 20 sigma.
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=5 * WEIGHTS)
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 4, 16])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
+    form_runtime: Runtime, rng: np.random.Generator, step: int, channels: int,
+    margin: tuple[int, int],
+) -> None:
+    gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
+    small = coarse_size(gbuffer.size, step)
+    image = rng.random(small if channels == 1 else (*small, 3)).astype(np.float32)
+    options = {"step": step, "background": -1.0, "depth_sigma": 0.02, "normal_sigma": 0.5}
+    fine = upsample(image, gbuffer, runtime=form_runtime, **options)
+    wanted = upsample_reference(image, gbuffer, **options)
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=5 * WEIGHTS)  # as above
+
+
+def test_every_kernel_form_gives_the_same_result(
+    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
+    image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
+    a = upsample(image, gbuffer, runtime=runtime)
+    b = upsample(image, gbuffer, runtime=form_runtime)
+    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("step", [2, 4])
+def test_constant_stays_constant_at_odd_sizes(
+    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
+) -> None:
+    gbuffer = scene("noisy", camera(size=size), rng)
+    there = np.isfinite(gbuffer.depth)
+    image = np.full(coarse_size(size, step), 0.7, np.float32)
+    fine = upsample(image, gbuffer, step=step, background=-1.0, runtime=form_runtime)
+    assert fine.shape == size
+    # A quotient of 4 products and sums, each rounded by 2^-24.
+    np.testing.assert_allclose(fine[there], 0.7, rtol=1e-6)
+    np.testing.assert_array_equal(fine[~there], -1.0)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 45.0])
+@pytest.mark.parametrize("step", [2, 3, 4])
+def test_ramp_on_a_plane_comes_back_as_a_ramp(
+    runtime: Runtime, degrees: float, step: int
+) -> None:
+    gbuffer = trace(made := camera(size=(49, 61)), [tilted(made, degrees)])
+    row, column = np.indices(made.size)
+    ramp = (0.3 * row - 0.2 * column).astype(np.float32)
+    fine = upsample(ramp[::step, ::step], gbuffer, step=step, runtime=runtime)
+    # Beyond the last coarse pixel the image goes on as a constant.
+    inner = np.s_[: 48 // step * step + 1, : 60 // step * step + 1]
+    # 0.001 is added to the distance weights so that none is 0: a shift of 0.001 step each.
+    np.testing.assert_allclose(fine[inner], ramp[inner], rtol=0, atol=0.0011 * step)
+
+
+@pytest.mark.parametrize("step", [2, 4])
+def test_silhouette_does_not_leak(
+    form_runtime: Runtime, rng: np.random.Generator, step: int
+) -> None:
+    gbuffer = scene("step", camera(size=(49, 61)), rng)
+    near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
+    assert 0.1 < near.mean() < 0.9
+    fine = upsample(near[::step, ::step], gbuffer, step=step, runtime=form_runtime)
+    # Both sizes end on a coarse pixel, so that a pixel has one of its own side in reach unless
+    # the slanted edge cuts it off; the wrong side weighs 2^-25 against 1e-6 at least.
+    own = _own_side_in_reach(near, step)
+    assert own.mean() > 0.98
+    np.testing.assert_allclose(fine[own], near[own], rtol=0, atol=0.05)
+    close = own & _own_side_is_nearest(near, step)
+    np.testing.assert_allclose(fine[close], near[close], rtol=0, atol=1e-6)
+
+
+def _corners(near: NDArray[np.float32], step: int) -> list[NDArray[np.float32]]:
+    y, x = np.indices(near.shape)
+    last_y, last_x = (near.shape[0] - 1) // step, (near.shape[1] - 1) // step
+    return [
+        near[np.minimum(y // step + dy, last_y) * step, np.minimum(x // step + dx, last_x) * step]
+        for dy in (0, 1) for dx in (0, 1)
+    ]
+
+
+def _own_side_in_reach(near: NDArray[np.float32], step: int) -> NDArray[np.bool_]:
+    return np.any([corner == near for corner in _corners(near, step)], axis=0)
+
+
+def _own_side_is_nearest(near: NDArray[np.float32], step: int) -> NDArray[np.bool_]:
+    y, x = np.indices(near.shape)
+    # A corner in line with the pixel weighs 1e-3 of one beside it, and in both 1e-6.
+    corners = _corners(near, step)
+    reach = [(y % step != 0) | (dy == 0) for dy in (0, 1) for dx in (0, 1)]
+    reach = [r & ((x % step != 0) | (k % 2 == 0)) for k, r in enumerate(reach)]
+    return np.any([(c == near) & r for c, r in zip(corners, reach, strict=True)], axis=0)
+
+
+def test_step_of_one_returns_the_image(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = trace(made := camera(), [tilted(made, 30.0)])
+    image = rng.random(made.size).astype(np.float32)
+    # Neighbours weigh 0.001 in each direction, which is the floor of a distance weight.
+    np.testing.assert_allclose(
+        upsample(image, gbuffer, step=1, runtime=runtime), image, rtol=0, atol=0.0021
+    )
+
+
+def test_reduced_gbuffer_sees_what_its_camera_says(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    for margin in ((0, 0), (3, 5), (2, 3)):
+        gbuffer = scene("bumpy", camera(size=(22, 34)), rng, margin=margin)
+        device = DeviceGBuffer(form_runtime, gbuffer.size, margin=margin)
+        device.upload(gbuffer)
+        reduced = ReducedGBuffer(device, 2)
+        reduced.update(device)
+        rows, columns = reduced.margin
+        depth = reduced.depth.download()[0]
+        assert depth.shape == (11 + 2 * rows, 17 + 2 * columns)
+        np.testing.assert_array_equal(
+            depth[rows : rows + 11, columns : columns + 17],
+            gbuffer.inner(gbuffer.first("depth"))[::2, ::2],
+        )
+
+
+def test_two_runs_give_the_same_bits_and_allocate_nothing(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device.upload(gbuffer)
+    reduced = ReducedGBuffer(device, 2)
+    technique = Upsample(form_runtime, gbuffer.size, 2)
+    plane = form_runtime.plane(1, reduced.size)
+    plane.upload(rng.random((1, *reduced.size)).astype(np.float32))
+    results = []
+    for _ in range(2):
+        before = form_runtime.allocated_bytes, form_runtime.builds
+        reduced.update(device)
+        results.append(technique.run(plane, reduced, device).download())
+    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"step": 0}, ValueError, r"step is 0: expected an integer >= 1 and <= 16"),
+        ({"step": 2.0}, TypeError, r"step is 2.0: expected an integer"),
+        ({"background": math.nan}, ValueError, r"background is nan: expected a number"),
+        ({"depth_sigma": 0.0}, ValueError, r"depth_sigma is 0.0: expected a number >= 1e-06"),
+        ({"normal_sigma": -1.0}, ValueError, r"normal_sigma is -1.0: .*radians"),
+        ({"image": np.ones((4, 4))}, ValueError, r"image has shape \(4, 4\): expected \(2, 3\)"),
+        ({"image": np.full((2, 3), math.nan)}, ValueError, r"image\[0, 0\] is nan"),
+        ({"image": np.ones((2, 3), complex)}, TypeError, r"image has dtype complex128"),
+        ({"image": np.ones((2, 3, 4))}, ValueError, r"image has shape \(2, 3, 4\): expected"),
+    ],
+    ids=str,
+)
+def test_bad_argument_is_refused_with_its_name_value_and_range(
+    runtime: Runtime, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    gbuffer = trace(made := camera(size=(3, 5)), [tilted(made, 0.0)])
+    image = options.pop("image", np.ones((2, 3)))
+    with pytest.raises(error, match=message):
+        upsample(image, gbuffer, runtime=runtime, **options)

@@ -67,6 +67,8 @@ layout(location = 1) out vec4 albedo_material;
 void main()
 {
     vec4 texel = u_textured != 0 ? texture(u_texture, v_uv) : vec4(1.0);
+    // From the finest level: a cut-out keeps its shape at any distance.
+    float alpha = u_textured != 0 ? textureLod(u_texture, v_uv, 0.0).a * u_albedo.a : u_albedo.a;
 
     int index = u_first + gl_PrimitiveID;
     ivec2 place = ivec2(2 * (index % u_columns), index / u_columns);
@@ -76,7 +78,7 @@ void main()
     value = clamp(value, bounds.z, bounds.w);
     float depth = u_perspective != 0 ? 1.0 / value : value;
 
-    if (texel.a * u_albedo.a < u_cutoff || !(depth > 0.0))
+    if (alpha < u_cutoff || !(depth > 0.0))
         discard;
     if (u_peel_factor > 0.0) {
         float before = texelFetch(u_before, ivec2(gl_FragCoord.xy), 0).w;

@@ -8,7 +8,8 @@ import numpy as np
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import Floats, GBuffer
 from ssgi_cl.runtime import Runtime, Size
 
 from .device_scene import DeviceScene
@@ -76,25 +77,37 @@ def gbuffer(
         arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
         depth, normal = arrays["depth"], arrays["normal"][0]
         albedo, emission = arrays["albedo"][0], arrays["emission"][0]
-        emits = bool(emission.any())
-    else:
-        runtime = runtime or Runtime.open()
-        kept = device_scene(scene, runtime)
-        rasterizer: Rasterizer = runtime.prepared(
-            (Rasterizer, camera.size, layers, margin, True),
-            lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin),
-        )
-        with runtime.frame():
-            target = rasterizer.render(kept, camera)
-            depth = target.depth.download()
-            normal = np.moveaxis(target.normal_world.download(), 0, -1)
-            albedo = np.moveaxis(target.albedo.download(), 0, -1)
-            emits = target.emits
-            emission = np.moveaxis(target.emission.download(), 0, -1) if emits else None
+        return _host(camera, depth, normal, albedo, emission if emission.any() else None)
+    runtime = runtime or Runtime.open()
+    kept = device_scene(scene, runtime)
+    rasterizer: Rasterizer = runtime.prepared(
+        (Rasterizer, camera.size, layers, margin, True),
+        lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin),
+    )
+    with runtime.frame():
+        return downloaded(rasterizer.render(kept, camera))
+
+
+def downloaded(target: DeviceGBuffer) -> GBuffer:
+    """Return a copy of a device G-buffer in host memory, normals in world space."""
+    if target.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    return _host(
+        target.camera,
+        target.depth.download(),
+        np.moveaxis(target.normal_world.download(), 0, -1),
+        np.moveaxis(target.albedo.download(), 0, -1),
+        np.moveaxis(target.emission.download(), 0, -1) if target.emits else None,
+    )
+
+
+def _host(
+    camera: Camera, depth: Floats, normal: Floats, albedo: Floats, emission: Floats | None
+) -> GBuffer:
     return GBuffer(
         camera=camera,
-        depth=depth[0] if layers == 1 else depth,
+        depth=depth[0] if len(depth) == 1 else depth,
         normal=normal,
         albedo=albedo,
-        emission=emission if emits else None,
+        emission=emission,
     )

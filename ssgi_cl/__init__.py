@@ -14,9 +14,12 @@ from ssgi_cl.errors import (
 )
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.render import Frame, Renderer, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.techniques.tonemap import Tonemap, tonemap
 from ssgi_cl.techniques.upsample import Upsample, upsample
 from ssgi_cl.version import __version__
 
@@ -29,6 +32,7 @@ __all__ = [
     "DirectionalLight",
     "Environment",
     "Form",
+    "Frame",
     "GBuffer",
     "KernelBuildError",
     "KernelSourceError",
@@ -37,16 +41,22 @@ __all__ = [
     "PassTime",
     "PointLight",
     "ReflectiveShadowMap",
+    "Renderer",
     "Runtime",
     "SceneError",
+    "Shade",
     "SpotLight",
     "Ssao",
     "SsaoParams",
     "SsgiError",
+    "Tonemap",
     "Upsample",
     "__version__",
     "bilateral_blur",
     "rasterize",
+    "render",
+    "shade",
     "ssao",
+    "tonemap",
     "upsample",
 ]

@@ -60,10 +60,17 @@ def describe(params: type[Params]) -> list[tuple[str, str, str]]:
     lines = []
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
         rule = field.metadata
-        limits = " to ".join(f"{rule[side]:g}" for side in ("low", "high")
-                             if rule and math.isfinite(rule[side]))
+        limits = _limits(rule["low"], rule["high"]) if rule else ""
         allowed = ", ".join(rule["choices"]) if rule and rule["choices"] else limits
         note = "; ".join(part for part in (allowed, rule["unit"] if rule else "") if part)
         lines.append((field.name, str(field.default), f"{rule['doc']} ({note})" if note
                       else str(rule["doc"] if rule else "")))
     return lines
+
+
+def _limits(low: float, high: float) -> str:
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{low:g} to {high:g}"
+    if math.isfinite(low):
+        return f"{low:g} or more"
+    return f"{high:g} or less" if math.isfinite(high) else ""

@@ -50,7 +50,7 @@ class Runtime:
     """
 
     def __init__(self, info: DeviceInfo, form: Form) -> None:
-        import pyopencl as cl
+        cl = _opencl()
 
         self.info = info
         self.form = form
@@ -120,7 +120,7 @@ class Runtime:
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
     def _allocate(self, size: int) -> Any:
-        import pyopencl as cl
+        cl = _opencl()
 
         self.allocated_bytes += size
         flags = cl.mem_flags.READ_WRITE
@@ -200,7 +200,7 @@ class Runtime:
         return Kernel(self, program, name, source)
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
-        import pyopencl as cl
+        cl = _opencl()
 
         self.builds += 1
         with warnings.catch_warnings():
@@ -250,6 +250,16 @@ class Runtime:
         self.queue.finish()
 
 
+def _opencl() -> Any:
+    """Return PyOpenCL, imported when a device is opened and no sooner: it loads the drivers.
+
+    Untyped, as its own annotations lack calls that it takes.
+    """
+    import pyopencl
+
+    return pyopencl
+
+
 _OPENED: dict[tuple[Any, ...], Runtime] = {}
 _loaded_driver: str | None = None
 
@@ -261,7 +271,7 @@ def _load_driver(info: DeviceInfo) -> None:
         asked = os.environ.get("OCL_ICD_VENDORS")
         os.environ["OCL_ICD_VENDORS"] = info.driver
         try:
-            import pyopencl as cl
+            cl = _opencl()
 
             cl.get_platforms()
         finally:
@@ -290,7 +300,7 @@ class DeviceArray:
 
     def upload(self, values: NDArray[Any]) -> None:
         """Replace the contents; same dtype, at most the same number of elements."""
-        import pyopencl as cl
+        cl = _opencl()
 
         flat = np.ascontiguousarray(values, self.dtype).ravel()
         if flat.size > self.count:
@@ -300,7 +310,7 @@ class DeviceArray:
 
     def download(self) -> NDArray[Any]:
         """Return a copy of the contents."""
-        import pyopencl as cl
+        cl = _opencl()
 
         values = np.empty(self.count, self.dtype)
         cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
@@ -334,7 +344,7 @@ class Plane:
     @contextmanager
     def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
         """Give the whole memory [rows, pitch] to the host; written back at the end."""
-        import pyopencl as cl
+        cl = _opencl()
 
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
         if self.runtime.shares_memory:
@@ -366,7 +376,7 @@ class Plane:
 
     def download(self, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return a copy [count, rows, columns], written to `out` if given (any strides)."""
-        import pyopencl as cl
+        cl = _opencl()
 
         if out is None:
             out = np.empty((self.count, *self.size), np.float32)
@@ -383,6 +393,20 @@ class Plane:
             np.copyto(out, self._images(memory))
         return out
 
+    def copy_image(self, index: int, source: Plane) -> None:
+        """Queue a copy of the first image of `source`, of the same size, to image `index`."""
+        import pyopencl as cl
+
+        if source.size != self.size:
+            raise ValueError(f"source has size {source.size}: expected {self.size}")
+        size = self.size[0] * self.pitch * 4
+        event = cl.enqueue_copy(
+            self.runtime.queue, self.buffer, source.buffer, byte_count=size,
+            src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
+        )
+        self.runtime.record("copy", event)
+        self._image_is_current = False
+
     def written(self) -> None:
         """Note that a kernel writes to this plane."""
         self._image_is_current = False
@@ -391,7 +415,7 @@ class Plane:
         """Return what a kernel reads: the buffer, or an image with the same contents."""
         if self.runtime.form.storage == "buffer":
             return self.buffer
-        import pyopencl as cl
+        cl = _opencl()
 
         shape = (self.pitch, self._rows)
         if self._image is None:
@@ -418,7 +442,7 @@ class Kernel:
     """A compiled kernel with arguments of its own."""
 
     def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
-        import pyopencl as cl
+        cl = _opencl()
 
         self.runtime = runtime
         self.name = name
@@ -452,7 +476,7 @@ class Kernel:
                 a row.
             local: (rows, columns) of a work-group; by default chosen for the device.
         """
-        import pyopencl as cl
+        cl = _opencl()
 
         lanes = self.runtime.form.lanes
         rows, columns = grid or (size[0], -(-size[1] // lanes))

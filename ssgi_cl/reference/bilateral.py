@@ -35,17 +35,22 @@ def bilateral_reference(
     return value[..., 0] if flat else value
 
 
-def off_plane(view: SurfaceView, row: Doubles, column: Doubles, other: Doubles,
-              position: tuple[Doubles, Doubles, Doubles, Doubles]) -> Doubles:
+def off_plane(
+    view: SurfaceView,
+    row: Doubles,
+    column: Doubles,
+    other: Doubles,
+    pixel: tuple[Doubles, Doubles, Doubles, Doubles],
+) -> Doubles:
     """Return how far surfaces lie off the tangent planes of pixels, relative to the depth.
 
     Args:
         view: whose lines of sight count.
         row, column: of the other surface's pixel centre.
         other: its depth.
-        position: row, column, depth and normal of the pixels whose tangent planes count.
+        pixel: row, column, depth and normal of the pixels whose tangent planes count.
     """
-    own_row, own_column, depth, normal = position
+    own_row, own_column, depth, normal = pixel
     sx, sy = view.slopes(row, column)
     own_sx, own_sy = view.slopes(own_row, own_column)
     p = 0.0 if view.camera.is_orthographic else 1.0
@@ -65,7 +70,7 @@ def _blurred(
     rows, columns = view.size
     depth, normal = view.inner(view.depth), view.inner(view.normal)
     y, x = np.indices((rows, columns))
-    centre = (y + view.margin[0] + 0.5, x + view.margin[1] + 0.5)
+    row, column = (view.inner(centre) for centre in view.centres())
     there = np.isfinite(depth)
     safe = np.where(there, depth, 1.0)
     sigma = params.sigma or 0.5 * (params.radius + 1)
@@ -77,8 +82,8 @@ def _blurred(
         ty, tx = np.clip(ty, 0, rows - 1), np.clip(tx, 0, columns - 1)
         other_there = np.isfinite(depth[ty, tx])
         off = off_plane(
-            view, centre[0] + dy, centre[1] + dx, np.where(other_there, depth[ty, tx], 1.0),
-            (*centre, safe, normal),
+            view, row + dy, column + dx, np.where(other_there, depth[ty, tx], 1.0),
+            (row, column, safe, normal),
         )
         cosine = np.sum(normal * normal[ty, tx], axis=-1)
         keep = (

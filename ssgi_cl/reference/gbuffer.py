@@ -122,7 +122,9 @@ class SurfaceView:
         focal = 0.5 * max(
             camera.width * camera.projection[0, 0], camera.height * camera.projection[1, 1]
         )
-        return focal / self.step / (np.ones_like(depth) if camera.is_orthographic else depth)
+        k = np.ones_like(depth) if camera.is_orthographic else depth
+        result: Doubles = focal / self.step / k
+        return result
 
     def flatness(self, depth: Doubles) -> Doubles:
         """Return the measure of depth that is linear in the pixel position on every plane."""

@@ -35,8 +35,8 @@ def upsample_reference(
     depth, normal = view.inner(view.depth), view.inner(view.normal)
     coarse_depth, coarse_normal = coarse.inner(coarse.depth), coarse.inner(coarse.normal)
     there = np.isfinite(depth)
-    centre = (y + view.margin[0] + 0.5, x + view.margin[1] + 0.5)
-    pixel = (*centre, np.where(there, depth, 1.0), normal)
+    row, column = (view.inner(centre) for centre in view.centres())
+    pixel = (row, column, np.where(there, depth, 1.0), normal)
     total = np.zeros((rows, columns))
     result = np.zeros((rows, columns, value.shape[-1]))
     for down in (0, 1):
@@ -47,8 +47,7 @@ def upsample_reference(
             near = [np.maximum(1.0 - np.abs(d) / step, 0.0) + 1e-3 for d in (dy, dx)]
             tap = coarse_depth[cy, cx]
             tap_there = np.isfinite(tap)
-            off = off_plane(view, centre[0] + dy, centre[1] + dx,
-                            np.where(tap_there, tap, 1.0), pixel)
+            off = off_plane(view, row + dy, column + dx, np.where(tap_there, tap, 1.0), pixel)
             apart = 0.5 * (off / depth_sigma) ** 2 / math.log(2.0)
             apart = np.where(tap_there, np.minimum(apart, FARTHEST), FARTHEST)
             cosine = np.sum(normal * coarse_normal[cy, cx], axis=-1)

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from ssgi_cl.runtime import Plane, Runtime
+
+from ssgi_cl.runtime import DeviceArray, Plane, Runtime
 from ssgi_cl.structs import Struct
 
 _SCALARS = {"f": "float", "i": "int"}
@@ -73,11 +74,9 @@ def run_expressions(
     )
     result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
     size = next(iter(planes.values())).size if planes else (1, whole)
-    reads = [
-        *planes.values(),
-        *(runtime.array(table) for table in tables.values()),
-        *(runtime.array(np.pad(numbers, (0, whole - count), "edge")) for numbers in inputs.values()),
-    ]
+    padded = [np.pad(numbers, (0, whole - count), "edge") for numbers in inputs.values()]
+    arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
+    reads: list[Plane | DeviceArray] = [*planes.values(), *arrays]
     kernel.run(
         "expression", size, reads, [result], [value for _, value in values.values()],
         grid=(1, whole // runtime.form.lanes), local=(1, 1),

@@ -7,17 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from ssgi_cl.camera import Camera
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values
 
 from .expression import run_expressions
 
-SIZE = {"width": 640, "height": 480}
+W, H = 640, 480
 CAMERAS = {
-    "perspective": Camera.look_at((0, 0, 0), (0, 0, -1), yfov=1.0, **SIZE),
-    "off-centre": Camera.from_intrinsics(500.0, 450.0, 100.0, 400.0, **SIZE),
-    "orthographic": Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=3.0, **SIZE),
+    "perspective": Camera.look_at((0, 0, 0), (0, 0, -1), yfov=1.0, width=W, height=H),
+    "off-centre": Camera.from_intrinsics(500.0, 450.0, 100.0, 400.0, width=W, height=H),
+    "orthographic": Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=3.0, width=W, height=H),
 }
 MARGINS = [(0, 0), (6, 9)]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from ssgi_cl.runtime import GUARD, Plane, Runtime, Size
 
 from .expression import run_expression

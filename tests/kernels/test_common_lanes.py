@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from ssgi_cl import drivers
 from ssgi_cl.runtime import Runtime
 
@@ -48,7 +49,7 @@ def fused(
 
 def divides_exactly(runtime: Runtime) -> bool:
     """Whether the device promises correctly rounded division and square root."""
-    return "PoCL" in runtime.info.label or runtime.info.kind == "cpu"
+    return runtime.info.kind == "cpu"
 
 
 ARITHMETIC = {
@@ -88,7 +89,8 @@ def test_arithmetic_rounds_as_ieee_754_says(
     }
     for name, values in expected.items():
         np.testing.assert_array_equal(bits(result[name]), bits(values), err_msg=name)
-    assert (expected["fused"] != expected["not fused"]).mean() > 0.5  # so that the two are told apart
+    # The numbers tell the two apart.
+    assert (expected["fused"] != expected["not fused"]).mean() > 0.5
     one = np.float32(1)
     rounded = {"quotient": x / y, "root": np.sqrt(np.abs(x)), "1 / root": one / np.sqrt(np.abs(x))}
     for name, values in rounded.items():

@@ -27,7 +27,8 @@ FLIPS = 1e-3
 """Share of pixels in which one sample may fall to the other side of a pixel's edge or a surface.
 
 A pixel position is rounded to about 2^-18 px, so that a sample in 1e5 reads the next pixel, which
-matters at edges only. Measured over 100 images of 61 x 47: 2e-6 of all pixels.
+matters at edges only. Measured over 200 images of 61 x 47, all scenes and cameras: 1 pixel of
+573400; all others agree within 6e-7. An image of that size may have 2.
 """
 
 
@@ -368,14 +369,15 @@ def test_any_margin_agrees_with_numpy_twin_at_every_resolution(
     assert share_off(a, ssao_reference(gbuffer, params), WEIGHTS) <= 25 * FLIPS
 
 
-@pytest.mark.parametrize(("resolution", "bound"), [("half", 0.05), ("quarter", 0.09)])
+@pytest.mark.parametrize(("resolution", "bound"), [("half", 0.035), ("quarter", 0.065)])
 def test_reduced_resolution_is_close_to_the_full_one(
     runtime: Runtime, rng: np.random.Generator, resolution: str, bound: float
 ) -> None:
     gbuffer = scene("corner", camera(size=(121, 161)), rng)
     full = ssao(gbuffer, RADIUS, blur_radius=4, runtime=runtime)
     a = ssao(gbuffer, RADIUS, blur_radius=4, resolution=resolution, runtime=runtime)
-    # A blur of 4 px covers 2 and 4 times the length. Measured: see the report of RMSE below.
+    # A blur of 4 px covers 2 and 4 times the length, and creases are that much wider. Measured:
+    # RMSE 0.026 and 0.051; the bound leaves room for other points, not for a shift by a pixel.
     assert math.sqrt(np.mean((a - full) ** 2)) < bound
 
 

@@ -31,7 +31,8 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     fine = upsample(image, gbuffer, runtime=runtime)
     wanted = upsample_reference(image, gbuffer)
     # Distances that halve a weight 20 times multiply its rounding: 2^-24 / 0.005 a sigma, 20 sigma.
-    np.testing.assert_allclose(fine, wanted, rtol=0, atol=5 * WEIGHTS)
+    # Measured over all scenes and cameras: 2.3e-4.
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=2.5 * WEIGHTS)
 
 
 @pytest.mark.parametrize("step", [1, 2, 3, 4, 16])
@@ -47,7 +48,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
     options = {"step": step, "background": -1.0, "depth_sigma": 0.02, "normal_sigma": 0.5}
     fine = upsample(image, gbuffer, runtime=form_runtime, **options)
     wanted = upsample_reference(image, gbuffer, **options)
-    np.testing.assert_allclose(fine, wanted, rtol=0, atol=5 * WEIGHTS)  # as above
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=2.5 * WEIGHTS)  # as above
 
 
 def test_every_kernel_form_gives_the_same_result(

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: MIT
+// shade_combine: radiance of each pixel from direct, ambient and indirect irradiance.
+//
+// L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
+// light alone. E_ambient is a quadratic function of the normal (Ramamoorthi and Hanrahan 2001, "An
+// Efficient Representation for Irradiance Environment Maps").
+// Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
+//          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
+//          openness  [rows, columns] A (SHADE_AO 1)
+//          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1)
+//          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
+// Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
+// Params:  ambient coefficients, view to world rotation
+// Launch:  SSGI_LANES pixels of a row per work-item
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+
+#if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_INDIRECT) ||                    \
+    !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) || !defined(SHADE_SKY)
+#error "SHADE_DIRECT, _AO, _INDIRECT, _EMISSION, _AMBIENT and _SKY must be defined by the host"
+#endif
+
+__kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
+                            ssgi_plane emission, ssgi_plane direct, ssgi_plane openness,
+                            ssgi_plane indirect, __global const float *restrict ambient,
+                            __global const float *restrict sky, __global float *restrict radiance,
+                            const int2 size, const SsgiCamera camera, const CombineParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole =
+        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int at_x = x + params.margin_columns;
+    const int at_y = y + params.margin_rows;
+    const vmask there = v_lt(ssgi_load(linear, whole, 0, at_x, at_y), v_splat(INFINITY));
+    vfloat light[3];
+    for (int c = 0; c < 3; ++c) {
+        light[c] = v_splat(0.0f);
+    }
+#if SHADE_AMBIENT
+    const vfloat vx = ssgi_load(normal, whole, 0, at_x, at_y);
+    const vfloat vy = ssgi_load(normal, whole, 1, at_x, at_y);
+    const vfloat vz = ssgi_load(normal, whole, 2, at_x, at_y);
+    const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
+    const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
+    const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
+    for (int c = 0; c < 3; ++c) {
+        vfloat e = v_splat(ambient[c]);
+        e = v_fma(nx, v_splat(ambient[3 + c]), e);
+        e = v_fma(ny, v_splat(ambient[6 + c]), e);
+        e = v_fma(nz, v_splat(ambient[9 + c]), e);
+        e = v_fma(nx * ny, v_splat(ambient[12 + c]), e);
+        e = v_fma(ny * nz, v_splat(ambient[15 + c]), e);
+        e = v_fma(nz * nx, v_splat(ambient[18 + c]), e);
+        e = v_fma(v_fma(nz * 3.0f, nz, v_splat(-1.0f)), v_splat(ambient[21 + c]), e);
+        e = v_fma(nx * nx - ny * ny, v_splat(ambient[24 + c]), e);
+        light[c] = v_max(e, v_splat(0.0f)); // degree 2 may ring below 0 opposite a small light
+    }
+#if SHADE_AO
+    const vfloat a = ssgi_load(openness, size, 0, x, y);
+    for (int c = 0; c < 3; ++c) {
+        light[c] = light[c] * a;
+    }
+#endif
+#endif
+    vfloat sky_at[3];
+    for (int c = 0; c < 3; ++c) {
+        sky_at[c] = v_splat(sky[c]);
+    }
+#if SHADE_SKY
+    if (!v_all(there)) {
+        const float forward = camera.perspective;
+        const vfloat sx = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * forward;
+        const vfloat sy = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * forward;
+        const vfloat wx = params.xx * sx + params.xy * sy - params.xz;
+        const vfloat wy = params.yx * sx + params.yy * sy - params.yz;
+        const vfloat wz = params.zx * sx + params.zy * sy - params.zz;
+        const vfloat length = v_sqrt(wx * wx + wy * wy + wz * wz);
+        const vfloat across = v_fma(atan2pi(wx, -wz), v_splat(0.5f), v_splat(0.5f));
+        const vfloat down = acospi(v_clamp(wy / length, -1.0f, 1.0f));
+        const vint column = v_iclamp(v_to_int(across * (float)params.sky_columns), 0,
+                                     params.sky_columns - 1);
+        const vint row = v_iclamp(v_to_int(down * (float)params.sky_rows), 0, params.sky_rows - 1);
+        for (int c = 0; c < 3; ++c) {
+            sky_at[c] = v_gather(sky, (row * params.sky_columns + column) * 3 + c);
+        }
+    }
+#endif
+    for (int c = 0; c < 3; ++c) {
+#if SHADE_DIRECT
+        light[c] = light[c] + ssgi_load(direct, size, c, x, y);
+#endif
+#if SHADE_INDIRECT
+        light[c] = light[c] + ssgi_load(indirect, size, c, x, y);
+#endif
+        vfloat sum = ssgi_load(albedo, whole, c, at_x, at_y) * light[c] * M_1_PI_F;
+#if SHADE_EMISSION
+        sum = sum + ssgi_load(emission, whole, c, at_x, at_y);
+#endif
+        ssgi_store(v_select(sky_at[c], sum, there), radiance, size, c, x, y, 0.0f);
+    }
+}

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+// shade_light: add the direct irradiance of one light, shadowed by its map.
+//
+// E = I cos / d^2 (spot and point light) or E = E0 cos (directional light), times the shadow map's
+// share. See kernels/shade/shadow.clh.
+// Reads:   depth   [rows, columns] with margin; normal 3 x likewise, view space
+//          map     depth that the light sees: 1 image, or 6 of a point light, in the order
+//                  +x -x +y -y +z -z (SHADE_SHADOW 1)
+// Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW (0, 1), SHADE_ADD (0, 1)
+// Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
+//          that of the light's camera (point light: to world axes round the light)
+// Launch:  SSGI_LANES pixels of a row per work-item
+// Cost:    16 scattered reads per lit pixel with a shadow map
+
+#include "shade/shadow.clh"
+
+#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
+#error "SHADE_KIND, SHADE_SHADOW and SHADE_ADD must be defined by the host"
+#endif
+
+#define SHADE_BRIGHTEST 1e30f // W/m^2: keeps a point at the light itself finite
+
+__kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
+                          __global float *restrict irradiance, const int2 size,
+                          const SsgiCamera camera, const SsgiCamera light_camera,
+                          const LightParams light)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole = (int2)(size.x + 2 * light.margin_columns, size.y + 2 * light.margin_rows);
+    const int at_x = x + light.margin_columns;
+    const int at_y = y + light.margin_rows;
+    const vfloat zero = v_splat(0.0f);
+    const vfloat own = ssgi_load(depth, whole, 0, at_x, at_y);
+    const vmask there = v_lt(own, v_splat(INFINITY));
+    const vfloat z = v_select(v_splat(1.0f), own, there);
+    const vfloat k = ssgi_k(camera, z);
+    const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
+    const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
+    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
+    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
+    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+
+#if SHADE_KIND == 2
+    vfloat strength = -v_fma(nx, v_splat(light.direction_x),
+                             v_fma(ny, v_splat(light.direction_y), nz * light.direction_z));
+#else
+    const vfloat lx = light.position_x - px;
+    const vfloat ly = light.position_y - py;
+    const vfloat lz = light.position_z + z;
+    const vfloat largest = v_max(v_max(v_abs(lx), v_abs(ly)), v_max(v_abs(lz), v_splat(1e-18f)));
+    const vfloat scale = 1.0f / largest;
+    const vfloat ux = lx * scale, uy = ly * scale, uz = lz * scale; // nothing under- or overflows
+    const vfloat inverse = v_rsqrt(v_max(v_fma(ux, ux, v_fma(uy, uy, uz * uz)), v_splat(1e-12f)));
+    const vfloat cosine = v_fma(nx, ux, v_fma(ny, uy, nz * uz)) * inverse;
+    const vfloat inverse_distance = scale * inverse;
+    vfloat strength = cosine * inverse_distance * inverse_distance;
+#if SHADE_KIND == 0
+    const vfloat along = -v_fma(ux, v_splat(light.direction_x),
+                                v_fma(uy, v_splat(light.direction_y), uz * light.direction_z)) *
+                         inverse;
+    strength = v_select(zero, strength, v_ge(along, v_splat(light.least_cosine)));
+#endif
+#endif
+    const vmask lit = there & v_gt(strength, zero);
+    strength = v_min(v_select(zero, strength, lit), v_splat(SHADE_BRIGHTEST));
+#if SHADE_SHADOW
+    if (v_any(lit)) {
+        const vfloat qx = v_fma(v_splat(light.xx), px, v_fma(v_splat(light.xy), py,
+                                                            light.shift_x - light.xz * z));
+        const vfloat qy = v_fma(v_splat(light.yx), px, v_fma(v_splat(light.yy), py,
+                                                            light.shift_y - light.yz * z));
+        const vfloat qz = v_fma(v_splat(light.zx), px, v_fma(v_splat(light.zy), py,
+                                                            light.shift_z - light.zz * z));
+        const vfloat mx = light.xx * nx + light.xy * ny + light.xz * nz;
+        const vfloat my = light.yx * nx + light.yy * ny + light.yz * nz;
+        const vfloat mz = light.zx * nx + light.zy * ny + light.zz * nz;
+#if SHADE_KIND == 1
+        // The face of the largest component i; its camera looks along +-i with i + 1 up, so its
+        // view space is (+-(i + 2), i + 1, -|i|).
+        const vfloat hx = v_abs(qx), hy = v_abs(qy), hz = v_abs(qz);
+        const vmask is_x = v_ge(hx, hy) & v_ge(hx, hz);
+        const vmask is_y = ~is_x & v_ge(hy, hz);
+        const vfloat main = v_select(v_select(qz, qy, is_y), qx, is_x);
+        const vfloat side = v_select(v_select(qy, qx, is_y), qz, is_x);
+        const vfloat up = v_select(v_select(qx, qz, is_y), qy, is_x);
+        const vfloat main_n = v_select(v_select(mz, my, is_y), mx, is_x);
+        const vfloat side_n = v_select(v_select(my, mx, is_y), mz, is_x);
+        const vfloat up_n = v_select(v_select(mx, mz, is_y), my, is_x);
+        const vmask minus = v_lt(main, zero);
+        const vint axis = v_iselect(v_iselect(v_splat_int(4), v_splat_int(2), is_y),
+                                    v_splat_int(0), is_x);
+        const vint face = axis - minus; // a true mask is -1
+        const vfloat share =
+            ssgi_shadow(map, (int2)(light.map_size, light.map_size), light_camera, face,
+                        v_select(side, -side, minus), up, v_abs(main),
+                        v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus));
+#else
+        const vfloat share =
+            ssgi_shadow(map, (int2)(light.map_size, light.map_size), light_camera,
+                        v_splat_int(0), qx, qy, -qz, mx, my, mz);
+#endif
+        strength = strength * share;
+    }
+#endif
+    for (int c = 0; c < 3; ++c) {
+        const float power = c == 0 ? light.red : c == 1 ? light.green : light.blue;
+        vfloat sum = v_min(strength * power, v_splat(SHADE_BRIGHTEST));
+#if SHADE_ADD
+        sum = sum + v_load(irradiance + ssgi_index(size, c, x, y));
+#endif
+        ssgi_store(sum, irradiance, size, c, x, y, 0.0f);
+    }
+}

@@ -1,0 +1,97 @@
+"""Tone mapping: linear radiance to an sRGB picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl import check
+from ssgi_cl.runtime import Plane, Runtime, Size
+
+CURVES = ("clip", "filmic")
+MIDDLE_GREY = 0.18
+
+
+class Tonemap:
+    """Tone mapping, prepared for images of one size."""
+
+    def __init__(self, runtime: Runtime, size: Size, curve: str = "filmic") -> None:
+        self.runtime = runtime
+        self.size = size
+        number = CURVES.index(check.choice("curve", curve, CURVES))
+        self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
+        self._encoded = runtime.plane(3, size)
+
+    def run(self, radiance: Plane, exposure: float) -> Plane:
+        """Queue the pass; return the plane of values in [0, 255]."""
+        self._kernel.run(
+            "tonemap", self.size, reads=[radiance], writes=[self._encoded],
+            values=[np.float32(exposure)],
+        )
+        return self._encoded
+
+
+def auto_exposure(radiance: NDArray[np.float32]) -> float:
+    """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
+
+    Args:
+        radiance: [rows, columns, 3] or [3, rows, columns], linear. Pixels of luminance 0 don't
+            count; 1 if all are 0.
+    """
+    axis = 0 if radiance.shape[0] == 3 and radiance.shape[-1] != 3 else -1
+    # Every third row and column: the mean of a log changes by less than the eye can tell.
+    thinned = radiance[:, ::3, ::3] if axis == 0 else radiance[::3, ::3]
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    luminance = np.tensordot(thinned.astype(np.float64), weights, axes=([axis], [0]))
+    lit = luminance[luminance > 0.0]
+    if lit.size == 0:
+        return 1.0
+    return float(np.clip(MIDDLE_GREY / np.exp(np.log(lit).mean()), 1e-12, 1e12))
+
+
+def tonemap(
+    radiance: ArrayLike,
+    *,
+    exposure: float | None = None,
+    curve: str = "filmic",
+    runtime: Runtime | None = None,
+) -> NDArray[np.uint8]:
+    """Turn linear radiance into an sRGB picture.
+
+    Args:
+        radiance: [rows, columns, 3] float32, finite, >= 0.
+        exposure: factor before the curve, > 0; by default the log-average luminance becomes 0.18.
+        curve: "filmic" (Narkowicz 2015) or "clip" (only what exceeds 1 is cut).
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        [rows, columns, 3] uint8, sRGB encoding.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    values = check.plane("radiance", radiance, channels=3, low=0.0, unit="W m^-2 sr^-1")
+    if values.size == 0:
+        raise ValueError(f"radiance has shape {values.shape}: expected at least one pixel")
+    check.choice("curve", curve, CURVES)
+    factor = (
+        auto_exposure(values) if exposure is None
+        else check.number("exposure", exposure, low=0.0, above=True)
+    )
+    device = runtime or Runtime.open()
+    size = values.shape[:2]
+    technique, plane = device.prepared(
+        (Tonemap, size, curve), lambda: (Tonemap(device, size, curve), device.plane(3, size))
+    )
+    plane.upload(np.moveaxis(values, -1, 0))
+    with device.frame():
+        return picture(technique.run(plane, factor))
+
+
+def picture(encoded: Plane) -> NDArray[np.uint8]:
+    """Return the [rows, columns, 3] uint8 picture of a plane of values in [0, 255]."""
+    result = np.empty((*encoded.size, 3), np.uint8)
+    values = encoded.download()
+    np.rint(values, out=values)
+    result[...] = np.moveaxis(values, 0, -1)
+    return result

@@ -1,0 +1,168 @@
+"""The kernel files: one kernel each, headers, macros, literals, and a C compiler's warnings."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import pytest
+
+from ssgi_cl import sources
+from ssgi_cl.device_gbuffer import ROTATION
+from ssgi_cl.drivers import FORMS
+from ssgi_cl.rasterize import rasterizer, shadow_map
+from ssgi_cl.structs import CAMERA, Struct
+from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.ssao import SSAO
+from ssgi_cl.techniques.upsample import UPSAMPLE
+
+
+@dataclass(frozen=True)
+class Use:
+    """How the library builds a kernel: its structs, and sets of macros that reach every line."""
+
+    structs: tuple[Struct, ...] = ()
+    macros: Sequence[Mapping[str, int]] = field(default_factory=lambda: [{}])
+
+
+def ssao(radii: int, hemisphere: int, falloff: int, outside: int) -> dict[str, int]:
+    return {
+        "SSAO_MOST_SAMPLES": 16, "SSAO_RADII": radii, "SSAO_HEMISPHERE": hemisphere,
+        "SSAO_FALLOFF": falloff, "SSAO_CURVE_SIZE": 2, "SSAO_OUTSIDE": outside,
+    }
+
+
+def tiles(peel: int, cutout: int, wide: int, high: int) -> dict[str, int]:
+    return {
+        "RASTER_PEEL": peel, "RASTER_CUTOUT": cutout, "RASTER_WIDE": wide, "RASTER_HIGH": high
+    }
+
+
+def attributes(shaded: int, textured: int, colored: int, emission: int) -> dict[str, int]:
+    return {
+        "RASTER_SHADED": shaded, "RASTER_TEXTURED": textured, "RASTER_COLORED": colored,
+        "RASTER_EMISSION": emission,
+    }
+
+
+USES = {
+    "bilateral/bilateral_blur.cl": Use(
+        (CAMERA, BLUR),
+        [{"BLUR_RADIUS": 2, "BLUR_COUNT": 3, "BLUR_SHAPE": shape} for shape in (0, 1, 2)],
+    ),
+    "gbuffer/gbuffer_normals.cl": Use(
+        (CAMERA, ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
+    ),
+    "gbuffer/gbuffer_reduce.cl": Use((), [{"REDUCE_COUNT": 3}]),
+    "probe/probe_gather.cl": Use(),
+    "raster/raster_attributes.cl": Use(
+        rasterizer.STRUCTS, [attributes(0, 0, 0, 0), attributes(1, 0, 0, 0), attributes(1, 1, 1, 1)]
+    ),
+    "raster/raster_fill.cl": Use(rasterizer.STRUCTS),
+    "raster/raster_flux.cl": Use((CAMERA, shadow_map.FLUX)),
+    "raster/raster_scan.cl": Use(rasterizer.STRUCTS),
+    "raster/raster_setup.cl": Use(rasterizer.STRUCTS),
+    "raster/raster_tiles.cl": Use(
+        rasterizer.STRUCTS, [tiles(0, 0, 32, 32), tiles(1, 1, 16, 1)]
+    ),
+    "raster/raster_vertices.cl": Use(rasterizer.STRUCTS),
+    "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
+    "upsample/upsample_joint.cl": Use((CAMERA, UPSAMPLE), [{"UPSAMPLE_COUNT": 3}]),
+}
+"""Every kernel. A new one belongs here."""
+
+WARNINGS = [
+    "-Wall", "-Wextra", "-Wundef", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Werror",
+    "-Wno-unused-parameter",  # a kernel keeps its arguments whatever its switches say
+]
+
+every_kernel = pytest.mark.parametrize("path", sources.kernel_names())
+every_use = pytest.mark.parametrize("path", USES)
+
+
+def text_of(path: str) -> str:
+    return files("ssgi_cl.kernels").joinpath(*path.split("/")).read_text(encoding="utf-8")
+
+
+def code_of(text: str) -> str:
+    """The text without comments."""
+    return re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
+
+
+def all_files() -> list[str]:
+    """Every kernel and every file that kernels include."""
+    root = files("ssgi_cl.kernels")
+    return sorted(
+        f"{folder.name}/{file.name}"
+        for folder in root.iterdir()
+        if folder.is_dir()
+        for file in folder.iterdir()
+        if file.name.endswith((".cl", ".clh"))
+    )
+
+
+def test_the_table_above_has_every_kernel() -> None:
+    assert sorted(USES) == sources.kernel_names()
+
+
+@every_kernel
+def test_a_file_holds_one_kernel_of_its_own_name(path: str) -> None:
+    assert re.findall(r"__kernel\s+void\s+(\w+)", code_of(text_of(path))) == [Path(path).stem]
+
+
+@pytest.mark.parametrize("path", all_files())
+def test_a_file_begins_with_its_licence_and_its_name(path: str) -> None:
+    first, second = text_of(path).splitlines()[:2]
+    assert first == "// SPDX-License-Identifier: MIT"
+    name = Path(path).stem
+    start = name if path.endswith(".cl") else name.capitalize()
+    assert re.match(rf"// {start}: \S", second), second
+
+
+@every_use
+def test_a_kernel_refuses_to_build_without_its_macros_and_explains_them(path: str) -> None:
+    text = text_of(path)
+    header = text.split("\n\n", 1)[0]
+    # Conditions that end in #error, continued lines joined.
+    joined = text.replace("\\\n", " ")
+    guards = " ".join(re.findall(r"^#if(.*)\n#error", joined, flags=re.MULTILINE))
+    for macro in {name for macros in USES[path].macros for name in macros}:
+        assert re.search(rf"ndef {macro}$|!defined\({macro}\)", guards), macro
+        assert macro in header, f"{macro} is not in the file's header comment"
+
+
+@pytest.mark.parametrize("path", all_files())
+def test_every_literal_is_a_float_or_an_integer(path: str) -> None:
+    # 1.0 without an f is a double in OpenCL C, which devices need not have.
+    number = r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(?![\w.])"
+    assert re.findall(number, code_of(text_of(path))) == []
+
+
+@every_use
+def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
+    clang = shutil.which("clang-15")
+    if clang is None:
+        pytest.skip("clang-15 is not installed")
+    prelude = tmp_path / "generated.h"
+    prelude.write_text("\n".join(struct.text for struct in USES[path].structs) + "\n")
+    # Included, not flattened, so that functions unused in the kernel's own file are found.
+    with as_file(files("ssgi_cl.kernels")) as folder:
+        for form in FORMS:
+            for macros in USES[path].macros:
+                images = int(form.storage == "image")
+                options = {"SSGI_LANES": form.lanes, "SSGI_IMAGES": images, **macros}
+                done = subprocess.run(
+                    [
+                        clang, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header",
+                        "-fsyntax-only", *WARNINGS, f"-I{folder}", "-include", str(prelude),
+                        *(f"-D{name}={value}" for name, value in options.items()),
+                        str(folder / path),
+                    ],
+                    capture_output=True, text=True, check=False,
+                )
+                assert done.returncode == 0, f"{form}, {macros}:\n{done.stderr}"

@@ -1,0 +1,288 @@
+"""The runtime: devices by name, forms, programs, memory and times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssgi_cl import drivers, sources
+from ssgi_cl.drivers import Form
+from ssgi_cl.errors import DeviceError, KernelBuildError
+from ssgi_cl.runtime import PassTime, Runtime, Size
+from ssgi_cl.structs import CAMERA
+
+SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]
+ADD = """
+#include "common/gbuffer.clh"
+#ifndef TERM
+#error "TERM must be defined by the host"
+#endif
+__kernel void add(ssgi_plane from, __global float *restrict to, const int2 size)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    ssgi_store(ssgi_load(from, size, 0, x, y) + (float)TERM, to, size, 0, x, y, 0.0f);
+}
+"""
+
+
+@pytest.fixture
+def fresh(runtime: Runtime) -> Runtime:
+    """The device under test with nothing built yet."""
+    return Runtime(runtime.info, runtime.form)
+
+
+def test_opening_twice_gives_the_same_runtime(runtime: Runtime) -> None:
+    assert Runtime.open() is runtime
+    assert Runtime.open(runtime.info.label) is runtime
+    assert runtime.info.label in repr(runtime)
+
+
+def test_an_unknown_device_is_refused_with_the_list_of_all(runtime: Runtime) -> None:
+    with pytest.raises(DeviceError, match="no such OpenCL device. Devices found:") as caught:
+        Runtime.open("no such thing")
+    for info in drivers.devices():
+        assert info.label in str(caught.value)
+
+
+def test_the_variable_names_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSGI_CL_DEVICE", "no such thing")
+    with pytest.raises(DeviceError, match="no such thing: no such OpenCL device"):
+        Runtime.open()
+
+
+def test_a_form_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
+    with pytest.raises(ValueError, match="form is 4 lanes on 'buffer': expected 1, 8 or 16"):
+        Runtime.open(lanes=4)
+    with pytest.raises(ValueError, match="form is 8 lanes on 'image'"):
+        Runtime.open(lanes=8, storage="image")
+
+
+def test_a_form_that_the_device_cannot_run_is_refused(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = drivers.DeviceInfo(
+        driver="none.icd", platform=0, device=0, label="Broken", kind="cpu", units=1,
+        speeds={"1 lane, buffer": 1.0, "16 lanes, buffer": "it crashes"},
+    )
+    monkeypatch.setattr(drivers, "choose", lambda name: broken)
+    with pytest.raises(DeviceError, match="Broken cannot run 16 lanes, buffer: it crashes"):
+        Runtime.open(lanes=16)
+    with pytest.raises(DeviceError, match="this process already uses the driver"):
+        Runtime.open()
+
+
+def test_forcing_a_form_builds_kernels_so(form_runtime: Runtime) -> None:
+    kernel = form_runtime.kernel_from_text(
+        "form",
+        """__kernel void form(__global int *restrict to, const int2 size)
+        {
+            to[0] = SSGI_LANES;
+            to[1] = SSGI_IMAGES;
+        }
+        """,
+    )
+    result = form_runtime.empty(2, np.int32)
+    kernel.run("form", (1, 1), [], [result], grid=(1, 1), local=(1, 1))
+    form = form_runtime.form
+    assert result.download().tolist() == [form.lanes, int(form.storage == "image")]
+    assert Runtime.open(lanes=form.lanes, storage=form.storage) is form_runtime
+
+
+def test_the_same_text_with_the_same_options_is_built_once(fresh: Runtime) -> None:
+    fresh.kernel_from_text("add", ADD, {"TERM": 1})
+    fresh.kernel_from_text("add", ADD, {"TERM": 1})
+    assert fresh.builds == 1
+    fresh.kernel_from_text("add", ADD, {"TERM": 2})
+    assert fresh.builds == 2
+    fresh.kernel_from_text("add", ADD + "\n", {"TERM": 2}, [CAMERA])
+    assert fresh.builds == 3
+
+
+def test_kernels_of_one_program_have_arguments_of_their_own(fresh: Runtime) -> None:
+    first, second = (fresh.kernel_from_text("add", ADD, {"TERM": 1}) for _ in range(2))
+    assert first._kernel is not second._kernel
+
+
+def test_a_build_error_names_the_file_and_the_line(
+    fresh: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flatten = sources.flatten
+
+    def damaged(path: str, prelude: str = "") -> str:
+        return flatten(path, prelude).replace("1.0f + own", "1.0f + owned")
+
+    monkeypatch.setattr(sources, "flatten", damaged)
+    # The line is that of the word in the file, whatever was included before it.
+    folder = Path(str(sources.files("ssgi_cl.kernels")))
+    lines = (folder / "probe/probe_gather.cl").read_text(encoding="utf-8").splitlines()
+    line = next(i for i, text in enumerate(lines, start=1) if "1.0f + own" in text)
+    with pytest.raises(KernelBuildError) as caught:
+        fresh.kernel("probe/probe_gather.cl")
+    message = str(caught.value)
+    assert f"probe/probe_gather.cl:{line}:" in message
+    assert message.startswith(f"kernels/probe/probe_gather.cl does not compile on {fresh.info.label}")
+    assert f"-DSSGI_LANES={fresh.form.lanes}" in message
+
+
+def test_a_missing_macro_is_a_build_error_that_names_it(fresh: Runtime) -> None:
+    with pytest.raises(KernelBuildError, match="TERM must be defined by the host"):
+        fresh.kernel_from_text("add", ADD)
+
+
+def test_a_text_without_the_kernel_is_a_build_error(fresh: Runtime) -> None:
+    with pytest.raises(KernelBuildError, match="kernel text 'other' has no kernel other"):
+        fresh.kernel_from_text("other", ADD, {"TERM": 1})
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("shared", [True, False])
+def test_planes_come_back_to_the_bit(
+    fresh: Runtime, size: Size, shared: bool, rng: np.random.Generator
+) -> None:
+    if shared and not fresh.shares_memory:
+        pytest.skip("the device has memory of its own")
+    fresh.shares_memory = shared
+    bits = rng.integers(0, 2**32, (3, *size), dtype=np.uint64).astype(np.uint32)
+    values = bits.view(np.float32)  # NaNs, infinities and subnormals too
+    plane = fresh.plane(3, size, 7.0)
+    assert (plane.download() == 7.0).all()
+    plane.upload(values)
+    np.testing.assert_array_equal(plane.download().view(np.uint32), bits)
+    # Strided on both sides: channels last in numpy, first on the device.
+    plane.upload(np.moveaxis(np.ascontiguousarray(np.moveaxis(values, 0, -1)), -1, 0))
+    out = np.zeros((*size, 3), np.float32)
+    returned = plane.download(np.moveaxis(out, -1, 0))
+    assert np.shares_memory(returned, out)
+    np.testing.assert_array_equal(out.view(np.uint32), np.moveaxis(bits, 0, -1))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_both_roads_to_the_device_give_the_same_bits(
+    form_runtime: Runtime, size: Size, rng: np.random.Generator
+) -> None:
+    values = rng.standard_normal((1, *size)).astype(np.float32)
+    results = []
+    for shared in {form_runtime.shares_memory, False}:
+        runtime = Runtime(form_runtime.info, form_runtime.form)
+        runtime.shares_memory = shared
+        start, end = runtime.plane(1, size), runtime.plane(1, size)
+        start.upload(values)
+        kernel = runtime.kernel_from_text("add", ADD, {"TERM": 3})
+        kernel.run("there", size, [start], [end])
+        kernel.run("back", size, [end], [start])
+        start.upload(end.download())
+        kernel.run("there", size, [start], [end])
+        results.append(end.download())
+        with end._mapped() as memory:  # the guard is whole
+            inner = np.zeros_like(memory)
+            inner[1 : 1 + size[0], : size[1]] = results[-1][0]
+            np.testing.assert_array_equal(memory, inner)
+    np.testing.assert_array_equal(results[0], values + np.float32(3) + np.float32(3))
+    np.testing.assert_array_equal(results[-1], results[0])
+
+
+@pytest.mark.parametrize("count", [1, 3, 1000])
+@pytest.mark.parametrize("dtype", [np.float32, np.int32, np.uint8])
+def test_arrays_come_back_to_the_bit(
+    runtime: Runtime, count: int, dtype: type[np.generic], rng: np.random.Generator
+) -> None:
+    size = np.dtype(dtype).itemsize
+    values = rng.integers(0, 256, count * size).astype(np.uint8).view(dtype)
+    array = runtime.array(values)
+    assert array.download().tobytes() == values.tobytes()
+    part = values[: count // 2]
+    array.upload(part[::-1])
+    assert array.download()[: count // 2].tobytes() == part[::-1].tobytes()
+    with pytest.raises(ValueError, match="expected at most"):
+        array.upload(np.zeros(count + 1, dtype))
+
+
+def test_an_empty_array_takes_memory_all_the_same(runtime: Runtime) -> None:
+    assert runtime.empty(0, np.float32).count == 1
+
+
+def test_memory_is_counted(fresh: Runtime) -> None:
+    fresh.array(np.zeros(100, np.float32))
+    assert fresh.allocated_bytes == 400
+    fresh.plane(2, (3, 5))
+    assert fresh.allocated_bytes == 400 + (2 * 3 + 2) * (16 + 16) * 4
+
+
+def test_more_memory_than_there_is_ends_in_an_error(fresh: Runtime) -> None:
+    with pytest.raises(DeviceError, match="no room for"):
+        fresh.plane(1 << 20, (1 << 14, 1 << 14))
+
+
+def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
+    start, end = runtime.plane(1, (64, 64)), runtime.plane(1, (64, 64))
+    kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
+    with runtime.frame():
+        runtime.skip("none", "nothing to do")
+        kernel.run("first", (64, 64), [start], [end])
+        with runtime.frame():
+            kernel.run("second", (64, 64), [end], [start])
+        runtime.skip("third", "the same as before")
+        kernel.run("fourth", (64, 64), [start], [end])
+    times = [time for time in runtime.times() if time.name != "copy to image"]
+    assert [time.name for time in times] == ["none", "first", "second", "third", "fourth"]
+    assert times[0] == PassTime("none", 0.0, "nothing to do")
+    assert all(time.skipped or 0.0 < time.ms < 1e4 for time in times)
+    with runtime.frame():
+        pass
+    assert runtime.times() == []
+
+
+def test_a_frame_ends_when_its_body_raises(runtime: Runtime) -> None:
+    with pytest.raises(RuntimeError, match="stop"), runtime.frame():
+        runtime.skip("before", "it stops")
+        raise RuntimeError("stop")
+    with runtime.frame():
+        runtime.skip("after", "idle")
+    assert [time.name for time in runtime.times()] == ["after"]
+
+
+@pytest.mark.parametrize("local", [(1, 1), (1, 5), (3, 2), (2, 8)])
+def test_any_work_group_gives_the_same_bits(
+    form_runtime: Runtime, local: Size, rng: np.random.Generator
+) -> None:
+    size = (7, 50)
+    start, end = form_runtime.plane(1, size), form_runtime.plane(1, size)
+    values = rng.standard_normal((1, *size)).astype(np.float32)
+    start.upload(values)
+    kernel = form_runtime.kernel_from_text("add", ADD, {"TERM": 1})
+    kernel.run("add", size, [start], [end], local=local)
+    np.testing.assert_array_equal(end.download(), values + np.float32(1))
+
+
+def test_nothing_is_queued_for_an_empty_image(runtime: Runtime) -> None:
+    plane = runtime.plane(1, (4, 4))
+    kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
+    with runtime.frame():
+        kernel.run("none", (0, 4), [plane], [plane])
+    assert runtime.times() == []
+
+
+def test_what_is_prepared_is_made_once_and_the_oldest_goes(fresh: Runtime) -> None:
+    made: list[int] = []
+
+    def make(n: int) -> object:
+        return fresh.prepared(n, lambda: made.append(n) or object())  # type: ignore[func-returns-value]
+
+    first = make(0)
+    assert make(0) is first
+    for n in range(1, 65):
+        make(n)
+        assert make(1) is make(1)
+    assert made == list(range(65))
+    assert make(0) is not first
+
+
+def test_forms_have_words_for_themselves() -> None:
+    assert str(Form(1, "image")) == "1 lane, image"
+    assert str(Form(16, "buffer")) == "16 lanes, buffer"

@@ -1,0 +1,88 @@
+"""Structs that cross from the host to kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import ROTATION
+from ssgi_cl.rasterize import rasterizer, shadow_map
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.ssao import SSAO
+from ssgi_cl.techniques.upsample import UPSAMPLE
+
+STRUCTS = (CAMERA, ROTATION, BLUR, SSAO, UPSAMPLE, rasterizer.VIEW, shadow_map.FLUX)
+
+
+def test_the_text_is_that_of_the_members() -> None:
+    struct = Struct("Mixed", (*floats("a", "b"), ("n", "int")))
+    assert struct.text == "typedef struct { float a; float b; int n; } Mixed;"
+    assert struct.dtype == np.dtype([("a", "<f4"), ("b", "<f4"), ("n", "<i4")])
+
+
+@pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.name)
+def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime, struct: Struct) -> None:
+    offsets = "\n".join(
+        f"result[{1 + i}] = (int)((__private const char *)&s.{name} - (__private const char *)&s);"
+        for i, (name, _) in enumerate(struct.members)
+    )
+    kernel = form_runtime.kernel_from_text(
+        "layout",
+        f"""__kernel void layout(__global int *restrict result, const int2 size)
+        {{
+            {struct.name} s;
+            result[0] = (int)sizeof(s);
+            {offsets}
+        }}
+        """,
+        structs=[struct],
+    )
+    result = form_runtime.empty(1 + len(struct.members), np.int32)
+    kernel.run("layout", (1, 1), [], [result], grid=(1, 1), local=(1, 1))
+    dtype = struct.dtype
+    fields = dtype.fields
+    assert fields is not None
+    expected = [dtype.itemsize, *(fields[name][1] for name, _ in struct.members)]
+    assert result.download().tolist() == expected
+
+
+@pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.name)
+def test_every_member_arrives_in_the_kernel(form_runtime: Runtime, struct: Struct) -> None:
+    copies = "\n".join(f"result[{i}] = (float)s.{m};" for i, (m, _) in enumerate(struct.members))
+    kernel = form_runtime.kernel_from_text(
+        "members",
+        f"""__kernel void members(__global float *restrict result, const int2 size,
+                                  const {struct.name} s)
+        {{
+            {copies}
+        }}
+        """,
+        structs=[struct],
+    )
+    result = form_runtime.empty(len(struct.members), np.float32)
+    values = {name: float(3 + 2 * i) for i, (name, _) in enumerate(struct.members)}
+    kernel.run(
+        "members", (1, 1), [], [result], [struct.pack(values)], grid=(1, 1), local=(1, 1)
+    )
+    assert result.download().tolist() == list(values.values())
+
+
+def test_a_missing_member_is_named() -> None:
+    with pytest.raises(KeyError, match="b"):
+        Struct("Two", floats("a", "b")).pack({"a": 1.0})
+
+
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)])
+def test_a_margin_shifts_the_camera_by_its_pixels(margin: tuple[int, int]) -> None:
+    camera = Camera.from_intrinsics(50.0, 60.0, 30.0, 20.0, width=64, height=48)
+    values, wider = camera_values(camera, margin), camera_values(camera.with_margin(margin))
+    # The same numbers by two roads in float64; the largest is about 100.
+    assert values == pytest.approx(wider, rel=1e-12)
+    sx, sy, ox, oy = camera.pixel_to_view
+    assert values["to_x"] * (10.5 + margin[1]) + values["at_x"] == pytest.approx(sx * 10.5 + ox)
+    assert values["to_y"] * (20.5 + margin[0]) + values["at_y"] == pytest.approx(sy * 20.5 + oy)
+    assert values["from_x"] * values["to_x"] == pytest.approx(1.0)
+    assert values["perspective"] == 1.0

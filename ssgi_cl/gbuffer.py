@@ -219,7 +219,8 @@ def _layered(
 def _unit(normal: Floats) -> Floats:
     """Return normals of length 1 or 0; the same array where they are so already."""
     squared = np.einsum("...i,...i->...", normal, normal)
-    wrong = (np.abs(squared - 1.0) > 1e-5) & (squared != 0.0)
+    # The square of a length below 1e-19 is 0 in float32.
+    wrong = (np.abs(squared - 1.0) > 1e-5) & ((squared != 0.0) | normal.any(axis=-1))
     if not wrong.any() and np.isfinite(squared).all():
         return normal
     wide = normal.astype(np.float64)

@@ -91,9 +91,8 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
             total = total + weight;
         }
     }
-    const vfloat inverse = 1.0f / total;
     for (int c = 0; c < BLUR_COUNT; ++c) {
         const vfloat own_value = ssgi_load(value, size, c, x, y);
-        ssgi_store(v_select(own_value, sum[c] * inverse, there), blurred, size, c, x, y, 0.0f);
+        ssgi_store(v_select(own_value, sum[c] / total, there), blurred, size, c, x, y, 0.0f);
     }
 }

@@ -85,9 +85,8 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
         }
         total = total + weight;
     }
-    const vfloat inverse = 1.0f / total;
     for (int c = 0; c < UPSAMPLE_COUNT; ++c) {
-        ssgi_store(v_select(v_splat(params.background), sum[c] * inverse, there), fine, size, c, x,
+        ssgi_store(v_select(v_splat(params.background), sum[c] / total, there), fine, size, c, x,
                    y, 0.0f);
     }
 }

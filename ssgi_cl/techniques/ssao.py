@@ -93,7 +93,7 @@ class SsaoParams(Params):
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
 
     def __post_init__(self) -> None:
-        super(SsaoParams, self).__post_init__()
+        Params.__post_init__(self)
         set_ = object.__setattr__
         radii = self.radius if isinstance(self.radius, (Sequence, np.ndarray)) else (self.radius,)
         if not 1 <= len(radii) <= 4:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.camera import Camera
+from ssgi_cl.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.runtime import DeviceArray, Runtime, Size
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
@@ -22,12 +22,13 @@ VIEW = Struct(
     "RasterView",
     (
         *floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"),
+        *floats("eye_x", "eye_y", "eye_z", "rest_x", "rest_y", "rest_z"),
         *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel"),
         *(
             (name, "int")
             for name in (
                 "tiles_x", "tiles_y", "room", "pair_room", "vertex_stride", "triangle_stride",
-                "layer",
+                "layer", "margin_x", "margin_y",
             )
         ),
     ),
@@ -53,6 +54,11 @@ class Rasterizer:
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
+        if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
+            raise ValueError(
+                f"size is {size} and margin {margin} (rows, columns): expected at most "
+                f"{LARGEST_SIZE} px with the margin on both sides"
+            )
         self.target = DeviceGBuffer(runtime, size, layers=layers, margin=margin)
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -119,7 +125,8 @@ class Rasterizer:
     def _draw(self, scene: DeviceScene, camera: Camera) -> None:
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
-        packed_camera = CAMERA.pack(camera_values(camera, target.margin))
+        # Without the margin, which kernels add in whole pixels: it must not change a bit.
+        packed_camera = CAMERA.pack(camera_values(camera))
         view = [packed_camera, VIEW.pack(values)]
         lanes = self.runtime.form.lanes
         tile_count = self._tiles[0] * self._tiles[1]
@@ -131,7 +138,7 @@ class Rasterizer:
         )
         self._setup.run(
             "raster setup", (1, scene.triangles),
-            reads=[scene.corners, self._view, self._snapped, self._codes],
+            reads=[scene.corners, scene.positions, self._view, self._snapped, self._codes],
             writes=[self._records, self._counts, self._counters],
             values=view,
         )
@@ -146,7 +153,6 @@ class Rasterizer:
             grid=(1, workers),
         )
         high, wide = self._rectangle
-        mesh = [scene.corners, self._view]
         surface = [scene.materials, scene.textures, scene.texels, scene.decode]
         for layer in range(target.layers):
             tiles = self.runtime.kernel(
@@ -177,16 +183,16 @@ class Rasterizer:
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             tiles.run(
                 f"raster tiles{suffix}", whole,
-                reads=[self._records, self._starts, self._list, before, *mesh, scene.uvs,
-                       scene.cutouts, *surface],
+                reads=[self._records, self._starts, self._list, before, scene.corners,
+                       self._view, scene.uvs, scene.cutouts, *surface],
                 writes=[now, self._seen], values=view,
                 grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                 local=self._group,
             )
             attributes.run(
                 f"raster attributes{suffix}", whole,
-                reads=[self._seen, *mesh, scene.normals, scene.uvs, scene.colors,
-                       scene.material_ids, *surface],
+                reads=[self._seen, scene.corners, scene.positions, scene.normals, scene.uvs,
+                       scene.colors, scene.material_ids, *surface],
                 writes=[target.depth, target.normal_world, target.albedo, target.emission],
                 values=view,
                 grid=(whole[0], -(-whole[1] // lanes)),
@@ -197,6 +203,8 @@ class Rasterizer:
         # In float64: the camera's position relative to the scene's origin may be a small
         # difference of large numbers.
         shift = turn @ scene.scene.origin + camera.view[:3, 3]
+        eye = camera.position - scene.scene.origin
+        rest = eye - eye.astype(np.float32)
         near_depth = max(camera.near, 1e-30)
         far_depth = camera.far
         orthographic = camera.is_orthographic
@@ -205,6 +213,8 @@ class Rasterizer:
             **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(),
                        strict=True)),
             **dict(zip(("x", "y", "z"), shift, strict=True)),
+            **dict(zip(("eye_x", "eye_y", "eye_z"), eye, strict=True)),
+            **dict(zip(("rest_x", "rest_y", "rest_z"), rest, strict=True)),
             "columns": columns,
             "rows": rows,
             "near_depth": near_depth,
@@ -218,4 +228,6 @@ class Rasterizer:
             "vertex_stride": scene.vertex_stride,
             "triangle_stride": scene.triangle_stride,
             "layer": 0,
+            "margin_x": self.target.margin[1],
+            "margin_y": self.target.margin[0],
         }

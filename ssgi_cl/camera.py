@@ -40,10 +40,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "width", check.integer("width", self.width, low=1, high=LARGEST_SIZE, unit="px"))
-        set_(
-            self, "height", check.integer("height", self.height, low=1, high=LARGEST_SIZE, unit="px")
-        )
+        for name in ("width", "height"):
+            value = check.integer(name, getattr(self, name), low=1, high=LARGEST_SIZE, unit="px")
+            set_(self, name, value)
         check.choice("depth_range", self.depth_range, ("-1..1", "0..1"))
         view = check.matrix4("view", self.view)
         turn = view[:3, :3]
@@ -64,7 +63,7 @@ class Camera:
             )
 
     def _normalised_projection(self) -> NDArray[np.float64]:
-        matrix = check.matrix4("projection", self.projection)
+        matrix: NDArray[np.float64] = check.matrix4("projection", self.projection)
         last = matrix[3]
         if np.array_equal(last[:3], [0, 0, 0]) and last[3] > 0:
             matrix = matrix / last[3]
@@ -151,7 +150,9 @@ class Camera:
             The rest is as in `look_at`.
         """
         view = look_at_matrix(eye, target, up)
-        view_height = check.number("view_height", view_height, low=0, above=True, unit="scene units")
+        view_height = check.number(
+            "view_height", view_height, low=0, above=True, unit="scene units"
+        )
         distance = float(np.linalg.norm(check.vector("target", target, 3) - np.asarray(eye)))
         far = 1e3 * distance if far is None else far
         near = check.number("near", near, unit="scene units")

@@ -1,4 +1,4 @@
-"""Validation of arguments: every message names the argument, its value, what is allowed, the unit."""
+"""Validation of arguments: messages name the argument, its value, what is allowed and the unit."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ def number(
 
 def integer(name: str, value: object, *, low: int, high: int, unit: str = "") -> int:
     """Return `value` as an int within [low, high], else raise."""
+    allowed = _range(low, high, unit, False)
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is {value!r}: expected an integer {_range(low, high, unit, False)}")
+        raise TypeError(f"{name} is {value!r}: expected an integer {allowed}")
     if not low <= int(value) <= high:
-        raise ValueError(f"{name} is {value}: expected an integer {_range(low, high, unit, False)}")
+        raise ValueError(f"{name} is {value}: expected an integer {allowed}")
     return int(value)
 
 
@@ -148,10 +149,8 @@ def values_in_range(
         wrong |= np.isposinf(array)
     where = tuple(int(i) for i in np.argwhere(wrong)[0])
     place = ", ".join(map(str, where))
-    also = ", or +inf" if infinite else ""
-    raise ValueError(
-        f"{name}[{place}] is {array[where]}: expected numbers {_range(low, high, unit, above)}{also}"
-    )
+    allowed = _range(low, high, unit, above) + (", or +inf" if infinite else "")
+    raise ValueError(f"{name}[{place}] is {array[where]}: expected numbers {allowed}")
 
 
 def floats(

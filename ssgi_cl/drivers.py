@@ -90,7 +90,8 @@ class DeviceInfo:
     @property
     def speed(self) -> float:
         """Million reads a second of the fastest form; 0 if none runs."""
-        return max((speed for speed in self.speeds.values() if isinstance(speed, float)), default=0.0)
+        numbers = (speed for speed in self.speeds.values() if isinstance(speed, float))
+        return max(numbers, default=0.0)
 
 
 def driver_files() -> list[Path]:
@@ -128,9 +129,7 @@ def choose(name: str | None) -> DeviceInfo:
     if not usable:
         listing = "".join(f"\n  {info.label}" for info in found) or "\n  none"
         why = "no kernel runs on it" if fitting else "no such OpenCL device"
-        hint = (
-            "" if found else "\nInstall a driver, for example the extra: pip install 'ssgi-cl[pocl]'"
-        )
+        hint = "" if found else "\nInstall a driver, for example: pip install 'ssgi-cl[pocl]'"
         raise DeviceError(f"{name or 'any device'}: {why}. Devices found:{listing}{hint}")
     return max(usable, key=lambda info: info.speed)
 

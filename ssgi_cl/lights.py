@@ -120,12 +120,14 @@ class Environment:
         band = np.array([1.0 / 4.0, *[3.0 / 4.0] * 3, *[15.0 / 4.0] * 3, 5.0 / 16.0, 15.0 / 16.0])
         lobe = np.array([1.0, *[2.0 / 3.0] * 3, *[1.0 / 4.0] * 5])
         moments = np.einsum("brc,r,rcd->bd", basis, solid_angle, radiance)
-        return (band * lobe)[:, None] * moments
+        coefficients: NDArray[np.float64] = (band * lobe)[:, None] * moments
+        return coefficients
 
 
 Light = SpotLight | PointLight | DirectionalLight | Environment
 
 
 def _set(light: object, name: str, value: NDArray[np.float64]) -> None:
-    value.flags.writeable = False
-    object.__setattr__(light, name, value)
+    own = value.copy()  # the caller's array stays writable
+    own.flags.writeable = False
+    object.__setattr__(light, name, own)

@@ -52,7 +52,7 @@ def time_forms(platform: int, device: int, names: list[str]) -> None:
         form = next(form for form in FORMS if str(form) == name)
         speed: float | str
         try:
-            runtime = Runtime(DeviceInfo("", platform, device, "", "", 0), form)
+            runtime = Runtime(DeviceInfo("", platform, device, "this device", "", 0), form)
             kernel = runtime.kernel("probe/probe_gather.cl")
             depth = runtime.plane(1, SIZE)
             depth.upload(np.ones((1, *SIZE), np.float32))

@@ -20,7 +20,7 @@ def test_numbers_of_any_real_type_are_taken() -> None:
 
 @pytest.mark.parametrize("value", [True, "1", None, 1j, [1.0], np.array([1.0])])
 def test_what_is_no_number_is_refused(value: object) -> None:
-    with pytest.raises(TypeError, match="x is .*: expected a number"):
+    with pytest.raises(TypeError, match=r"x is .*: expected a number"):
         check.number("x", value)
 
 
@@ -44,7 +44,7 @@ def test_infinity_is_taken_only_where_it_is_allowed() -> None:
 
 @pytest.mark.parametrize("value", [True, 1.0, "1", None])
 def test_only_integers_are_integers(value: object) -> None:
-    with pytest.raises(TypeError, match="n is .*: expected an integer >= 0 and <= 2"):
+    with pytest.raises(TypeError, match=r"n is .*: expected an integer >= 0 and <= 2"):
         check.integer("n", value, low=0, high=2)
     assert check.integer("n", np.uint8(2), low=0, high=2) == 2
     with pytest.raises(ValueError, match="n is 3"):
@@ -138,7 +138,7 @@ def test_real_numbers_become_float32_in_c_order(dtype: type[np.generic]) -> None
 
 @pytest.mark.parametrize("value", [np.zeros(2, complex), np.zeros(2, bool), ["a"], [None]])
 def test_what_is_not_real_is_refused(value: Any) -> None:
-    with pytest.raises(TypeError, match="a has dtype .*: expected a real"):
+    with pytest.raises(TypeError, match=r"a has dtype .*: expected a real"):
         check.floats("a", value)
 
 
@@ -147,4 +147,4 @@ def test_lists_have_a_width_and_may_be_empty() -> None:
     with pytest.raises(ValueError, match=r"expected \(count, 3\)"):
         check.plane_list("l", np.zeros((3, 2)), 3)
     with pytest.raises(ValueError, match=r"l\[1, 0\] is nan"):
-        check.plane_list("l", [[0, 0], [np.nan, 0]], 2)
+        check.plane_list("l", [[0.0, 0.0], [math.nan, 0.0]], 2)

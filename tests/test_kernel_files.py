@@ -18,6 +18,7 @@ from ssgi_cl.drivers import FORMS
 from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.structs import CAMERA, Struct
 from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.shade import COMBINE, LIGHT
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
@@ -50,6 +51,15 @@ def attributes(shaded: int, textured: int, colored: int, emission: int) -> dict[
     }
 
 
+def light(kind: int, shadow: int, add: int) -> dict[str, int]:
+    return {"SHADE_KIND": kind, "SHADE_SHADOW": shadow, "SHADE_ADD": add}
+
+
+def combine(*switches: int) -> dict[str, int]:
+    names = ("DIRECT", "AO", "INDIRECT", "EMISSION", "AMBIENT", "SKY")
+    return {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+
+
 USES = {
     "bilateral/bilateral_blur.cl": Use(
         (CAMERA, BLUR),
@@ -71,7 +81,15 @@ USES = {
         rasterizer.STRUCTS, [tiles(0, 0, 32, 32), tiles(1, 1, 16, 1)]
     ),
     "raster/raster_vertices.cl": Use(rasterizer.STRUCTS),
+    "shade/shade_combine.cl": Use(
+        (CAMERA, COMBINE),
+        [combine(0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1), combine(0, 1, 0, 0, 1, 0)],
+    ),
+    "shade/shade_light.cl": Use(
+        (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
+    ),
     "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
+    "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
     "upsample/upsample_joint.cl": Use((CAMERA, UPSAMPLE), [{"UPSAMPLE_COUNT": 3}]),
 }
 """Every kernel. A new one belongs here."""

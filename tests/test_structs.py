@@ -11,10 +11,13 @@ from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.shade import COMBINE, LIGHT
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
-STRUCTS = (CAMERA, ROTATION, BLUR, SSAO, UPSAMPLE, rasterizer.VIEW, shadow_map.FLUX)
+STRUCTS = (
+    CAMERA, ROTATION, BLUR, SSAO, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW, shadow_map.FLUX
+)
 
 
 def test_the_text_is_that_of_the_members() -> None:

@@ -2,7 +2,7 @@
 // raster_attributes: depth, normal, albedo and emission of the triangle that each pixel sees.
 //
 // Reads:   triangles  [tile count][32][32] number of the triangle seen, or -1
-//          corners, positions_view, normals, uvs, colors: the mesh, planar
+//          corners, positions, normals, uvs, colors: the mesh, planar
 //          material_ids [triangles], materials [count][RASTER_MATERIAL], textures, texels, decode
 // Writes:  depth     image params.layer of a plane: scene units; INFINITY where nothing is
 //          normal    3 images: world space, unit length, as the mesh has it
@@ -23,7 +23,7 @@
 
 __kernel void raster_attributes(
     __global const int *restrict triangles, __global const int *restrict corners,
-    __global const float *restrict positions_view, __global const float *restrict normals,
+    __global const float *restrict positions, __global const float *restrict normals,
     __global const float *restrict uvs, __global const float *restrict colors,
     __global const int *restrict material_ids, __global const float *restrict materials,
     __global const int *restrict textures, __global const int *restrict texels,
@@ -57,11 +57,10 @@ __kernel void raster_attributes(
         return;
     }
     const vint triangle = v_imax(seen, v_splat_int(0));
-    const RasterTriangle t = raster_triangle(corners, view.triangle_stride, positions_view,
-                                             view.vertex_stride, triangle);
-    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
-    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
-    const RasterHit hit = raster_hit(camera, t, slope_x, slope_y);
+    const RasterTriangle t = raster_triangle(view, corners, positions, triangle);
+    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + (x - view.margin_x)) + 0.5f);
+    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)(y - view.margin_y) + 0.5f));
+    const RasterHit hit = raster_hit(camera, view, t, slope_x, slope_y);
     const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
     ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
 
@@ -91,8 +90,8 @@ __kernel void raster_attributes(
     const vmask textured = there & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
-        const RasterHit right = raster_meet(camera, t, slope_x + camera.to_x, slope_y);
-        const RasterHit below = raster_meet(camera, t, slope_x, slope_y + camera.to_y);
+        const RasterHit right = raster_meet(camera, view, t, slope_x + camera.to_x, slope_y);
+        const RasterHit below = raster_meet(camera, view, t, slope_x, slope_y + camera.to_y);
         const vfloat u = raster_mix(uvs, t, hit);
         const vfloat v = raster_mix(uvs + stride, t, hit);
         const RasterColor color = raster_texture(

@@ -5,7 +5,7 @@
 // from its lexicographically lesser end, so both triangles that share it get the same new vertex.
 //
 // Reads:   corners   3 x [triangles] vertex indices
-//          view      3 x [vertices] view space
+//          positions, view  3 x [vertices] relative to the scene's origin, and in view space
 //          snapped, codes  see raster_vertices
 // Writes:  records   see records.clh; at most params.room
 //          tiles     [tile count] number of records that may cover the tile
@@ -18,27 +18,38 @@
 
 #define RASTER_MOST_CORNERS 9 // a triangle cut by 5 planes has at most 8
 
-// The plane of D through a triangle of view space, within the range of its vertices.
-static inline void raster_depth_plane(const SsgiCamera camera, const float3 a, const float3 b,
-                                      const float3 c, const float near_depth, RasterRecord *record)
+// The plane of D through a triangle, within the range of its vertices' depths (least, most). It is
+// found in the scene's own axes: turning far vertices into view space would round them first.
+static inline void raster_depth_plane(const SsgiCamera camera, const RasterView view,
+                                      const float3 a, const float3 b, const float3 c,
+                                      const float least, const float most, RasterRecord *record)
 {
     // Scaled by the largest extent, so that tiny and huge scenes neither vanish nor overflow.
     const float3 ab = b - a;
     const float3 ac = c - a;
     const float3 spread = fmax(fabs(ab), fabs(ac));
-    const float scale = 1.0f / fmax(fmax(spread.x, fmax(spread.y, spread.z)), 1e-37f);
-    const float3 n = cross(ab * scale, ac * scale);
-    const float nearest = fmax(-fmax(a.z, fmax(b.z, c.z)), near_depth);
-    const float furthest = fmax(-fmin(a.z, fmin(b.z, c.z)), nearest);
+    const float extent = fmax(spread.x, fmax(spread.y, spread.z));
+    const float scale = 1.0f / fmax(extent, 1e-37f);
+    const float3 normal = cross(ab * scale, ac * scale);
+    const float3 n = (float3)(dot((float3)(view.xx, view.xy, view.xz), normal),
+                              dot((float3)(view.yx, view.yy, view.yz), normal),
+                              dot((float3)(view.zx, view.zy, view.zz), normal));
+    const float3 from_eye = (a - (float3)(view.eye_x, view.eye_y, view.eye_z)) -
+                            (float3)(view.rest_x, view.rest_y, view.rest_z);
+    const float3 far_off = fabs(from_eye);
+    const float slack = RASTER_SLACK * (extent + far_off.x + far_off.y + far_off.z);
+    const float nearest = fmax(least - slack, view.near_depth);
+    const float furthest = fmax(most + slack, nearest);
+    const float offset = dot(normal, from_eye);
     float divisor;
     if (camera.perspective != 0.0f) {
-        divisor = n.x * a.x + n.y * a.y + n.z * a.z;
+        divisor = offset;
         record->range = (float2)(1.0f / furthest, 1.0f / nearest);
         record->d = (float3)(n.x, n.y, -n.z) / divisor;
     } else {
         divisor = n.z;
         record->range = (float2)(-furthest, -nearest);
-        record->d = (float3)(-n.x, -n.y, n.x * a.x + n.y * a.y + n.z * a.z) / divisor;
+        record->d = (float3)(-n.x, -n.y, offset) / divisor;
     }
     // Seen edge-on: its few pixels get the nearest depth.
     if (!(isfinite(record->d.x) && isfinite(record->d.y) && isfinite(record->d.z))) {
@@ -113,7 +124,7 @@ static inline float raster_inside(const SsgiCamera camera, const float near_dept
     }
 }
 
-static inline int2 raster_snap(const SsgiCamera camera, const float3 p)
+static inline int2 raster_snap(const SsgiCamera camera, const RasterView view, const float3 p)
 {
     const float k = camera.perspective != 0.0f ? -p.z : 1.0f;
     const float inverse = 1.0f / k;
@@ -122,7 +133,8 @@ static inline int2 raster_snap(const SsgiCamera camera, const float3 p)
     const float steps = (float)RASTER_SUBPIXELS;
     const float limit = RASTER_REACH + 1.0f; // rounding may leave the cut a little outside
     return (int2)((int)floor(clamp(column, -limit, limit) * steps + 0.5f),
-                  (int)floor(clamp(row, -limit, limit) * steps + 0.5f));
+                  (int)floor(clamp(row, -limit, limit) * steps + 0.5f)) +
+           (int2)(view.margin_x, view.margin_y) * RASTER_SUBPIXELS;
 }
 
 // Clip a triangle and append the fan of what is left.
@@ -161,14 +173,22 @@ static inline void raster_clip(const SsgiCamera camera, const float3 a, const fl
         }
     }
     for (int i = 2; i < count; ++i) {
-        record.v[0] = raster_snap(camera, from[0]);
-        record.v[1] = raster_snap(camera, from[i - 1]);
-        record.v[2] = raster_snap(camera, from[i]);
+        record.v[0] = raster_snap(camera, view, from[0]);
+        record.v[1] = raster_snap(camera, view, from[i - 1]);
+        record.v[2] = raster_snap(camera, view, from[i]);
         raster_append(record, records, tiles, counters, view);
     }
 }
 
-__kernel void raster_setup(__global const int *restrict corners, __global const float *restrict view,
+static inline float3 raster_vertex(__global const float *restrict planar, const int stride,
+                                   const int i)
+{
+    return (float3)(planar[i], planar[stride + i], planar[2 * stride + i]);
+}
+
+__kernel void raster_setup(__global const int *restrict corners,
+                           __global const float *restrict positions,
+                           __global const float *restrict view,
                            __global const int *restrict snapped, __global const int *restrict codes,
                            __global int *restrict records, __global int *restrict tiles,
                            __global int *restrict counters, const int2 size,
@@ -223,12 +243,15 @@ __kernel void raster_setup(__global const int *restrict corners, __global const 
         const int ia = corners[triangle];
         const int ib = corners[stride + triangle];
         const int ic = corners[2 * stride + triangle];
-        const float3 pa = (float3)(view[ia], view[vertex_stride + ia], view[2 * vertex_stride + ia]);
-        const float3 pb = (float3)(view[ib], view[vertex_stride + ib], view[2 * vertex_stride + ib]);
-        const float3 pc = (float3)(view[ic], view[vertex_stride + ic], view[2 * vertex_stride + ic]);
+        const float3 pa = raster_vertex(view, vertex_stride, ia);
+        const float3 pb = raster_vertex(view, vertex_stride, ib);
+        const float3 pc = raster_vertex(view, vertex_stride, ic);
         RasterRecord record;
         record.triangle = triangle;
-        raster_depth_plane(camera, pa, pb, pc, params.near_depth, &record);
+        raster_depth_plane(camera, params, raster_vertex(positions, vertex_stride, ia),
+                           raster_vertex(positions, vertex_stride, ib),
+                           raster_vertex(positions, vertex_stride, ic),
+                           -fmax(pa.z, fmax(pb.z, pc.z)), -fmin(pa.z, fmin(pb.z, pc.z)), &record);
         if (clipped[lane] != 0) {
             raster_clip(camera, pa, pb, pc, record, records, tiles, counters, params);
         } else {

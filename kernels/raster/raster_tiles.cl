@@ -71,12 +71,11 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
         int edge_ab = raster_edge(record.v[0], record.v[1], from_x, first_y);
         int edge_bc = raster_edge(record.v[1], record.v[2], from_x, first_y);
         int edge_ca = raster_edge(record.v[2], record.v[0], from_x, first_y);
-        const float slope_x = fma((float)from_x + 0.5f, camera.to_x, camera.at_x);
         const float d_x = record.d.x * camera.to_x;
+        const float d_0 = fma(record.d.x, camera.at_x, record.d.z);
         const vint lane_ab = v_iota() * -ab.y;
         const vint lane_bc = v_iota() * -bc.y;
         const vint lane_ca = v_iota() * -ca.y;
-        const vfloat lane_d = v_to_float(v_iota()) * d_x;
 #if RASTER_CUTOUT
         const int cutout = cutouts[record.triangle];
         __global const float *material = materials + max(cutout, 0) * RASTER_MATERIAL;
@@ -91,8 +90,8 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
         }
 #endif
         for (int y = first_y; y <= last_y; ++y) {
-            const float slope_y = fma((float)y + 0.5f, camera.to_y, camera.at_y);
-            const float d_row = fma(record.d.x, slope_x, fma(record.d.y, slope_y, record.d.z));
+            const float slope_y = fma((float)(y - view.margin_y) + 0.5f, camera.to_y, camera.at_y);
+            const float d_row = fma(record.d.y, slope_y, d_0);
             const int row = base + (y & (RASTER_TILE - 1)) * RASTER_TILE;
             int step = 0;
             for (int x = from_x; x <= last_x; x += SSGI_LANES, step += SSGI_LANES) {
@@ -104,8 +103,10 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
                     continue;
                 }
                 const int at = row + (x & (RASTER_TILE - 1));
-                const vfloat d = v_clamp(lane_d + fma((float)step, d_x, d_row), record.range.x,
-                                         record.range.y);
+                // From the pixel's own column, so that it doesn't depend on where lanes begin.
+                const vfloat column = v_to_float(v_iota()) + ((float)(x - view.margin_x) + 0.5f);
+                const vfloat d = v_clamp(v_fma(column, v_splat(d_x), v_splat(d_row)),
+                                         record.range.x, record.range.y);
                 const vfloat nearest = v_load(depths + at);
                 const vint winner = v_iload(triangles + at);
                 hit = hit & (v_gt(d, nearest) |
@@ -120,8 +121,7 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
 #if RASTER_CUTOUT
                 if (cutout >= 0) {
                     const RasterTextures from = {textures, texels, decode};
-                    const vfloat lane_x =
-                        ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
+                    const vfloat lane_x = ssgi_slope_x(camera, column);
                     const vfloat u = raster_linear_at(camera, u_of, lane_x, slope_y, d);
                     const vfloat v = raster_linear_at(camera, v_of, lane_x, slope_y, d);
                     const vfloat alpha =

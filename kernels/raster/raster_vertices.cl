@@ -3,7 +3,7 @@
 //
 // Reads:   positions  3 x [vertices] scene units, relative to the scene's origin
 // Writes:  view       3 x [vertices] view space
-//          snapped    2 x [vertices] column and row in 1/256 pixels; 0 where `codes` forbids it
+//          snapped    2 x [vertices] column and row in 1/256 pixels; wrong where `codes` forbids it
 //          codes      [vertices] bits: left 1, right 2, above 4, below 8, nearer than the near plane
 //                     16, beyond the far plane 32, must be clipped before snapping 64
 //          counters   set to 0, and `tiles` [tile count] too
@@ -47,14 +47,17 @@ __kernel void raster_vertices(__global const float *restrict positions,
 
     const vfloat depth = -vz;
     const vfloat k = ssgi_k(camera, depth);
-    // Columns and rows times k: the sides of the view are half-spaces in these, for any k.
+    // Columns and rows times k: the sides of the view are half-spaces in these, for any k. They
+    // count from the image's corner and not from the margin's: the margin must not change a bit.
     const vfloat hx = v_fma(vx, v_splat(camera.from_x), k * camera.centre_x);
     const vfloat hy = v_fma(vy, v_splat(camera.from_y), k * camera.centre_y);
+    const float margin_x = (float)to_view.margin_x;
+    const float margin_y = (float)to_view.margin_y;
     const vint none = v_splat_int(0);
-    vint code = v_iselect(none, v_splat_int(1), v_lt(hx, v_splat(0.0f)));
-    code = code | v_iselect(none, v_splat_int(2), v_gt(hx, k * to_view.columns));
-    code = code | v_iselect(none, v_splat_int(4), v_lt(hy, v_splat(0.0f)));
-    code = code | v_iselect(none, v_splat_int(8), v_gt(hy, k * to_view.rows));
+    vint code = v_iselect(none, v_splat_int(1), v_lt(hx, k * -margin_x));
+    code = code | v_iselect(none, v_splat_int(2), v_gt(hx, k * (to_view.columns - margin_x)));
+    code = code | v_iselect(none, v_splat_int(4), v_lt(hy, k * -margin_y));
+    code = code | v_iselect(none, v_splat_int(8), v_gt(hy, k * (to_view.rows - margin_y)));
     const vmask too_near = v_lt(depth, v_splat(to_view.near_depth));
     code = code | v_iselect(none, v_splat_int(16), too_near);
     code = code | v_iselect(none, v_splat_int(32), v_gt(depth, v_splat(to_view.far_depth)));
@@ -66,7 +69,9 @@ __kernel void raster_vertices(__global const float *restrict positions,
     code = code | v_iselect(none, v_splat_int(64), clip);
     const vfloat zero = v_splat(0.0f);
     const float steps = (float)RASTER_SUBPIXELS;
-    v_istore(v_floor_to_int(v_select(column, zero, clip) * steps + 0.5f), snapped + i);
-    v_istore(v_floor_to_int(v_select(row, zero, clip) * steps + 0.5f), snapped + stride + i);
+    const vint snapped_x = v_floor_to_int(v_select(column, zero, clip) * steps + 0.5f);
+    const vint snapped_y = v_floor_to_int(v_select(row, zero, clip) * steps + 0.5f);
+    v_istore(snapped_x + to_view.margin_x * RASTER_SUBPIXELS, snapped + i);
+    v_istore(snapped_y + to_view.margin_y * RASTER_SUBPIXELS, snapped + stride + i);
     v_istore(code, codes + i);
 }

@@ -36,6 +36,9 @@ SSAO = Struct(
 DEPTH_BIAS = 2e-6
 """Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
 
+TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+"""Bayer's order of the pixels of a tile: those close in number lie far apart."""
+
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 
 
@@ -125,10 +128,13 @@ class SsaoParams(Params):
             )
 
 
-def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
-    """Return [count, 3] points of the unit ball; any beginning of the list is well spread.
+def sample_points(
+    count: int, length_power: float, shift: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Return [..., count, 3] points of the unit ball; any beginning of the list is well spread.
 
-    Directions and lengths follow the three-dimensional R sequence (Roberts 2018).
+    Directions and lengths follow the three-dimensional R sequence (Roberts 2018). Lengths are
+    moved on by each `shift` [...] in [0, 1), in parts of their range.
     """
     root = 1.22074408460575947536  # of g^4 = g + 1
     steps = root ** -np.arange(1.0, 4.0)
@@ -137,12 +143,14 @@ def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
     ring = np.sqrt(1.0 - z * z)
     angle = 2.0 * np.pi * u[:, 1]
     direction = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
-    return direction * u[:, 2:] ** length_power
+    length = np.mod(u[:, 2] + np.asarray(shift)[..., None], 1.0) ** length_power
+    points: NDArray[np.float64] = direction * length[..., None]
+    return points
 
 
 def tile_vectors() -> NDArray[np.float64]:
     """Return [4, 4, 3] unit vectors, neighbours far apart: the random vectors of a 4 x 4 tile."""
-    order = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])  # Bayer
+    order = TILE_ORDER
     # Reflection about v and about -v is the same, so the spiral covers half of the sphere.
     z = (order + 0.5) / 16.0
     angle = order * (np.pi * (3.0 - np.sqrt(5.0)))
@@ -151,8 +159,12 @@ def tile_vectors() -> NDArray[np.float64]:
 
 
 def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
-    """Return [4, 4, count, 3]: `sample_points` reflected about the vector of each tile pixel."""
-    points = sample_points(count, length_power)
+    """Return [4, 4, count, 3]: `sample_points` reflected about the vector of each tile pixel.
+
+    A reflection keeps lengths, so these are shifted from pixel to pixel: else the few lengths of
+    the list would show as contour lines.
+    """
+    points = sample_points(count, length_power, TILE_ORDER / 16.0)
     mirror = tile_vectors()[:, :, None, :]
     along = np.sum(points * mirror, axis=-1, keepdims=True)
     reflected: NDArray[np.float64] = points - 2.0 * along * mirror

@@ -1,0 +1,53 @@
+# `make demo` and `make test` do all the set-up themselves; `make help` lists what there is.
+.DEFAULT_GOAL := help
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+SCENE ?=
+
+.PHONY: help setup system demo test test-all lint clean
+
+help:
+	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
+	@echo "make test                   run the tests"
+	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
+	@echo "make lint                   check style and types"
+	@echo "make clean                  remove $(VENV), out/ and build products"
+
+setup: $(STAMP)
+
+# Debian packages that serve the OpenGL backend, the faster OpenCL driver and the lint of kernels.
+# Nothing fails without them: what needs them says so.
+system:
+	@sh tools/system-packages.sh
+
+$(STAMP): pyproject.toml Makefile tools/system-packages.sh
+	@sh tools/system-packages.sh
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,test]'
+	@touch $(STAMP)
+
+demo: setup
+	@mkdir -p out
+	$(BIN)/ssgi devices
+	$(BIN)/ssgi render cornell_box --ambient 0.6 --views --output out/cornell_box.png
+	$(BIN)/ssgi render hall --views --output out/hall.png
+	@if [ -n "$(SCENE)" ]; then \
+		set -x; $(BIN)/ssgi render "$(SCENE)" --views \
+			--output "out/$$(basename "$(SCENE)" | sed 's/\.[^.]*$$//').png"; \
+	fi
+
+test: setup
+	$(BIN)/python -m pytest -m "not slow"
+
+test-all: setup
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) out build dist *.egg-info

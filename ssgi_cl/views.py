@@ -1,0 +1,45 @@
+"""Pictures of a G-buffer's arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.gbuffer import Floats, GBuffer
+
+Picture = NDArray[np.uint8]
+
+
+def depth_view(depth: Floats) -> Picture:
+    """Return [rows, columns] uint8: white is nearest, dark grey furthest, black where nothing is."""
+    seen = np.isfinite(depth)
+    view = np.zeros(depth.shape, np.uint8)
+    if seen.any():
+        inverse = 1.0 / depth[seen].astype(np.float64)
+        least, most = np.percentile(inverse, [0.5, 99.5])
+        share = (inverse - least) / max(most - least, 1e-300)
+        view[seen] = np.rint(40.0 + 215.0 * np.clip(share, 0.0, 1.0))
+    return view
+
+
+def normal_view(normal: Floats) -> Picture:
+    """Return [rows, columns, 3] uint8: -1 is 0 and 1 is 255; mid-grey where nothing is."""
+    return np.rint((np.clip(normal, -1.0, 1.0) * 0.5 + 0.5) * 255.0).astype(np.uint8)
+
+
+def share_view(share: Floats) -> Picture:
+    """Return [rows, columns] uint8: 0 is black and 1 is white, without gamma."""
+    return np.rint(np.clip(share, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def gbuffer_views(gbuffer: GBuffer) -> dict[str, Picture]:
+    """Return name -> picture of depth, normal and albedo, without the margin."""
+    depth = gbuffer.first("depth")
+    views = {"depth": depth_view(gbuffer.inner(depth))} if depth is not None else {}
+    normal, albedo = gbuffer.first("normal"), gbuffer.first("albedo")
+    if normal is not None:
+        views["normal"] = normal_view(gbuffer.inner(normal))
+    if albedo is not None:
+        # sRGB's curve is close to a power of 2.2, enough for a debug view.
+        views["albedo"] = share_view(gbuffer.inner(albedo) ** np.float32(1.0 / 2.2))
+    return views

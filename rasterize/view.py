@@ -25,12 +25,16 @@ def margin_of(camera: Camera, overscan: float) -> Size:
     return math.ceil(share * camera.height), math.ceil(share * camera.width)
 
 
-def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
-    """Return the scene in device memory; the same object for the same scene, while it is kept."""
+def _check_scene(scene: object) -> None:
     if not isinstance(scene, Scene):
         raise TypeError(
             f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
         )
+
+
+def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
+    """Return the scene in device memory; the same object for the same scene, while it is kept."""
+    _check_scene(scene)
     kept: DeviceScene = runtime.prepared(
         (DeviceScene, id(scene)), lambda: DeviceScene(runtime, scene)
     )
@@ -66,6 +70,7 @@ def gbuffer(
         TypeError, ValueError: an argument of the wrong type or out of range.
         MissingExtraError: the pyrender backend can't run; the message says what is missing.
     """
+    _check_scene(scene)
     layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
     check.choice("backend", backend, ("opencl", "pyrender"))
     if not isinstance(camera, Camera):

@@ -4,7 +4,8 @@
 // A normal is turned round if it and the surface seen in the depth both say that it faces away, so
 // that smooth normals at a silhouette keep their side. Where the given normal is 0 (or none is
 // given) it is the cross product of the smaller depth differences on either side, which stays on
-// one surface at an edge.
+// one surface at an edge. A pixel with neighbours in one direction alone takes the other difference
+// from one of these; a pixel without any is taken to lie across the line of sight.
 //
 // Reads:   depth   [rows, columns] scene units, > 0; INFINITY where nothing is
 //          normal  3 x [rows, columns] world space, unit length or 0 (GBUFFER_GIVEN 1)
@@ -37,6 +38,23 @@ static inline Vector minus(const Vector a, const Vector b)
     return d;
 }
 
+static inline Vector either(const Vector no, const Vector yes, const vmask m)
+{
+    const Vector v = {v_select(no.x, yes.x, m), v_select(no.y, yes.y, m), v_select(no.z, yes.z, m)};
+    return v;
+}
+
+// From p to the pixel at (x, y) with a depth (`instead` if it has none), times sign.
+static inline Vector difference(const SsgiCamera camera, const Vector p, const vfloat x,
+                                const float y, const vfloat depth, const vfloat instead,
+                                const float sign)
+{
+    const vmask has = v_lt(depth, v_splat(INFINITY));
+    const Vector d = minus(view_position(camera, x, y, v_select(instead, depth, has)), p);
+    const Vector signed_d = {d.x * sign, d.y * sign, d.z * sign};
+    return signed_d;
+}
+
 // The difference of the two that changes depth less; 0 where neither neighbour has a surface.
 static inline Vector smaller(const Vector forward, const vmask has_forward, const Vector backward,
                              const vmask has_backward)
@@ -53,6 +71,17 @@ static inline Vector smaller(const Vector forward, const vmask has_forward, cons
     return d;
 }
 
+// Depth of a neighbour, INFINITY outside the image.
+static inline vfloat neighbour(ssgi_plane depth, const int2 size, const int x, const int y)
+{
+    if (y < 0 || y >= size.y) {
+        return v_splat(INFINITY);
+    }
+    const vint at = v_iota() + x;
+    const vmask inside = v_ige(at, v_splat_int(0)) & v_ilt(at, v_splat_int(size.x));
+    return v_select(v_splat(INFINITY), ssgi_load(depth, size, 0, x, y), inside);
+}
+
 __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
                               __global float *restrict linear,
                               __global float *restrict normal_view, const int2 size,
@@ -66,36 +95,61 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
     const vfloat infinity = v_splat(INFINITY);
     const vfloat column = v_to_float(v_iota() + x) + 0.5f;
     const float row = (float)y + 0.5f;
-    const vint lane_x = v_iota() + x;
 
     const vfloat own = ssgi_load(depth, size, 0, x, y);
     const vmask there = v_lt(own, infinity);
     const vfloat safe = v_select(v_splat(1.0f), own, there);
 
-    // Neighbours outside the image count as nothing; the guard left and right holds INFINITY.
-    const vfloat left = ssgi_load(depth, size, 0, x - 1, y);
-    const vfloat right = ssgi_load(depth, size, 0, x + 1, y);
-    const vfloat up = y > 0 ? ssgi_load(depth, size, 0, x, y - 1) : infinity;
-    const vfloat down = y + 1 < size.y ? ssgi_load(depth, size, 0, x, y + 1) : infinity;
-    const vmask has_left = v_lt(left, infinity) & v_igt(lane_x, v_splat_int(0));
-    const vmask has_right = v_lt(right, infinity) & v_ilt(lane_x, v_splat_int(size.x - 1));
+    const vfloat left = neighbour(depth, size, x - 1, y);
+    const vfloat right = neighbour(depth, size, x + 1, y);
+    const vfloat up = neighbour(depth, size, x, y - 1);
+    const vfloat down = neighbour(depth, size, x, y + 1);
+    const vmask has_left = v_lt(left, infinity);
+    const vmask has_right = v_lt(right, infinity);
     const vmask has_up = v_lt(up, infinity);
     const vmask has_down = v_lt(down, infinity);
 
     const Vector p = view_position(camera, column, row, safe);
-    const Vector to_right =
-        minus(view_position(camera, column + 1.0f, row, v_select(safe, right, has_right)), p);
-    const Vector to_left =
-        minus(p, view_position(camera, column - 1.0f, row, v_select(safe, left, has_left)));
-    const Vector to_down =
-        minus(view_position(camera, column, row + 1.0f, v_select(safe, down, has_down)), p);
-    const Vector to_up =
-        minus(p, view_position(camera, column, row - 1.0f, v_select(safe, up, has_up)));
+    const Vector to_right = difference(camera, p, column + 1.0f, row, right, safe, 1.0f);
+    const Vector to_left = difference(camera, p, column - 1.0f, row, left, safe, -1.0f);
+    const Vector to_down = difference(camera, p, column, row + 1.0f, down, safe, 1.0f);
+    const Vector to_up = difference(camera, p, column, row - 1.0f, up, safe, -1.0f);
     Vector du = smaller(to_right, has_right, to_left, has_left);
     Vector dv = smaller(to_down, has_down, to_up, has_up);
-    // A single row, column or pixel: the surface is taken to lie across the line of sight.
-    const vmask no_u = ~(has_right | has_left);
-    const vmask no_v = ~(has_down | has_up);
+    vmask no_u = ~(has_right | has_left);
+    vmask no_v = ~(has_down | has_up);
+    if (v_any(there & (no_u | no_v))) {
+        for (int i = 0; i < 4; ++i) {
+            // The neighbour right, left, below, above; and the difference across that way there.
+            const int dx = i == 0 ? 1 : i == 1 ? -1 : 0;
+            const int dy = i == 2 ? 1 : i == 3 ? -1 : 0;
+            const vfloat side = i == 0 ? right : i == 1 ? left : i == 2 ? down : up;
+            const vmask has_side = v_lt(side, infinity);
+            const vfloat depth_side = v_select(safe, side, has_side);
+            const Vector q =
+                view_position(camera, column + (float)dx, row + (float)dy, depth_side);
+            const int ax = dy != 0 ? 1 : 0;
+            const int ay = dx != 0 ? 1 : 0;
+            const vfloat ahead = neighbour(depth, size, x + dx + ax, y + dy + ay);
+            const vfloat behind = neighbour(depth, size, x + dx - ax, y + dy - ay);
+            const Vector to_ahead = difference(camera, q, column + (float)(dx + ax),
+                                               row + (float)(dy + ay), ahead, depth_side, 1.0f);
+            const Vector to_behind = difference(camera, q, column + (float)(dx - ax),
+                                                row + (float)(dy - ay), behind, depth_side, -1.0f);
+            const Vector d = smaller(to_ahead, v_lt(ahead, infinity), to_behind,
+                                     v_lt(behind, infinity));
+            const vmask has_any = has_side & (v_lt(ahead, infinity) | v_lt(behind, infinity));
+            if (i < 2) {
+                const vmask take = has_any & no_v;
+                dv = either(dv, d, take);
+                no_v = no_v & ~take;
+            } else {
+                const vmask take = has_any & no_u;
+                du = either(du, d, take);
+                no_u = no_u & ~take;
+            }
+        }
+    }
     const vfloat zero = v_splat(0.0f);
     const vfloat pixel = ssgi_k(camera, safe);
     du.x = v_select(du.x, camera.to_x * pixel, no_u);

@@ -42,7 +42,9 @@ __kernel void raster_attributes(
                    (x & (RASTER_TILE - 1));
     const vint seen = v_iload(triangles + at);
     const vmask there = v_ige(seen, v_splat_int(0));
+#if RASTER_SHADED
     const vfloat zero = v_splat(0.0f);
+#endif
     if (!v_any(there)) {
         ssgi_store(v_splat(INFINITY), depth, size, view.layer, x, y, INFINITY);
 #if RASTER_SHADED

@@ -10,6 +10,8 @@
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1)
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
+// Macros:  SHADE_DIRECT, SHADE_AO, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any ambient light),
+//          SHADE_SKY: 0 or 1
 // Params:  ambient coefficients, view to world rotation
 // Launch:  SSGI_LANES pixels of a row per work-item
 

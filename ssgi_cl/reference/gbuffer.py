@@ -154,14 +154,20 @@ def view_normals(view: SurfaceView, world: NDArray[np.float32] | None) -> Double
 
 
 def _from_depth(view: SurfaceView) -> Doubles:
-    """Cross product of the differences to the neighbours that differ less in depth."""
+    """Cross product of the differences to the neighbours that differ less in depth.
+
+    Where a pixel has neighbours in one direction alone, the other difference is that of one of
+    these; without any, the surface is taken to lie across the line of sight.
+    """
     position = view.positions()
     there = np.isfinite(view.depth)
     row, column = view.centres()
     across = view.position(row, column + 1.0, -position[..., 2]) - position
     down = view.position(row + 1.0, column, -position[..., 2]) - position
-    u = _smaller_difference(position, there, 1, across)
-    v = _smaller_difference(position, there, 0, down)
+    u, has_u = _smaller_difference(position, there, 1, across)
+    v, has_v = _smaller_difference(position, there, 0, down)
+    u = _borrowed(u, has_u, there, 0)
+    v = _borrowed(v, has_v, there, 1)
     # v runs down the image and u right, so v x u points to the viewer.
     normal = np.cross(v, u)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -171,8 +177,11 @@ def _from_depth(view: SurfaceView) -> Doubles:
 
 def _smaller_difference(
     position: Doubles, there: NDArray[np.bool_], axis: int, otherwise: Doubles
-) -> Doubles:
-    """Of the differences to the next and to the previous pixel, the one smaller in depth."""
+) -> tuple[Doubles, NDArray[np.bool_]]:
+    """Of the differences to the next and to the previous pixel, the one smaller in depth.
+
+    Returns it, and where there is one; elsewhere it is `otherwise`.
+    """
     best = otherwise.copy()
     least = np.full(there.shape, np.inf)
     for ahead in (True, False):
@@ -187,4 +196,20 @@ def _smaller_difference(
         take = there[a] & there[b] & (change < least[a])
         best[a] = np.where(take[..., None], difference, best[a])
         least[a] = np.where(take, change, least[a])
-    return best
+    return best, np.isfinite(least)
+
+
+def _borrowed(
+    difference: Doubles, has: NDArray[np.bool_], there: NDArray[np.bool_], axis: int
+) -> Doubles:
+    """Where a pixel has no difference, take that of the next pixel along `axis`, or the previous."""
+    result, open_ = difference.copy(), there & ~has
+    for shift in (-1, 1):
+        source, able = np.roll(difference, shift, axis), np.roll(has & there, shift, axis)
+        edge = [slice(None), slice(None)]
+        edge[axis] = slice(-1, None) if shift == -1 else slice(0, 1)
+        able[tuple(edge)] = False
+        take = open_ & able
+        result = np.where(take[..., None], source, result)
+        open_ = open_ & ~take
+    return result

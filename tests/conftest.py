@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from ssgi_cl.drivers import FORMS, Form
 from ssgi_cl.errors import DeviceError
 from ssgi_cl.runtime import Runtime

@@ -11,7 +11,7 @@
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    16 scattered reads per lit pixel with a shadow map
+// Cost:    36 scattered reads per lit pixel with a shadow map
 
 #include "shade/shadow.clh"
 

@@ -1,4 +1,4 @@
-"""Techniques: one module each, and the list by which the command line and the benchmark find them."""
+"""Techniques: one module each, and the list by which the command line finds them."""
 
 from __future__ import annotations
 

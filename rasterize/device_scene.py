@@ -80,7 +80,9 @@ def _planar(rows: NDArray[np.float32] | NDArray[np.int32]) -> NDArray[np.float32
     return planar
 
 
-def _mip_mapped(textures: tuple[NDArray[np.uint8], ...]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+def _mip_mapped(
+    textures: tuple[NDArray[np.uint8], ...],
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     """Return the table of textures and all texels; see kernels/raster/texture.clh."""
     table, texels, offset = [], [], 0
     for texture in textures:

@@ -132,8 +132,9 @@ def rsm(
             flux = renderer.render(kept, light, camera)
             depth = renderer.target.depth.download()[0]
             normal = np.moveaxis(renderer.target.normal_world.download(), 0, -1)
-            seen = np.isfinite(depth)[..., None]
-            position = np.where(seen, camera.unproject(depth), 0.0).astype(np.float32)
+            seen = np.isfinite(depth)
+            points = camera.unproject(np.where(seen, depth, np.float32(1.0)))
+            position = np.where(seen[..., None], points, 0.0).astype(np.float32)
             faces.append((depth, position, normal, np.moveaxis(flux.download(), 0, -1)))
     depth, position, normal, power = (np.concatenate(parts) for parts in zip(*faces, strict=True))
     return ReflectiveShadowMap(

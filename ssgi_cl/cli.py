@@ -2,46 +2,63 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ssgi_cl import drivers, exr, png
+from ssgi_cl import check, drivers, exr, png
 from ssgi_cl.camera import Camera
-from ssgi_cl.errors import SsgiError
+from ssgi_cl.drivers import DeviceInfo
+from ssgi_cl.errors import KernelBuildError, SsgiError
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import Environment
-from ssgi_cl.params import describe
+from ssgi_cl.lights import Environment, Light
+from ssgi_cl.params import Params, describe
 from ssgi_cl.render import Frame, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.version import __version__
 from ssgi_cl.views import gbuffer_views, share_view
 
+if TYPE_CHECKING:
+    from ssgi_cl.rasterize.scene import Scene
+    from ssgi_cl.rasterize.scenes import BuiltinScene
+
 DEFAULT_FOV = 50.0
 
 
 def _human_errors(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn the library's errors into one line and exit status 1."""
+    """Turn the library's errors into one line (a compiler's log apart) and exit status 1."""
 
     @wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
         try:
             command(*args, **kwargs)
         except (SsgiError, ValueError, TypeError, OSError) as error:
-            raise click.ClickException(str(error)) from error
+            raise click.ClickException(_one_line(error)) from error
 
     return run
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, KernelBuildError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    first, *rest = str(error).splitlines() or [type(error).__name__]
+    return " ".join([first, "; ".join(line.strip() for line in rest)]).strip()
 
 
 @contextmanager
@@ -62,12 +79,24 @@ def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
 
 
+def _checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Raise if `path` has another suffix or can't be written, before work is spent on it."""
+    if path.suffix.lower() not in suffixes:
+        raise click.UsageError(
+            f"--output is {path}: expected a name that ends in {' or '.join(suffixes)}"
+        )
+    if not path.parent.is_dir():
+        raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise click.ClickException(f"--output is {path}: it is a folder, expected a file's name")
+
+
 _device = click.option(
     "--device", metavar="WORDS", help="Words of the device's label, such as 'pocl 3.1'; by default "
     "SSGI_CL_DEVICE, else the fastest found.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
-_vector = {"nargs": 3, "type": float, "metavar": "X Y Z"}
+_vector: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
 
 
 @main.command("render")
@@ -78,12 +107,12 @@ _vector = {"nargs": 3, "type": float, "metavar": "X Y Z"}
               "beside the picture too.")
 @click.option("--width", type=int, help="Pixels; 800 by default.")
 @click.option("--height", type=int, help="Pixels; 600 by default.")
-@click.option("--eye", help="Where the camera is, world space.", **_vector)
-@click.option("--target", help="What it looks at.", **_vector)
+@click.option("--eye", help="Where the camera is: world space, scene units.", **_vector)
+@click.option("--target", help="What it looks at: world space, scene units.", **_vector)
 @click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
 @click.option("--camera", "camera_file", type=click.Path(path_type=Path),
-              help="JSON file with origin, forward, up, fov_deg (horizontal). A file named like "
-              "the scene with .scene.json at its end is found by itself.")
+              help="JSON file with origin, forward and up (world space) and fov_deg (horizontal). A "
+              "file named like the scene with .scene.json at its end is found by itself.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
               "W m^-2 sr^-1.")
 @click.option("--ao-radius", type=float, help="Scene units; 5 % of the scene's diagonal by default.")
@@ -95,11 +124,16 @@ _vector = {"nargs": 3, "type": float, "metavar": "X Y Z"}
 @_json
 @_human_errors
 def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
-    """Render SCENE, a .glb, .gltf, .obj or .ply file or a built-in scene's name."""
+    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, or a built-in scene: cornell_box
+    or hall.
+
+    A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
+    the device.
+    """
     from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-    if output.suffix.lower() not in (".png", ".exr"):
-        raise click.UsageError(f"--output is {output}: expected a name that ends in .png or .exr")
+    _checked_output(output, (".png", ".exr"))
+    _check_view_options(options)
     with _progress(as_json) as step:
         step("opening the device")
         runtime = Runtime.open(options["device"])
@@ -112,14 +146,12 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         if options["ambient"] is not None:
             lights = (*lights, Environment(options["ambient"]))
         arguments: dict[str, Any] = {
-            "ao_radius": options["ao_radius"] or radius,
+            "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
             "ao_samples": options["ao_samples"],
             "shadow_size": options["shadow_size"],
             "exposure": options["exposure"],
             "runtime": runtime,
         }
-        if options["ao_radius"] is not None:
-            arguments["ao_radius"] = options["ao_radius"]
         step("compiling kernels")
         render(loaded, camera, lights, **arguments)
         step("rendering")
@@ -133,44 +165,65 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     )
 
 
-def _builtin(builtin: Any, options: dict[str, Any]) -> tuple[Any, Camera, tuple[Any, ...], float]:
-    width, height = options["width"] or 800, options["height"] or 600
-    camera = builtin.camera(width, height)
-    if _places_camera(options):
-        camera = Camera.look_at(
-            options["eye"] or builtin.eye, options["target"] or builtin.target, builtin.up,
-            yfov=math.radians(options["fov"]) if options["fov"] else builtin.yfov,
-            width=width, height=height,
-        )
-    if options["camera_file"]:
+def _check_view_options(options: dict[str, Any]) -> None:
+    given = [f"--{name}" for name in ("eye", "target", "fov") if options[name] is not None]
+    if options["camera_file"] is not None and given:
+        raise click.UsageError(f"--camera and {given[0]} exclude each other")
+
+
+def _size(options: dict[str, Any]) -> tuple[int, int]:
+    """Return (width, height); the camera checks them."""
+    width, height = options["width"], options["height"]
+    return 800 if width is None else width, 600 if height is None else height
+
+
+def _yfov(options: dict[str, Any], default: float) -> float:
+    """Return the vertical field of view in radians."""
+    if options["fov"] is None:
+        return default
+    return math.radians(check.number("--fov", options["fov"], low=0.01, high=179.0, unit="degrees"))
+
+
+def _builtin(
+    builtin: BuiltinScene, options: dict[str, Any]
+) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
+    width, height = _size(options)
+    if options["camera_file"] is not None:
         camera = _camera_file(options["camera_file"], options)
+    else:
+        camera = Camera.look_at(
+            builtin.eye if options["eye"] is None else options["eye"],
+            builtin.target if options["target"] is None else options["target"],
+            builtin.up, yfov=_yfov(options, builtin.yfov), width=width, height=height,
+        )
     return builtin.scene, camera, builtin.lights, builtin.ao_radius
 
 
 def _from_file(
     path: Path, options: dict[str, Any], runtime: Runtime
-) -> tuple[Any, Camera, tuple[Any, ...], None]:
+) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     from ssgi_cl.rasterize import load_scene
-    from ssgi_cl.viewpoint import DEFAULT_LIGHTS, default_camera
+    from ssgi_cl.viewpoint import default_camera, default_lights
 
-    scene = load_scene(path)
-    width, height = options["width"] or 800, options["height"] or 600
-    yfov = math.radians(options["fov"] or DEFAULT_FOV)
+    if (options["eye"] is None) != (options["target"] is None):
+        raise click.UsageError("--eye and --target go together")
+    width, height = _size(options)
+    yfov = _yfov(options, math.radians(DEFAULT_FOV))
+    # The camera's size and the rest of it are checked before a large scene is loaded.
+    camera = Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
     beside = path.with_name(path.stem + ".scene.json")
-    if options["eye"] and options["target"]:
+    if options["eye"] is not None:
         camera = Camera.look_at(options["eye"], options["target"], yfov=yfov, width=width,
                                 height=height)
-    elif options["eye"] or options["target"]:
-        raise click.UsageError("--eye and --target go together")
-    elif options["camera_file"] or (beside.is_file() and options["fov"] is None):
-        camera = _camera_file(options["camera_file"] or beside, options)
-    else:
-        camera = default_camera(scene, width, height, yfov, runtime)
-    return scene, camera, DEFAULT_LIGHTS, None
-
-
-def _places_camera(options: dict[str, Any]) -> bool:
-    return bool(options["eye"] or options["target"] or options["fov"])
+    elif options["camera_file"] is not None:
+        camera = _camera_file(options["camera_file"], options)
+    scene = load_scene(path)
+    if options["eye"] is None and options["camera_file"] is None:
+        if beside.is_file() and options["fov"] is None:
+            camera = _camera_file(beside, options)
+        else:
+            camera = default_camera(scene, width, height, yfov, runtime)
+    return scene, camera, default_lights(scene, camera, runtime), None
 
 
 def _camera_file(path: Path, options: dict[str, Any]) -> Camera:
@@ -199,8 +252,10 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
         if frame.ao is not None:
             pictures["ao"] = share_view(frame.ao)
         wanted += [(output.with_suffix(f".{name}.png"), view) for name, view in pictures.items()]
+    for path, _ in wanted:
+        _checked_output(path, (".png", ".exr"))
     for path, content in wanted:
-        if path.suffix == ".exr":
+        if path.suffix.lower() == ".exr":
             exr.write(path, content)
         else:
             png.write(path, content)
@@ -209,37 +264,43 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
 
 @main.command("apply")
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
-@click.argument("source", metavar="IN.exr", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
-              help="The result, .exr.")
-@click.option("--fov", type=float, help="Vertical field of view of the camera in degrees.")
+@click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
+@click.option("--fov", type=float, help="Vertical field of view of the camera in degrees; "
+              "50 by default.")
 @click.option("--ortho", type=float, metavar="HEIGHT",
               help="Orthographic camera whose view is this high, in scene units.")
 @click.option("--intrinsics", nargs=4, type=float, metavar="FX FY CX CY",
               help="Calibrated camera, in pixels.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
-              help="A parameter of the technique; several times. '--set help' lists them.")
+              help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
+              "lists them with their units.")
+@click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
+              "are used.")
 @_device
 @_json
 @_human_errors
 def apply_command(
-    technique: str, source: Path, output: Path, fov: float | None, ortho: float | None,
-    intrinsics: tuple[float, ...] | None, settings: tuple[str, ...], device: str | None,
-    as_json: bool,
+    technique: str, source: Path | None, output: Path | None, fov: float | None,
+    ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
+    no_normals: bool, device: str | None, as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
-    Normals are taken as camera space: +x right, +y up, +z towards the viewer.
+    Depth is linear along the line of sight, in scene units; 1e10 and more is where nothing is.
+    Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
+    the file's are in world space, as those of `ssgi render` and of Blender are.
     """
     entry = TECHNIQUES[technique]
     if "help" in settings:
-        table = Table("parameter", "default", "meaning")
-        for row in describe(entry.params):
-            table.add_row(*row)
-        Console().print(table)
+        _list_parameters(entry.params, as_json)
         return
-    if output.suffix.lower() != ".exr":
-        raise click.UsageError(f"--output is {output}: expected a name that ends in .exr")
+    if source is None:
+        raise click.UsageError("Missing argument 'IN.exr'.")
+    if output is None:
+        raise click.UsageError("Missing option '-o' / '--output'.")
+    _checked_output(output, (".exr",))
+    parameters = dict(_setting(text, technique, entry.params) for text in settings)
     if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
         raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
     with _progress(as_json) as step:
@@ -247,11 +308,13 @@ def apply_command(
         runtime = Runtime.open(device)
         step(f"reading {source}")
         arrays = exr.read_gbuffer(source)
+        if no_normals:
+            arrays.pop("normal", None)
         rows, columns = arrays["depth"].shape
         camera = _apply_camera(rows, columns, fov, ortho, intrinsics)
         gbuffer = GBuffer(camera=camera, **arrays)
         step(f"computing {technique}")
-        result = entry.function(gbuffer, runtime=runtime, **dict(map(_setting, settings)))
+        result = entry.function(gbuffer, runtime=runtime, **parameters)
         passes = runtime.times()
         step("writing the file")
         exr.write(output, {entry.channel: result})
@@ -268,18 +331,43 @@ def _apply_camera(
     eye, target = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)
     if ortho is not None:
         return Camera.orthographic(eye, target, view_height=ortho, width=columns, height=rows)
-    yfov = math.radians(DEFAULT_FOV if fov is None else fov)
+    yfov = _yfov({"fov": fov}, math.radians(DEFAULT_FOV))
     return Camera.look_at(eye, target, yfov=yfov, width=columns, height=rows)
 
 
-def _setting(text: str) -> tuple[str, Any]:
+def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
         raise click.UsageError(f"--set {text}: expected NAME=VALUE")
+    names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
+    if name not in names:
+        raise click.UsageError(
+            f"--set {text}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
+        )
+    special = {"true": True, "false": False, "inf": math.inf}
+    if value.lower() in special:
+        return name, special[value.lower()]
     try:
         return name, json.loads(value)
     except ValueError:
         return name, value
+
+
+def _list_parameters(params: type[Params], as_json: bool) -> None:
+    rows = describe(params)
+    if as_json:
+        keys = ("name", "default", "meaning")
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=1))
+        return
+    for name, default, meaning in rows:
+        click.echo(f"{name}={default}")
+        click.echo(_wrapped(meaning, "    "))
+
+
+def _wrapped(text: str, indent: str) -> str:
+    width = max(40, min(100, shutil.get_terminal_size().columns))
+    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent,
+                         break_long_words=False, break_on_hyphens=False)
 
 
 @main.command("devices")
@@ -301,25 +389,37 @@ def devices_command(as_json: bool) -> None:
         raise click.ClickException(
             "no OpenCL device found. Install a driver, for example: pip install 'ssgi-cl[pocl]'"
         )
-    chosen = drivers.choose(None)
-    table = Table("device", "kind", "units", *(str(form) for form in drivers.FORMS), "chosen")
+    usable = [info for info in found if info.best is not None]
+    chosen = max(usable, key=lambda info: info.speed, default=None)
     for info in found:
-        cells = []
-        for form in drivers.FORMS:
-            speed = info.speeds.get(str(form), "")
-            cells.append(f"{speed:.0f}" if isinstance(speed, float) else "fails")
-        default = " (default)" if info == chosen else ""
-        table.add_row(info.label + default, info.kind, str(info.units), *cells, str(info.best))
-    console = Console()
-    console.print(table)
-    console.print(
-        "Million scattered reads a second with each form of the kernels. Chosen is the widest "
-        "within 15 % of the fastest; 'fails': it does not compile or run there."
-    )
-    for info in found:
-        for form, reason in info.speeds.items():
-            if isinstance(reason, str):
-                console.print(f"{info.label}, {form}: {reason}", highlight=False)
+        _list_device(info, default=info == chosen)
+    click.echo(_wrapped(
+        "Numbers are million scattered reads a second with each form of the kernels. The form in "
+        "use (*) is the widest within 15 % of the fastest.", ""
+    ))
+
+
+def _list_device(info: DeviceInfo, *, default: bool) -> None:
+    units = f"{info.units} compute unit{'s' if info.units != 1 else ''}"
+    click.echo(_wrapped(info.label, ""))
+    click.echo(f"  {info.kind}, {units}{', used by default' if default else ''}")
+    for form in drivers.FORMS:
+        speed = info.speeds.get(str(form), "not tried")
+        mark = "*" if form == info.best else " "
+        if isinstance(speed, str):
+            click.echo(f"  {mark} {form!s:17} does not run:")
+            click.echo(_wrapped(speed, " " * 8))
+        else:
+            why = ""
+            if form == info.best:
+                why = "  in use: the fastest" if speed == info.speed else (
+                    f"  in use: widest, {100.0 * (1.0 - speed / info.speed):.0f} % below the "
+                    "fastest"
+                )
+            click.echo(f"  {mark} {form!s:17} {speed:7.0f}{why}")
+    if info.best is None:
+        click.echo("  no form of the kernels runs on it, so it is not used")
+    click.echo()
 
 
 def _report(
@@ -336,7 +436,8 @@ def _report(
             "files": [str(path) for path in files],
         }, indent=1))
         return
-    table = Table("pass", "ms", title=f"{runtime.info.label}, {runtime.form}")
+    click.echo(f"{runtime.info.label}, {runtime.form}")
+    table = Table("pass", "ms")
     table.columns[1].justify = "right"
     for name, (count, ms, skipped) in _merged(passes).items():
         label = f"{name} x {count}" if count > 1 else name

@@ -19,7 +19,7 @@ from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, downloaded, margin_of
 from ssgi_cl.runtime import PassTime, Plane, Runtime, Size
-from ssgi_cl.techniques.shade import Shade, ShadowMap
+from ssgi_cl.techniques.shade import Shade, ShadowMap, power
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.techniques.tonemap import CURVES, Tonemap, auto_exposure, picture
 
@@ -107,7 +107,7 @@ class Renderer:
                     runtime.skip("ssao", "no ambient light for it to dim")
             radiance = self._shade.run(seen, lights, shadows=shadows, openness=openness)
             values = radiance.download()
-            factor = auto_exposure(values) if exposure is None else exposure
+            factor = auto_exposure(np.moveaxis(values, 0, -1)) if exposure is None else exposure
             image = picture(self._tonemap.run(radiance, factor))
             passes = tuple(runtime.times())
             ao = None if openness is None else openness.download()[0]
@@ -127,7 +127,7 @@ class Renderer:
         kept = device_scene(scene, runtime)
         shadows: list[ShadowMap | None] = []
         for index, light in enumerate(lights):
-            if isinstance(light, Environment):
+            if isinstance(light, Environment) or not power(light).any():
                 shadows.append(None)
                 continue
             cameras = light_cameras(light, scene.bounds, size)

@@ -4,59 +4,306 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.rasterize.shadow_map import light_cameras
+from ssgi_cl.rasterize.view import gbuffer
 from ssgi_cl.runtime import Runtime
 
-DEFAULT_LIGHTS: tuple[Light, ...] = (
-    DirectionalLight((-0.35, -1.0, -0.5), (10.0, 9.4, 8.4)),
-    Environment((0.85, 1.0, 1.25)),
-)
-"""A high sun and a bluish sky; y is up."""
+Vector = NDArray[np.float64]
 
-_HORIZONTAL = {0: (1, 0, 0), 1: (-1, 0, 0), 4: (0, 0, 1), 5: (0, 0, -1)}  # faces of a point RSM
+SUN_IRRADIANCE = (9.0, 8.4, 7.5)
+"""W/m^2; of the order of the sky's pi W/m^2, so that shadows are neither black nor faint."""
+
+LAMP_IRRADIANCE = (8.0, 7.5, 6.8)
+"""W/m^2 that the lamp of a room sends to what is as far from it as half of what it sees."""
+
+ZENITH, HORIZON, GROUND = (0.75, 0.95, 1.25), (1.0, 1.05, 1.1), (0.45, 0.42, 0.38)
+"""Radiance of the sky and of the ground below it, W m^-2 sr^-1."""
+
+_ENCLOSED = 0.6
+"""Share of all directions in which a room's inner sides are seen, at least. A cube without a lid
+has 5/6, the centre of a closed object 0 (it sees the back of its surface), a yard about 0.4."""
+
+_PROBE_SIZE = 32  # rows and columns of each of the six faces of a look round
+_UP, _DOWN = 2, 3  # faces
+_HORIZONTAL = {0: (1.0, 0.0, 0.0), 1: (-1.0, 0.0, 0.0), 4: (0.0, 0.0, 1.0), 5: (0.0, 0.0, -1.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Extent:
+    """Where a scene is: the vertices that triangles use, and the box round them."""
+
+    points: NDArray[np.float32]  # [vertices, 3], relative to `origin`
+    origin: Vector
+    bounds: Vector  # [2, 3], world space
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Extent:
+        used = np.zeros(len(scene.positions), np.bool_)
+        used[scene.triangles.ravel()] = True
+        points = scene.positions[used]
+        corners = np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+        return cls(points, scene.origin, corners + scene.origin)
+
+    @property
+    def size(self) -> Vector:
+        return np.asarray(self.bounds[1] - self.bounds[0])
+
+    @property
+    def diagonal(self) -> float:
+        return float(np.linalg.norm(self.size)) or 1.0
+
+    def at(self, x: float, y: float, z: float) -> Vector:
+        """World position at shares of the box."""
+        return np.asarray(self.bounds[0] + self.size * (x, y, z))
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What is seen from a point: faces +x, -x, +y, -y, +z, -z of a cube round it, or some of them.
+
+    Attributes:
+        eye: [3], world space.
+        ways: [faces, rows, columns, 3] unit vectors, world space.
+        distance: [faces, rows, columns] scene units; inf where nothing is.
+        front: [faces, rows, columns] whether the front of a surface is seen.
+    """
+
+    eye: Vector
+    ways: Vector
+    distance: Vector
+    front: NDArray[np.bool_]
+
+    @property
+    def is_enclosed(self) -> bool:
+        return bool(self.front.mean() >= _ENCLOSED)
+
+    def clearance(self, way: Vector, angle: float) -> float:
+        """Distance to the nearest thing within `angle` (radians) of the unit vector `way`."""
+        within = self.ways @ way > math.cos(angle)
+        return float(self.distance[within].min())
+
+
+def _look(
+    scene: Scene, extent: _Extent, eye: Vector, runtime: Runtime,
+    faces: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
+) -> _Look:
+    cameras = light_cameras(PointLight(eye, 1.0), extent.bounds, _PROBE_SIZE)
+    ways, distances, fronts = [], [], []
+    for camera in (cameras[face] for face in faces):
+        seen = gbuffer(scene, camera, runtime=runtime)
+        depth, normal = seen.first("depth"), seen.first("normal")
+        assert depth is not None  # noqa: S101  every G-buffer has it
+        assert normal is not None  # noqa: S101  the rasteriser writes it
+        # The camera's axes without its position keep the directions exact far from the origin.
+        unit = Camera(view=_turned(camera.view), projection=camera.projection,
+                      width=camera.width, height=camera.height)
+        way = unit.unproject(np.ones_like(depth))
+        length = np.linalg.norm(way, axis=-1)
+        way /= length[..., None]
+        ways.append(way)
+        distances.append(depth * length)
+        fronts.append(np.isfinite(depth) & (np.einsum("rcd,rcd->rc", way, normal) < 0.0))
+    return _Look(eye, np.stack(ways), np.stack(distances), np.stack(fronts))
+
+
+def _turned(view: Vector) -> Vector:
+    rotation = np.eye(4)
+    rotation[:3, :3] = view[:3, :3]
+    return rotation
 
 
 def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: Runtime) -> Camera:
-    """Return a camera that sees a scene well: an object from outside, a room from within.
+    """Return a camera that sees a scene well.
 
-    A scene whose centre is enclosed on at least five of six sides counts as a room.
+    A room, whose surfaces face its middle, is seen from within; one that lacks a wall, through
+    the gap; one that lacks the ceiling, from above; anything else from outside, so that it fills
+    the picture.
 
     Args:
         scene: y is up.
         width, height: pixels.
         yfov: vertical field of view in radians.
-        runtime: the device that looks round from the centre.
+        runtime: the device that looks round.
     """
-    bounds = scene.bounds
-    centre, extent = bounds.mean(axis=0), np.ptp(bounds, axis=0)
-    diagonal = float(np.linalg.norm(extent)) or 1.0
-    look_out = centre - [0.0, 0.2 * extent[1], 0.0]
-    faces = np.asarray(rsm(scene, PointLight(look_out, 1.0), size=32, runtime=runtime).depth)
-    depths = faces.reshape(6, 32, 32)
-    covered = np.isfinite(depths).mean(axis=(1, 2))
-    if (covered > 0.9).sum() >= 5:
-        middle = {face: float(np.median(np.minimum(depths[face, 12:20, 12:20], diagonal)))
-                  for face in _HORIZONTAL}
-        face = max(middle, key=lambda f: middle[f] + middle[f ^ 1])
-        way = np.array(_HORIZONTAL[face], dtype=np.float64)
-        eye = look_out - way * 0.85 * middle[face ^ 1]
-        target = eye + way
-    else:
-        distance = 0.55 * diagonal / math.tan(0.5 * min(yfov, yfov * width / height))
+    extent = _Extent.of(scene)
+    looks = [_look(scene, extent, extent.at(0.5, share, 0.5), runtime) for share in (0.5, 0.35)]
+    middle = max(looks, key=lambda look: float(look.front.mean()))
+    if not middle.is_enclosed:
         way = np.array([0.45, 0.35, 1.0])
-        eye = centre + way / np.linalg.norm(way) * distance
-        target = centre
+        if _faces_away(scene, way):
+            way *= (-1.0, 1.0, -1.0)
+        return _from_outside(extent, way, width, height, yfov)
+    gap = _gap(middle)
+    if gap == _UP:
+        return _from_outside(extent, np.array([0.45, 1.2, 1.0]), width, height, yfov)
+    if gap is not None:
+        return _from_outside(extent, np.array(_HORIZONTAL[gap]), width, height, yfov)
+    return _from_within(scene, extent, middle, width, height, yfov, runtime)
+
+
+def _faces_away(scene: Scene, way: Vector) -> bool:
+    """Return whether an open surface shows its back to who looks from `way`.
+
+    The vectors of area of a closed surface add up to 0.
+    """
+    corners = scene.positions[scene.triangles]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = float(np.linalg.norm(areas, axis=1).sum(dtype=np.float64))
+    toward = float(areas.sum(axis=0, dtype=np.float64) @ way) / float(np.linalg.norm(way))
+    return toward < -0.05 * total
+
+
+def _gap(look: _Look) -> int | None:
+    """Return the face where a room is open: a wall or the ceiling; None if it is closed."""
+    covered = np.isfinite(look.distance).mean(axis=(1, 2))
+    faces = [*_HORIZONTAL, _UP]
+    face = min(faces, key=lambda f: float(covered[f]))
+    others = [float(covered[f]) for f in faces if f != face]
+    return face if covered[face] < 0.3 and min(others) > 0.7 else None
+
+
+def _from_outside(
+    extent: _Extent, way: Vector, width: int, height: int, yfov: float
+) -> Camera:
+    """Return the nearest camera in direction `way` of the scene that sees all of it."""
+    back = way / np.linalg.norm(way)
+    right = np.cross([0.0, 1.0, 0.0], back)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(back, right), back])
+    across, upward, toward = axes.astype(np.float32) @ extent.points.T
+    filled = 0.9  # of the picture's width or height
+    slope_y = filled * math.tan(0.5 * yfov)
+    slope_x = slope_y * width / height
+    # |across - x| <= slope (z - toward) for every point: four planes, each with its furthest point.
+    x, z_x = _wedge(across, toward, slope_x)
+    y, z_y = _wedge(upward, toward, slope_y)
+    z = max(z_x, z_y)
+    middle = float(0.5 * (toward.min() + toward.max()))
+    eye, target = extent.origin + axes.T @ (x, y, z), extent.origin + axes.T @ (x, y, middle)
+    least = 1e-3 * extent.diagonal
+    if z - middle < least:  # a single point
+        eye = target + back * extent.diagonal
+    near = 0.1 * max(z - float(toward.max()), 1e-2 * extent.diagonal)
+    return Camera.look_at(eye, target, yfov=yfov, width=width, height=height, near=near)
+
+
+def _wedge(
+    across: NDArray[np.float32], toward: NDArray[np.float32], slope: float
+) -> tuple[float, float]:
+    """Return where the edge of the tightest wedge of that slope lies: (across, toward)."""
+    right = float((across + np.float32(slope) * toward).max())
+    left = float((np.float32(slope) * toward - across).max())
+    return 0.5 * (right - left), 0.5 * (right + left) / slope
+
+
+def _from_within(
+    scene: Scene, extent: _Extent, middle: _Look, width: int, height: int, yfov: float,
+    runtime: Runtime,
+) -> Camera:
+    """Return the camera that sees furthest, among some places and directions in a room."""
+    xfov = 2.0 * math.atan(math.tan(0.5 * yfov) * width / height)
+    share = float((middle.eye[1] - extent.bounds[0, 1]) / max(extent.size[1], 1e-30))
+    places = [(x, z) for x in (0.2, 0.5, 0.8) for z in (0.2, 0.5, 0.8)]
+    best, best_score, best_way = middle, -math.inf, np.array([1.0, 0.0, 0.0])
+    for x, z in places:
+        look = _look(scene, extent, extent.at(x, share, z), runtime, (*_HORIZONTAL,))
+        if not look.is_enclosed:  # in a wall, in a cupboard, or out of doors
+            continue
+        for angle in np.arange(16) * (math.pi / 8.0):
+            way = np.array([math.cos(angle), 0.0, math.sin(angle)])
+            score = _view_score(look, way, xfov, yfov, extent.diagonal)
+            if score > best_score:
+                best, best_score, best_way = look, score, way
+    # Back towards the wall behind, but not into what stands there.
+    step = 0.6 * min(best.clearance(-best_way, math.radians(25.0)), 0.5 * extent.diagonal)
+    eye = best.eye - best_way * step
+    target = eye + best_way * extent.diagonal - [0.0, 0.06 * extent.diagonal, 0.0]
     return Camera.look_at(
-        eye, target, yfov=yfov, width=width, height=height, near=1e-4 * diagonal
+        eye, target, yfov=yfov, width=width, height=height, near=1e-4 * extent.diagonal
     )
+
+
+def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: float) -> float:
+    """Return how far a view along the horizontal `way` reaches, less for things in the face."""
+    along = look.ways @ way
+    side = look.ways @ np.array([-way[2], 0.0, way[0]])
+    inside = (
+        (along > 0.0)
+        & (np.abs(side) < along * math.tan(0.5 * xfov))
+        & (np.abs(look.ways[..., 1]) < along * math.tan(0.5 * yfov))
+    )
+    if not inside.any():
+        return -math.inf
+    distance = np.clip(look.distance[inside], 1e-3 * diagonal, diagonal)
+    close = float((distance < 0.06 * diagonal).mean())
+    back = float((~look.front[inside]).mean())
+    return float(np.log(distance / diagonal).mean()) - 3.0 * close - back
+
+
+def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Light, ...]:
+    """Return lights that suit a view: sun and sky, or a lamp and less sky in a closed room.
+
+    Args:
+        scene: y is up.
+        camera: the view; the sun stands behind its left shoulder.
+        runtime: the device that looks round.
+    """
+    extent = _Extent.of(scene)
+    forward, eye = -camera.view[2, :3], camera.position
+    outside = bool(((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any())
+    look = _look(scene, extent, extent.at(0.5, 0.5, 0.5) if outside else eye, runtime)
+    closed_above = float(np.isfinite(look.distance[_UP]).mean()) > 0.85
+    if look.is_enclosed and closed_above:
+        gap = _gap(look)
+        if not outside or (gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5):
+            place = look.eye if outside else _into_the_room(look, forward)
+            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+    level = np.array([forward[0], 0.0, forward[2]])
+    length = float(np.linalg.norm(level))
+    level = level / length if length > 1e-6 else np.array([0.0, 0.0, -1.0])
+    right = np.array([-level[2], 0.0, level[0]])
+    sun = 0.65 * level + 0.55 * right - [0.0, 1.1, 0.0]
+    return (DirectionalLight(sun, SUN_IRRADIANCE), _sky(1.0))
+
+
+def _into_the_room(look: _Look, forward: Vector) -> Vector:
+    """Return a place ahead of the eye, at its height."""
+    level = np.array([forward[0], 0.0, forward[2]])
+    length = float(np.linalg.norm(level))
+    if length < 1e-6:
+        return look.eye
+    way = level / length
+    return np.asarray(look.eye + way * 0.5 * look.clearance(way, math.radians(10.0)))
+
+
+def _lamp(look: _Look) -> PointLight:
+    """Return a lamp above the eye of `look`, as bright as the room needs."""
+    up = np.array([0.0, 1.0, 0.0])
+    rise = 0.6 * look.clearance(up, math.radians(15.0))
+    seen = look.distance[np.isfinite(look.distance)]
+    reach = float(np.median(seen)) if seen.size else 1.0
+    rise = min(rise, reach) if math.isfinite(rise) else 0.0
+    return PointLight(look.eye + up * rise, np.asarray(LAMP_IRRADIANCE) * reach**2)
+
+
+def _sky(strength: float) -> Environment:
+    """Return a sky that is deeper overhead than at the horizon, above a darker ground."""
+    rows = 16
+    height = np.cos((np.arange(rows) + 0.5) / rows * math.pi)[:, None]
+    zenith, horizon, ground = (np.asarray(color) for color in (ZENITH, HORIZON, GROUND))
+    above = horizon + (zenith - horizon) * np.sqrt(np.clip(height, 0.0, 1.0))
+    color = np.where(height > 0.0, above, ground)
+    return Environment(np.broadcast_to(strength * color[:, None, :], (rows, 2, 3)))
 
 
 def camera_from_json(path: Path, width: int | None, height: int | None) -> Camera:

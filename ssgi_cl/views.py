@@ -24,12 +24,13 @@ def depth_view(depth: Floats) -> Picture:
 
 def normal_view(normal: Floats) -> Picture:
     """Return [rows, columns, 3] uint8: -1 is 0 and 1 is 255; mid-grey where nothing is."""
-    return np.rint((np.clip(normal, -1.0, 1.0) * 0.5 + 0.5) * 255.0).astype(np.uint8)
+    share = np.clip(normal, -1.0, 1.0) * np.float32(0.5) + np.float32(0.5)
+    return _bytes(share * np.float32(255.0))
 
 
 def share_view(share: Floats) -> Picture:
     """Return [rows, columns] uint8: 0 is black and 1 is white, without gamma."""
-    return np.rint(np.clip(share, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return _bytes(np.clip(share, 0.0, 1.0) * np.float32(255.0))
 
 
 def gbuffer_views(gbuffer: GBuffer) -> dict[str, Picture]:
@@ -43,3 +44,8 @@ def gbuffer_views(gbuffer: GBuffer) -> dict[str, Picture]:
         # sRGB's curve is close to a power of 2.2, enough for a debug view.
         views["albedo"] = share_view(gbuffer.inner(albedo) ** np.float32(1.0 / 2.2))
     return views
+
+
+def _bytes(values: Floats) -> Picture:
+    picture: Picture = np.rint(values).astype(np.uint8)
+    return picture

@@ -154,7 +154,8 @@ def plane_depth(camera: Camera, normal: ArrayLike, offset: float) -> Doubles:
     near = camera.unproject(np.full(camera.size, 1.0, np.float32))
     far = camera.unproject(np.full(camera.size, 2.0, np.float32))
     start, along = 2.0 * near - far, far - near
-    return (offset - start @ np.asarray(normal)) / (along @ np.asarray(normal))
+    depth: Doubles = (offset - start @ np.asarray(normal)) / (along @ np.asarray(normal))
+    return depth
 
 
 def ahead(width: int = WIDTH, height: int = HEIGHT, **more: float) -> Camera:
@@ -198,7 +199,7 @@ def assert_same_picture(ours: GBuffer, theirs: GBuffer, *, textured: bool) -> No
     assert np.quantile(error[error <= 1e-4], 0.99) < good
     first = both if both.ndim == 2 else both[0]
     same = first & ((error if both.ndim == 2 else error[0]) <= 1e-4)
-    turned = degrees_between(ours.normal[same], theirs.normal[same])  # type: ignore[index]
+    turned = degrees_between(np.asarray(ours.normal)[same], np.asarray(theirs.normal)[same])
     # Where two faces touch back to back (a plinth on the floor, once cut open), either may win.
     touching = turned > 179.9
     assert (~touching & (turned > 0.1)).mean() < FEW, "normal"
@@ -513,7 +514,7 @@ def test_vertex_colours_are_interpolated_in_perspective(runtime: Runtime) -> Non
     points, seen = floor_points(result.camera)
     expected = colour(points) * (1.0, 0.5, 1.0)
     # Slopes are good to 1e-7, which is 1e-6 of a 12 m floor where it is seen at 5 degrees.
-    np.testing.assert_allclose(result.albedo[seen], expected[seen], atol=3e-6)  # type: ignore[index]
+    np.testing.assert_allclose(result.albedo[seen], expected[seen], atol=3e-6)
 
 
 def test_a_texture_lies_where_its_coordinates_say(runtime: Runtime) -> None:
@@ -535,7 +536,7 @@ def test_a_texture_lies_where_its_coordinates_say(runtime: Runtime) -> None:
     assert seen.sum() > 500
     light = (np.floor(column) + np.floor(row)) % 2
     expected = np.stack([light, 1.0 - light, 0.25 * light], axis=-1)
-    np.testing.assert_allclose(result.albedo[seen], expected[seen], atol=1e-5)  # type: ignore[index]
+    np.testing.assert_allclose(result.albedo[seen], expected[seen], atol=1e-5)
 
 
 @pytest.mark.parametrize("depth", [1.0, 30.0], ids=["magnified", "minified"])
@@ -617,8 +618,22 @@ def test_every_build_of_the_kernels_draws_the_same(form_runtime: Runtime, view: 
     both = there(one)
     # Compilers may fuse or reorder an operation: a rounding or two, 1e-5 for shading.
     np.testing.assert_allclose(depth_of(one)[both], depth_of(other)[both], rtol=1e-6)
-    np.testing.assert_allclose(one.normal, other.normal, atol=1e-5)  # type: ignore[arg-type]
-    np.testing.assert_allclose(one.albedo, other.albedo, atol=1e-4)  # type: ignore[arg-type]
+    np.testing.assert_allclose(one.normal, other.normal, atol=1e-5)
+    np.testing.assert_allclose(one.albedo, other.albedo, atol=1e-4)
+
+
+def test_small_rectangles_as_on_a_gpu_give_the_same_bits(
+    form_runtime: Runtime, hall: View
+) -> None:
+    kept = DeviceScene(form_runtime, hall[0])
+    camera = perspective(hall)
+    pictures = []
+    for rectangle, group in (((32, 32), (1, 1)), ((1, min(form_runtime.form.lanes, 8)), (8, 8))):
+        rasterizer = Rasterizer(form_runtime, camera.size, layers=2)
+        rasterizer._rectangle, rasterizer._group = rectangle, group
+        with form_runtime.frame():
+            pictures.append(rasterizer.render(kept, camera).depth.download())
+    np.testing.assert_array_equal(*pictures)
 
 
 def test_a_steady_frame_allocates_and_builds_nothing(runtime: Runtime, hall: View) -> None:
@@ -687,8 +702,8 @@ def test_a_camera_inside_a_wall_gives_numbers(
         result = gbuffer(scene, camera, layers=2, runtime=runtime)
         assert not np.isnan(depth_of(result)).any()
         assert (depth_of(result) >= camera.near * (1.0 - 1e-6)).all()
-        assert np.isfinite(result.normal).all()  # type: ignore[call-overload]
-        assert np.isfinite(result.albedo).all()  # type: ignore[call-overload]
+        assert np.isfinite(result.normal).all()
+        assert np.isfinite(result.albedo).all()
 
 
 @pytest.mark.parametrize(
@@ -711,7 +726,7 @@ def test_wrong_arguments_are_refused(
 ) -> None:
     arguments = {"scene": slanted(), "camera": ahead(), "runtime": runtime, **changes}
     with pytest.raises(error, match=words):
-        gbuffer(**arguments)  # type: ignore[arg-type]
+        gbuffer(**arguments)
 
 
 def test_a_camera_of_another_size_is_refused(runtime: Runtime) -> None:

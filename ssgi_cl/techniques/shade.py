@@ -19,6 +19,8 @@ from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
+BRIGHTEST = 1e30
+"""W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
 _ROTATION = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 LIGHT = Struct(
     "LightParams",
@@ -79,7 +81,7 @@ class Shade:
         for light, shadow in zip(lights, maps, strict=True):
             if isinstance(light, Environment):
                 continue
-            if not _power(light).any():
+            if not power(light).any():
                 self.runtime.skip(f"light {_kind_name(light)}", "it emits nothing")
                 continue
             self._light(gbuffer, light, shadow, add=lit)
@@ -126,7 +128,7 @@ class Shade:
             (light.irradiance_coefficients() for light in environments), np.zeros((9, 3))
         )
         ambient = bool(coefficients.any())
-        self._ambient.upload(coefficients.astype(np.float32))
+        self._ambient.upload(np.clip(coefficients, -BRIGHTEST, BRIGHTEST).astype(np.float32))
         sky = _sky_image(environments)
         if sky.size > self._sky.count:
             self._sky = DeviceArray(self.runtime, sky)
@@ -200,7 +202,12 @@ def shade(
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
     if rsms is not None and len(rsms) != len(lights):
         raise ValueError(f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light")
+    for index, rsm in enumerate(rsms or ()):
+        if rsm is not None and not isinstance(lights[index], Environment):
+            _checked(rsm, lights[index], index)
     device = on_device(gbuffer, runtime)
+    if device.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
     runtime = device.runtime
     size = device.size
     technique: Shade = runtime.prepared((Shade, size), lambda: Shade(runtime, size))
@@ -218,7 +225,7 @@ def shade(
         added.upload(np.moveaxis(values, -1, 0))
     shadows: list[ShadowMap | None] = [None] * len(lights)
     for index, rsm in enumerate(rsms or ()):
-        if rsm is not None:
+        if rsm is not None and not isinstance(lights[index], Environment):
             shadows[index] = _uploaded(rsm, runtime, index)
     with runtime.frame():
         result = technique.run(
@@ -227,10 +234,27 @@ def shade(
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
 
+def _checked(rsm: object, light: Light, index: int) -> None:
+    if not isinstance(rsm, ReflectiveShadowMap):
+        raise TypeError(
+            f"rsms[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None"
+        )
+    if type(rsm.light) is not type(light):
+        raise ValueError(
+            f"rsms[{index}] is that of a {type(rsm.light).__name__}: expected one of "
+            f"lights[{index}], a {type(light).__name__}"
+        )
+    sizes = {camera.size for camera in rsm.cameras}
+    count = 6 if isinstance(light, PointLight) else 1
+    if len(rsm.cameras) != count or len(sizes) != 1 or len(set(*sizes)) != 1:
+        raise ValueError(
+            f"rsms[{index}] has {len(rsm.cameras)} cameras of {sorted(sizes)} texels: expected "
+            f"{count}, square and of one size"
+        )
+
+
 def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowMap:
     size = rsm.cameras[0].size
-    if size[0] != size[1]:
-        raise ValueError(f"rsms[{index}] has faces of {size} texels: expected square ones")
     count = len(rsm.cameras)
     plane: Plane = runtime.prepared(
         (shade, "shadow", index, count, size), lambda: runtime.plane(count, size, np.inf)
@@ -244,7 +268,8 @@ def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
         raise ValueError(f"{name} has shape {tuple(shape)}: expected {size} as the G-buffer")
 
 
-def _power(light: Lamp) -> NDArray[np.float64]:
+def power(light: Lamp) -> NDArray[np.float64]:
+    """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
     value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
     return np.asarray(value)
 
@@ -272,7 +297,7 @@ def _light_values(
     else:
         to_light = light_camera.view[:3, :3] @ turn.T
         offset = light_camera.view[:3, :3] @ camera.position + light_camera.view[:3, 3]
-    red, green, blue = _power(light).tolist()
+    red, green, blue = np.minimum(power(light), BRIGHTEST).tolist()
     return {
         **dict(zip(("position_x", "position_y", "position_z"), position, strict=True)),
         **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
@@ -298,4 +323,4 @@ def _sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
         row = np.arange(rows) * image.shape[0] // rows
         column = np.arange(columns) * image.shape[1] // columns
         sky += image[row[:, None], column[None, :]]
-    return sky.astype(np.float32)
+    return np.minimum(sky, BRIGHTEST).astype(np.float32)

@@ -10,6 +10,8 @@ from ssgi_cl.runtime import Plane, Runtime, Size
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18
+LARGEST_EXPOSURE = 1e30
+"""Greater ones count as this one, which is finite in float32."""
 
 
 class Tonemap:
@@ -26,7 +28,7 @@ class Tonemap:
         """Queue the pass; return the plane of values in [0, 255]."""
         self._kernel.run(
             "tonemap", self.size, reads=[radiance], writes=[self._encoded],
-            values=[np.float32(exposure)],
+            values=[np.float32(min(exposure, LARGEST_EXPOSURE))],
         )
         return self._encoded
 
@@ -35,14 +37,11 @@ def auto_exposure(radiance: NDArray[np.float32]) -> float:
     """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
 
     Args:
-        radiance: [rows, columns, 3] or [3, rows, columns], linear. Pixels of luminance 0 don't
-            count; 1 if all are 0.
+        radiance: [rows, columns, 3], linear, any strides. Pixels of luminance 0 don't count; 1 if
+            all are 0.
     """
-    axis = 0 if radiance.shape[0] == 3 and radiance.shape[-1] != 3 else -1
     # Every third row and column: the mean of a log changes by less than the eye can tell.
-    thinned = radiance[:, ::3, ::3] if axis == 0 else radiance[::3, ::3]
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    luminance = np.tensordot(thinned.astype(np.float64), weights, axes=([axis], [0]))
+    luminance = radiance[::3, ::3].astype(np.float64) @ np.array([0.2126, 0.7152, 0.0722])
     lit = luminance[luminance > 0.0]
     if lit.size == 0:
         return 1.0

@@ -1,0 +1,181 @@
+"""Deferred shading in float64, light by light as defined in `ssgi_cl.techniques.shade`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
+
+Lamp = SpotLight | PointLight | DirectionalLight
+
+LEAST_FACING = 0.0017
+"""Cosine between a normal and the light below which a surface counts as no more tilted."""
+REACH = 2
+"""Texels on either side of the receiver's own that the shadow's filter covers."""
+SLOPE, LEAST, STEP, ROUNDING = 0.25, 0.25, 1.0, 1e-5
+"""What a texel may be nearer to the light without shadowing; see kernels/shade/shadow.clh."""
+
+
+def shade_reference(
+    gbuffer: GBuffer,
+    lights: Sequence[Light],
+    *,
+    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    ao: ArrayLike | None = None,
+    indirect: ArrayLike | None = None,
+) -> Doubles:
+    """Return radiance [rows, columns, 3]; the arguments are those of `shade`."""
+    position, normal, there = world_surface(gbuffer)
+    irradiance = np.zeros((*gbuffer.size, 3))
+    maps = list(rsms) if rsms is not None else [None] * len(lights)
+    for light, rsm in zip(lights, maps, strict=True):
+        if isinstance(light, Environment):
+            continue
+        share = np.ones(gbuffer.size)
+        if rsm is not None:
+            share = shadow_reference(rsm, position, normal)
+        irradiance += direct_reference(light, position, normal) * share[..., None]
+    environments = [light for light in lights if isinstance(light, Environment)]
+    ambient = ambient_reference(environments, normal)
+    irradiance += ambient if ao is None else ambient * np.asarray(ao, np.float64)[..., None]
+    if indirect is not None:
+        irradiance += np.asarray(indirect, np.float64)
+    albedo = gbuffer.first("albedo")
+    reflectance = 0.8 if albedo is None else gbuffer.inner(albedo).astype(np.float64)
+    radiance = reflectance * irradiance / np.pi
+    emission = gbuffer.first("emission")
+    if emission is not None:
+        radiance += gbuffer.inner(emission)
+    return np.where(there[..., None], radiance, sky_reference(environments, gbuffer.camera))
+
+
+def world_surface(gbuffer: GBuffer) -> tuple[Doubles, Doubles, NDArray[np.bool_]]:
+    """Return position and normal [rows, columns, 3] in world space, and where something is.
+
+    Normals face the viewer; where nothing is, the position is that at depth 1.
+    """
+    view = SurfaceView.of(gbuffer)
+    depth = view.inner(view.depth)
+    there = np.isfinite(depth)
+    row, column = (view.inner(centre) for centre in view.centres())
+    seen = view.position(row, column, np.where(there, depth, 1.0))
+    turn, shift = gbuffer.camera.view[:3, :3], gbuffer.camera.view[:3, 3]
+    normal = view.inner(view_normals(view, gbuffer.first("normal"))) @ turn
+    return (seen - shift) @ turn, normal, there
+
+
+def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles:
+    """Return irradiance [..., 3] in W/m^2 of surfaces in world space, without shadows."""
+    if isinstance(light, DirectionalLight):
+        cosine = -normal @ np.asarray(light.direction)
+        return np.maximum(cosine, 0.0)[..., None] * np.asarray(light.irradiance)
+    to_light = np.asarray(light.position) - position
+    squared = np.sum(to_light * to_light, axis=-1)
+    distance = np.sqrt(np.where(squared > 0.0, squared, 1.0))
+    cosine = np.sum(normal * to_light, axis=-1) / distance
+    strength = np.maximum(cosine, 0.0) / distance**2
+    if isinstance(light, SpotLight):
+        along = -to_light @ np.asarray(light.direction) / distance
+        strength = np.where(along >= np.cos(light.cone_angle), strength, 0.0)
+    return strength[..., None] * np.asarray(light.intensity)
+
+
+def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> Doubles:
+    """Return irradiance [..., 3] in W/m^2: the environments' quadratic functions of the normal."""
+    x, y, z = np.moveaxis(normal, -1, 0)
+    basis = np.stack(
+        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3.0 * z * z - 1.0, x * x - y * y], axis=-1
+    )
+    coefficients = np.zeros((9, 3))
+    for environment in environments:
+        coefficients += environment.irradiance_coefficients()
+    return np.maximum(basis @ coefficients, 0.0)
+
+
+def sky_reference(environments: Sequence[Environment], camera: Camera) -> Doubles:
+    """Return radiance [rows, columns, 3] of the environments along every line of sight."""
+    start = camera.unproject(np.zeros(camera.size, np.float32))
+    along = camera.unproject(np.ones(camera.size, np.float32)) - start
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    result = np.zeros((*camera.size, 3))
+    for environment in environments:
+        image = np.asarray(environment.radiance)
+        image = image.reshape(1, 1, 3) if image.ndim == 1 else image
+        rows, columns = image.shape[:2]
+        azimuth = np.arctan2(along[..., 0], -along[..., 2])
+        polar = np.arccos(np.clip(along[..., 1], -1.0, 1.0))
+        column = np.clip((azimuth / (2.0 * np.pi) + 0.5) * columns, 0, columns - 1).astype(int)
+        row = np.clip(polar / np.pi * rows, 0, rows - 1).astype(int)
+        result += image[row, column]
+    return result
+
+
+def shadow_reference(
+    rsm: ReflectiveShadowMap, position: Doubles, normal: Doubles
+) -> Doubles:
+    """Return the share of light [rows, columns] that reaches surfaces in world space.
+
+    Args:
+        rsm: whose depth counts.
+        position, normal: [rows, columns, 3]; normals of unit length.
+    """
+    cameras = rsm.cameras
+    depth = np.asarray(rsm.depth, np.float64).reshape(len(cameras), *cameras[0].size)
+    if len(cameras) == 1:
+        return _filtered(cameras[0], depth[0], position, normal)
+    to_point = position - np.asarray(cameras[0].position)
+    axis = np.argmax(np.abs(to_point), axis=-1)
+    main = np.take_along_axis(to_point, axis[..., None], axis=-1)[..., 0]
+    face = 2 * axis + (main < 0.0)
+    result = np.ones(face.shape)
+    for index, camera in enumerate(cameras):
+        result = np.where(
+            face == index, _filtered(camera, depth[index], position, normal), result
+        )
+    return result
+
+
+def _filtered(camera: Camera, seen: Doubles, position: Doubles, normal: Doubles) -> Doubles:
+    turn, shift = camera.view[:3, :3], camera.view[:3, 3]
+    at = position @ turn.T + shift
+    tilt = normal @ turn.T
+    depth = np.maximum(-at[..., 2], 1e-30)
+    flat = camera.is_orthographic
+    sx, sy, ox, oy = camera.pixel_to_view
+    k = np.ones_like(depth) if flat else depth
+    column = np.clip((at[..., 0] / k - ox) / sx, 0.0, camera.width)
+    row = np.clip((at[..., 1] / k - oy) / sy, 0.0, camera.height)
+    # Nearness is linear in the texel on every plane; greater is nearer.
+    own = -depth if flat else 1.0 / depth
+    slope_x, slope_y = (np.zeros_like(column),) * 2 if flat else (sx * column + ox, sy * row + oy)
+    length = np.sqrt(slope_x**2 + slope_y**2 + 1.0)
+    facing = tilt[..., 0] * slope_x + tilt[..., 1] * slope_y - tilt[..., 2]
+    facing = np.minimum(facing, -LEAST_FACING * length)
+    change = (1.0 if flat else own) / facing
+    own_x, own_y = tilt[..., 0] * sx * change, tilt[..., 1] * sy * change
+    texel = max(abs(sx), abs(sy)) * (np.ones_like(own) if flat else own)
+    slack = (
+        SLOPE * (np.abs(own_x) + np.abs(own_y)) + LEAST * texel + ROUNDING * np.abs(own)
+    )
+    nearness = -seen if flat else 1.0 / seen
+    left, top = np.floor(column - 0.5), np.floor(row - 0.5)
+    fx, fy = column - 0.5 - left, row - 0.5 - top
+    last = 2 * REACH + 1
+    blocked = np.zeros_like(own)
+    for j in range(last + 1):
+        ty = np.clip(top.astype(int) - REACH + j, 0, camera.height - 1)
+        weight_y = 1.0 - fy if j == 0 else fy if j == last else 1.0
+        for i in range(last + 1):
+            tx = np.clip(left.astype(int) - REACH + i, 0, camera.width - 1)
+            weight_x = 1.0 - fx if i == 0 else fx if i == last else 1.0
+            dx, dy = tx + 0.5 - column, ty + 0.5 - row
+            limit = own + np.maximum(dx * own_x + dy * own_y, 0.0)
+            limit = limit + slack + STEP * texel * (np.abs(dx) + np.abs(dy))
+            blocked += np.where(nearness[ty, tx] > limit, weight_x * weight_y, 0.0)
+    return np.maximum(1.0 - blocked / last**2, 0.0)

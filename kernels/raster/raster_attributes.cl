@@ -58,7 +58,8 @@ __kernel void raster_attributes(
 #endif
         return;
     }
-    const vint triangle = v_imax(seen, v_splat_int(0));
+    // Lanes that see nothing take a neighbour's triangle: often all lanes then have the same.
+    const vint triangle = v_iselect(v_splat_int(v_ilargest(seen)), seen, there);
     const RasterTriangle t = raster_triangle(view, corners, positions, triangle);
     const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + (x - view.margin_x)) + 0.5f);
     const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)(y - view.margin_y) + 0.5f));
@@ -78,28 +79,30 @@ __kernel void raster_attributes(
     ssgi_store(ny * scale, normal, size, 1, x, y, 0.0f);
     ssgi_store(nz * scale, normal, size, 2, x, y, 0.0f);
 
-    const vint id = v_igather(material_ids, triangle) * RASTER_MATERIAL;
-    vfloat r = v_gather(materials, id);
-    vfloat g = v_gather(materials, id + 1);
-    vfloat b = v_gather(materials, id + 2);
+    const vint id = v_ifetch(material_ids, triangle, t.same) * RASTER_MATERIAL;
+    vfloat r = v_fetch(materials, id, t.same);
+    vfloat g = v_fetch(materials, id + 1, t.same);
+    vfloat b = v_fetch(materials, id + 2, t.same);
 #if RASTER_COLORED
     r = r * raster_mix(colors, t, hit);
     g = g * raster_mix(colors + stride, t, hit);
     b = b * raster_mix(colors + 2 * stride, t, hit);
 #endif
 #if RASTER_TEXTURED
-    const vint texture = v_to_int(v_gather(materials, id + 3));
+    const vint texture = v_to_int(v_fetch(materials, id + 3, t.same));
     const vmask textured = there & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
         const RasterHit right = raster_meet(camera, view, t, slope_x + camera.to_x, slope_y);
         const RasterHit below = raster_meet(camera, view, t, slope_x, slope_y + camera.to_y);
-        const vfloat u = raster_mix(uvs, t, hit);
-        const vfloat v = raster_mix(uvs + stride, t, hit);
-        const RasterColor color = raster_texture(
-            from, v_imax(texture, v_splat_int(0)), u, v, raster_mix(uvs, t, right) - u,
-            raster_mix(uvs + stride, t, right) - v, raster_mix(uvs, t, below) - u,
-            raster_mix(uvs + stride, t, below) - v);
+        const RasterAttribute us = raster_attribute(uvs, t);
+        const RasterAttribute vs = raster_attribute(uvs + stride, t);
+        const vfloat u = raster_at(us, hit);
+        const vfloat v = raster_at(vs, hit);
+        const RasterColor color =
+            raster_texture(from, v_imax(texture, v_splat_int(0)), u, v, raster_at(us, right) - u,
+                           raster_at(vs, right) - v, raster_at(us, below) - u,
+                           raster_at(vs, below) - v);
         const vfloat one = v_splat(1.0f);
         r = r * v_select(one, color.r, textured);
         g = g * v_select(one, color.g, textured);
@@ -111,7 +114,7 @@ __kernel void raster_attributes(
     ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, 2, x, y, 0.0f);
 #if RASTER_EMISSION
     for (int c = 0; c < 3; ++c) {
-        const vfloat e = v_gather(materials, id + (6 + c));
+        const vfloat e = v_fetch(materials, id + (6 + c), t.same);
         ssgi_store(v_select(zero, e, there), emission, size, c, x, y, 0.0f);
     }
 #endif

@@ -190,6 +190,9 @@ def render(
     layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
     shadow_size = check.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
     check.choice("curve", curve, CURVES)
+    for name, switch in (("ao", ao), ("gbuffer", gbuffer)):
+        if not isinstance(switch, bool):
+            raise TypeError(f"{name} is {switch!r}: expected True or False")
     if exposure is not None:
         exposure = check.number("exposure", exposure, low=0.0, above=True)
     margin = margin_of(camera, overscan)
@@ -198,7 +201,8 @@ def render(
     params = None
     if ao:
         if ao_radius is None:
-            ao_radius = AO_RADIUS_SHARE * float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+            extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+            ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
         params = SsaoParams(radius=(ao_radius,), samples=ao_samples)
     key = (Renderer, camera.size, params, layers, margin, shadow_size, curve)
     renderer: Renderer = runtime.prepared(

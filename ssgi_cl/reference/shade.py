@@ -74,7 +74,8 @@ def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles
     """Return irradiance [..., 3] in W/m^2 of surfaces in world space, without shadows."""
     if isinstance(light, DirectionalLight):
         cosine = -normal @ np.asarray(light.direction)
-        return np.maximum(cosine, 0.0)[..., None] * np.asarray(light.irradiance)
+        facing: Doubles = np.maximum(cosine, 0.0)[..., None] * np.asarray(light.irradiance)
+        return facing
     to_light = np.asarray(light.position) - position
     squared = np.sum(to_light * to_light, axis=-1)
     distance = np.sqrt(np.where(squared > 0.0, squared, 1.0))
@@ -83,7 +84,8 @@ def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles
     if isinstance(light, SpotLight):
         along = -to_light @ np.asarray(light.direction) / distance
         strength = np.where(along >= np.cos(light.cone_angle), strength, 0.0)
-    return strength[..., None] * np.asarray(light.intensity)
+    irradiance: Doubles = strength[..., None] * np.asarray(light.intensity)
+    return irradiance
 
 
 def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> Doubles:

@@ -201,7 +201,9 @@ def shade(
         if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
     if rsms is not None and len(rsms) != len(lights):
-        raise ValueError(f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light")
+        raise ValueError(
+            f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light"
+        )
     for index, rsm in enumerate(rsms or ()):
         if rsm is not None and not isinstance(lights[index], Environment):
             _checked(rsm, lights[index], index)

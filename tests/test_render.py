@@ -1,0 +1,358 @@
+"""The whole pipeline: what a frame holds, what it skips, and that it repeats."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.camera import Camera
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.shade import shade_reference
+from ssgi_cl.reference.tonemap import encoded_reference
+from ssgi_cl.render import Frame, Renderer, render
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.ssao import SsaoParams
+
+SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
+SKY = Environment((0.4, 0.5, 0.7))
+LAMP = PointLight((0.3, 1.2, 0.4), (1.0, 0.8, 0.6))
+SPOT = SpotLight((0.2, 1.5, 0.3), (-0.1, -1.0, 0.0), 0.8, 1.0)
+LIGHTS: tuple[Light, ...] = (SUN, SKY, LAMP, SPOT)
+
+
+@pytest.fixture(scope="module")
+def small() -> Scene:
+    """A floor with a wall on it, of which the wall glows a little."""
+    positions = [
+        [-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1],
+        [-0.5, 0, -0.2], [0.5, 0, -0.2], [0.5, 0.6, -0.2], [-0.5, 0.6, -0.2],
+    ]
+    return Scene(
+        positions=np.array(positions, np.float32),
+        normals=np.array([[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, np.float32),
+        uvs=np.zeros((8, 2), np.float32),
+        colors=np.ones((8, 3), np.float32),
+        triangles=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.int32),
+        material_ids=np.array([0, 0, 1, 1], np.int32),
+        materials=(Material(), Material(albedo=(0.6, 0.2, 0.2), emission=(0.02, 0.0, 0.01))),
+    )
+
+
+def viewer(width: int = 64, height: int = 48) -> Camera:
+    """Return a camera that sees floor, wall and sky."""
+    return Camera.look_at((1.2, 1.0, 1.8), (0, 0.3, 0), width=width, height=height)
+
+
+def names(frame: Frame) -> list[str]:
+    """Return the names of the passes that ran."""
+    return [p.name for p in frame.passes if not p.skipped]
+
+
+def skipped(frame: Frame) -> dict[str, str]:
+    """Return the passes that did not run, and why."""
+    return {p.name: p.skipped for p in frame.passes if p.skipped}
+
+
+# ---- what a frame holds
+
+
+def test_frame_holds_arrays_of_the_documented_shape_and_type(
+    runtime: Runtime, small: Scene
+) -> None:
+    frame = render(small, viewer(), LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+    assert (frame.image.shape, frame.image.dtype) == ((48, 64, 3), np.uint8)
+    assert (frame.radiance.shape, frame.radiance.dtype) == ((48, 64, 3), np.float32)
+    assert frame.ao is not None
+    assert (frame.ao.shape, frame.ao.dtype) == ((48, 64), np.float32)
+    assert frame.gbuffer is not None
+    assert frame.gbuffer.size == (48, 64)
+    assert frame.exposure > 0.0
+    assert frame.wall_ms > 0.0
+    assert np.isfinite(frame.radiance).all()
+    assert frame.radiance.min() >= 0.0
+    assert 0.0 <= frame.ao.min() < 0.9
+    assert frame.ao.max() == 1.0
+    for array in (frame.image, frame.radiance, frame.ao):
+        assert array.flags.c_contiguous
+
+
+def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    ran = names(frame)
+    wanted = [
+        "view normals", "ssao", "light directional", "light point", "light spot", "combine",
+        "tonemap",
+    ]
+    first = [ran.index(name) for name in wanted]
+    assert first == sorted(first)
+    assert all(p.ms >= 0.0 for p in frame.passes)
+    assert all(p.ms == 0.0 for p in frame.passes if p.skipped)
+    assert sum(p.ms for p in frame.passes) < frame.wall_ms
+
+
+@pytest.mark.parametrize("name", sorted(BUILTIN_SCENES))
+def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> None:
+    built = BUILTIN_SCENES[name]()
+    frame = render(
+        built.scene, built.camera(80, 60), built.lights, ao_radius=built.ao_radius,
+        shadow_size=256, runtime=runtime,
+    )
+    assert np.isfinite(frame.radiance).all()
+    assert frame.radiance.min() >= 0.0
+    lit = (frame.radiance > 0.0).any(axis=-1)
+    # The Cornell box is closed, dark where only bounced light would reach; the hall has a sky.
+    assert lit.mean() > 0.15
+    assert frame.image.std() > 10.0
+
+
+def test_radiance_is_that_of_the_float64_twins_of_the_frames_own_inputs(
+    runtime: Runtime, small: Scene
+) -> None:
+    camera = viewer()
+    frame = render(small, camera, LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+    assert frame.gbuffer is not None
+    assert frame.ao is not None
+    rsms = [
+        None if isinstance(light, Environment)
+        else gi.rasterize.rsm(small, light, size=128, runtime=runtime)
+        for light in LIGHTS
+    ]
+    expected = shade_reference(frame.gbuffer, LIGHTS, rsms=rsms, ao=frame.ao)
+    wrong = ~(np.abs(frame.radiance - expected) <= 1e-5 * expected.max())
+    # A texel at the limit of a shadow, or a point at the edge of the cone: 6 of 3072 pixels.
+    assert wrong.any(axis=-1).mean() < 2e-3
+    image = encoded_reference(frame.radiance, frame.exposure)
+    assert np.abs(frame.image - image).max() <= 0.5 + 1e-3  # rounded to whole values
+
+
+def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> None:
+    frame = render(
+        small, viewer(), [SKY], gbuffer=True, layers=2, overscan=0.1, runtime=runtime
+    )
+    expected = gi.rasterize.gbuffer(small, viewer(), layers=2, overscan=0.1, runtime=runtime)
+    assert frame.gbuffer is not None
+    assert frame.gbuffer.layers == 2
+    assert frame.gbuffer.margin == (5, 7)
+    for name in ("depth", "normal", "albedo", "emission"):
+        np.testing.assert_array_equal(getattr(frame.gbuffer, name), getattr(expected, name))
+
+
+def test_layers_and_overscan_do_not_change_what_they_do_not_concern(
+    runtime: Runtime, small: Scene
+) -> None:
+    plain = render(small, viewer(), [SUN, LAMP], shadow_size=128, runtime=runtime)
+    more = render(
+        small, viewer(), [SUN, LAMP], shadow_size=128, layers=3, overscan=0.2, runtime=runtime
+    )
+    # The margin moves the origin of pixel positions, which round by 2^-24.
+    wrong = np.abs(plain.radiance - more.radiance) > 1e-5 * plain.radiance.max()
+    assert wrong.mean() < 2e-3  # edges of triangles and shadows
+
+
+# ---- what a frame leaves out
+
+
+def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(
+    runtime: Runtime, small: Scene
+) -> None:
+    for lights in ([SUN], [SUN, Environment(0.0)], []):
+        frame = render(small, viewer(), lights, shadow_size=64, runtime=runtime)
+        assert frame.ao is None
+        assert skipped(frame)["ssao"] == "no ambient light for it to dim"
+        assert "ssao" not in names(frame)
+
+
+def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), [SKY], ao=False, runtime=runtime)
+    assert frame.ao is None
+    assert frame.gbuffer is None
+    assert "ssao" not in [p.name for p in frame.passes]
+
+
+def test_skipped_ao_gives_the_same_bits_as_none(runtime: Runtime, small: Scene) -> None:
+    a = render(small, viewer(), [SUN], shadow_size=64, runtime=runtime)
+    b = render(small, viewer(), [SUN], ao=False, shadow_size=64, runtime=runtime)
+    np.testing.assert_array_equal(a.radiance, b.radiance)
+
+
+def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: Scene) -> None:
+    dark = PointLight((0, 1, 0), 0.0)
+    none = render(small, viewer(), [SKY], shadow_size=64, runtime=runtime)
+    frame = render(small, viewer(), [dark, SKY], shadow_size=64, runtime=runtime)
+    assert skipped(frame) == {"light point": "it emits nothing"}
+    assert names(frame) == names(none)
+    np.testing.assert_array_equal(frame.radiance, none.radiance)
+
+
+def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), [], gbuffer=True, runtime=runtime)
+    assert frame.gbuffer is not None
+    np.testing.assert_array_equal(frame.radiance, np.asarray(frame.gbuffer.emission))
+    assert frame.radiance.any()
+
+
+# ---- repeating
+
+
+def test_two_frames_have_the_same_bits(runtime: Runtime, small: Scene) -> None:
+    a, b = (
+        render(small, viewer(), LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+        for _ in range(2)
+    )
+    assert a.ao is not None
+    assert b.ao is not None
+    np.testing.assert_array_equal(a.image, b.image)
+    np.testing.assert_array_equal(a.radiance, b.radiance)
+    np.testing.assert_array_equal(a.ao, b.ao)
+    assert a.exposure == b.exposure
+
+
+def test_steady_frames_allocate_no_device_memory_and_compile_nothing(
+    runtime: Runtime, small: Scene
+) -> None:
+    renderer = Renderer(
+        runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, margin=(3, 4)
+    )
+    first = renderer(small, viewer(), LIGHTS)
+    before = runtime.allocated_bytes, runtime.builds
+    for step in range(3):
+        moved = Camera.look_at((1.2 - 0.1 * step, 1, 1.8), (0, 0.3, 0), width=64, height=48)
+        frame = renderer(small, moved, LIGHTS)
+        if step == 0:
+            np.testing.assert_array_equal(frame.image, first.image)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+
+
+def test_render_prepares_once_for_the_same_size_and_settings(
+    runtime: Runtime, small: Scene
+) -> None:
+    render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    before = runtime.allocated_bytes, runtime.builds
+    render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+
+
+def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128)
+    fresh = renderer(small, viewer(), [SUN, SKY])
+    renderer(small, viewer(), [LAMP, SPOT, SUN, SKY], exposure=3.0)
+    renderer(small, viewer(), [])
+    again = renderer(small, viewer(), [SUN, SKY])
+    np.testing.assert_array_equal(fresh.radiance, again.radiance)
+    np.testing.assert_array_equal(fresh.image, again.image)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
+def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
+    frame = render(
+        small, viewer(size[1], size[0]), LIGHTS, shadow_size=64, overscan=0.3,
+        runtime=form_runtime,
+    )
+    assert frame.image.shape == (*size, 3)
+    assert np.isfinite(frame.radiance).all()
+    assert frame.exposure == gi.techniques.tonemap.auto_exposure(frame.radiance)
+
+
+def test_every_kernel_form_draws_the_same_picture(
+    runtime: Runtime, form_runtime: Runtime, small: Scene
+) -> None:
+    a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=form_runtime)
+    off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
+    # A value may round to the next; where a device's division is not exact an edge may move.
+    assert np.mean(off > 1) < 2e-3
+
+
+def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
+    shift = np.array([1e6, -2e6, 5e5])
+    moved = Scene(
+        origin=shift, positions=small.positions, normals=small.normals, uvs=small.uvs,
+        colors=small.colors, triangles=small.triangles, material_ids=small.material_ids,
+        materials=small.materials,
+    )
+    lights: list[Light] = [
+        SUN, SKY, PointLight(np.asarray(LAMP.position) + shift, LAMP.intensity),
+        SpotLight(np.asarray(SPOT.position) + shift, SPOT.direction, 0.8, SPOT.intensity),
+    ]
+    camera = Camera.look_at(
+        np.add(shift, (1.2, 1.0, 1.8)), np.add(shift, (0, 0.3, 0)), width=64, height=48
+    )
+    a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    b = render(moved, camera, lights, shadow_size=128, runtime=runtime)
+    # Positions of 1e6 in float64 round by 1e-10: edges may fall to the next pixel or texel.
+    assert np.mean(np.abs(a.image.astype(int) - b.image).max(axis=-1) > 1) < 5e-3
+
+
+# ---- exposure and curve
+
+
+def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> None:
+    for curve in ("clip", "filmic"):
+        frame = render(
+            small, viewer(), [SUN], exposure=0.5, curve=curve, shadow_size=64, runtime=runtime
+        )
+        assert frame.exposure == 0.5
+        expected = encoded_reference(frame.radiance, 0.5, curve)
+        assert np.abs(frame.image - expected).max() <= 0.5 + 1e-3  # rounded to whole values
+
+
+@pytest.mark.parametrize("power", [1e-6, 1e6])
+def test_automatic_exposure_undoes_the_brightness_of_the_light(
+    runtime: Runtime, small: Scene, power: float
+) -> None:
+    dull = Scene(
+        positions=small.positions, normals=small.normals, uvs=small.uvs, colors=small.colors,
+        triangles=small.triangles, material_ids=np.zeros(4, np.int32),
+    )
+    a = render(dull, viewer(), [SKY], runtime=runtime)
+    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], runtime=runtime)
+    assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"scene": "room.glb"}, TypeError, r"scene is str: expected a Scene"),
+        ({"camera": None}, TypeError, r"camera is None: expected an ssgi_cl.Camera"),
+        ({"lights": [None]}, TypeError, r"lights\[0\] is NoneType: expected a light"),
+        ({"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
+        ({"layers": 17}, ValueError, r"layers is 17"),
+        ({"layers": 1.5}, TypeError, r"layers is 1.5: expected an integer"),
+        ({"overscan": -0.1}, ValueError, r"overscan is -0.1: expected a number >= 0"),
+        ({"overscan": math.nan}, ValueError, r"overscan is nan"),
+        ({"shadow_size": 8}, ValueError, r"shadow_size is 8: expected an integer >= 16.*texels"),
+        ({"shadow_size": 8193}, ValueError, r"shadow_size is 8193"),
+        ({"exposure": 0}, ValueError, r"exposure is 0: expected a number > 0"),
+        ({"exposure": "bright"}, TypeError, r"exposure is 'bright'"),
+        ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),
+        ({"ao_radius": -1.0}, ValueError, r"radius is -1.0: expected a number > 0.*scene units"),
+        ({"ao_radius": math.inf}, ValueError, r"radius is inf"),
+        ({"ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1 and <= 256"),
+        ({"ao": "yes"}, TypeError, r"ao is 'yes': expected True or False"),
+        ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
+    ],
+    ids=str,
+)
+def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
+    runtime: Runtime, small: Scene, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    given: dict[str, Any] = {
+        "scene": small, "camera": viewer(8, 6), "lights": [SKY], "runtime": runtime, **arguments
+    }
+    with pytest.raises(error, match=message):
+        render(given.pop("scene"), given.pop("camera"), given.pop("lights"), **given)
+
+
+def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(runtime, (6, 8))
+    with pytest.raises(ValueError, match=r"\(6, 8\)"):
+        renderer(small, viewer(9, 6), [SKY])

@@ -42,8 +42,16 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest -m "not slow"
 
+# The slow tests on the default device, then the fast ones on every other device, each in its own
+# process.
 test-all: setup
 	$(BIN)/python -m pytest
+	@$(BIN)/python -c "from ssgi_cl import drivers as d; best = d.choose(None); \
+		print(*(i.label for i in d.devices() if i.best and i != best), sep='\n')" | \
+	while read -r label; do \
+		[ -z "$$label" ] || { echo "on $$label"; \
+		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" || exit 1; }; \
+	done
 
 lint: setup
 	$(BIN)/ruff check .

@@ -8,7 +8,8 @@ import numpy as np
 
 from ssgi_cl.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.runtime import DeviceArray, Runtime, Size
+from ssgi_cl.memory import DeviceArray, Size
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
 from .device_scene import DeviceScene

@@ -60,7 +60,8 @@ class Scene:
         triangles: [triangles, 3] int32 indices of vertices, counter-clockwise seen from outside.
         material_ids: [triangles] int32 indices into `materials`.
         materials: at least one.
-        textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on top.
+        textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
+            top.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -86,7 +87,8 @@ class Scene:
         triangles = np.ascontiguousarray(self.triangles)
         if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
             raise ValueError(
-                f"triangles is {triangles.dtype} {triangles.shape}: expected integers (triangles, 3)"
+                f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape "
+                "(triangles, 3)"
             )
         if len(triangles) == 0:
             raise ValueError("the scene has 0 triangles: expected at least one")

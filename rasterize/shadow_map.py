@@ -11,7 +11,8 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
-from ssgi_cl.runtime import Plane, Runtime
+from ssgi_cl.memory import Plane
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
 from .device_scene import DeviceScene

@@ -10,7 +10,8 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import Floats, GBuffer
-from ssgi_cl.runtime import Runtime, Size
+from ssgi_cl.memory import Size
+from ssgi_cl.runtime import Runtime
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer

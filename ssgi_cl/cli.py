@@ -9,8 +9,9 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import wraps
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ from ssgi_cl.render import Frame, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.version import __version__
-from ssgi_cl.views import gbuffer_views, share_view
+from ssgi_cl.views import VIEWS, gbuffer_views, share_view
 
 if TYPE_CHECKING:
     from ssgi_cl.rasterize.scene import Scene
@@ -46,6 +47,8 @@ def _human_errors(command: Callable[..., None]) -> Callable[..., None]:
     def run(*args: Any, **kwargs: Any) -> None:
         try:
             command(*args, **kwargs)
+        except BrokenPipeError:
+            raise  # whoever reads the output has gone, such as `head`
         except (SsgiError, ValueError, TypeError, OSError) as error:
             raise click.ClickException(_one_line(error)) from error
 
@@ -111,11 +114,12 @@ _vector: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
 @click.option("--target", help="What it looks at: world space, scene units.", **_vector)
 @click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
 @click.option("--camera", "camera_file", type=click.Path(path_type=Path),
-              help="JSON file with origin, forward and up (world space) and fov_deg (horizontal). A "
-              "file named like the scene with .scene.json at its end is found by itself.")
+              help="JSON file with origin, forward, up (world space) and fov_deg (horizontal). "
+              "A file named like the scene with .scene.json at its end is found by itself.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
               "W m^-2 sr^-1.")
-@click.option("--ao-radius", type=float, help="Scene units; 5 % of the scene's diagonal by default.")
+@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
+              "diagonal.")
 @click.option("--ao-samples", type=int, default=16, show_default=True, help="Points per pixel.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,
               help="Texels along a shadow map's side.")
@@ -132,7 +136,9 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     """
     from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-    _checked_output(output, (".png", ".exr"))
+    endings = (".exr", ".ao.png", *(f".{name}.png" for name in VIEWS)) if options["views"] else ()
+    for path in (output, *map(output.with_suffix, endings)):
+        _checked_output(path, (".png", ".exr"))
     _check_view_options(options)
     with _progress(as_json) as step:
         step("opening the device")
@@ -242,18 +248,15 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
         array = gbuffer.first(name)
         if array is not None:
             arrays[name] = gbuffer.inner(array)
-    wanted: list[tuple[Path, Any]] = []
-    if output.suffix.lower() == ".png":
-        wanted.append((output, frame.image))
-    if views or output.suffix.lower() == ".exr":
+    is_picture = output.suffix.lower() == ".png"
+    wanted: list[tuple[Path, Any]] = [(output, frame.image if is_picture else arrays)]
+    if is_picture and views:
         wanted.append((output.with_suffix(".exr"), arrays))
     if views:
         pictures = gbuffer_views(gbuffer)
         if frame.ao is not None:
             pictures["ao"] = share_view(frame.ao)
         wanted += [(output.with_suffix(f".{name}.png"), view) for name, view in pictures.items()]
-    for path, _ in wanted:
-        _checked_output(path, (".png", ".exr"))
     for path, content in wanted:
         if path.suffix.lower() == ".exr":
             exr.write(path, content)
@@ -307,7 +310,8 @@ def apply_command(
         step("opening the device")
         runtime = Runtime.open(device)
         step(f"reading {source}")
-        arrays = exr.read_gbuffer(source)
+        with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
+            arrays = exr.read_gbuffer(source)
         if no_normals:
             arrays.pop("normal", None)
         rows, columns = arrays["depth"].shape
@@ -394,8 +398,8 @@ def devices_command(as_json: bool) -> None:
     for info in found:
         _list_device(info, default=info == chosen)
     click.echo(_wrapped(
-        "Numbers are million scattered reads a second with each form of the kernels. The form in "
-        "use (*) is the widest within 15 % of the fastest.", ""
+        "Numbers are million scattered reads a second with each form of the kernels. In use (*) is "
+        "the widest form within 15 % of the fastest.", ""
     ))
 
 
@@ -412,10 +416,8 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
         else:
             why = ""
             if form == info.best:
-                why = "  in use: the fastest" if speed == info.speed else (
-                    f"  in use: widest, {100.0 * (1.0 - speed / info.speed):.0f} % below the "
-                    "fastest"
-                )
+                within = "fastest" if speed == info.speed else "widest within 15 %"
+                why = f"  in use: {within}"
             click.echo(f"  {mark} {form!s:17} {speed:7.0f}{why}")
     if info.best is None:
         click.echo("  no form of the kernels runs on it, so it is not used")

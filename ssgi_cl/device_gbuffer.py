@@ -9,7 +9,8 @@ import numpy as np
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.runtime import Runtime, Size
+from ssgi_cl.memory import Size
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
 ROTATION = Struct(

@@ -14,11 +14,12 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, downloaded, margin_of
-from ssgi_cl.runtime import PassTime, Plane, Runtime, Size
+from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques.shade import Shade, ShadowMap, power
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.techniques.tonemap import CURVES, Tonemap, auto_exposure, picture

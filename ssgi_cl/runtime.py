@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 from ssgi_cl import drivers, sources
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, KernelBuildError
+from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.opencl import opencl
 from ssgi_cl.structs import Struct
-
-GUARD = 16
-"""Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
-
-Size = tuple[int, int]
-"""(rows, columns)"""
 
 
 @dataclass(frozen=True)
@@ -50,7 +46,7 @@ class Runtime:
     """
 
     def __init__(self, info: DeviceInfo, form: Form) -> None:
-        cl = _opencl()
+        cl = opencl()
 
         self.info = info
         self.form = form
@@ -63,7 +59,7 @@ class Runtime:
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
-        self._device = device
+        self.device = device
         self._programs: dict[str, Any] = {}
         self._prepared: dict[object, Any] = {}
         self._events: list[tuple[str, Any]] = []
@@ -119,8 +115,9 @@ class Runtime:
         """Return new device memory for `count` elements (at least one), not initialised."""
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
-    def _allocate(self, size: int) -> Any:
-        cl = _opencl()
+    def allocate(self, size: int) -> Any:
+        """Return a new buffer of `size` bytes; raises DeviceError if there is no room."""
+        cl = opencl()
 
         self.allocated_bytes += size
         flags = cl.mem_flags.READ_WRITE
@@ -200,7 +197,7 @@ class Runtime:
         return Kernel(self, program, name, source)
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
-        cl = _opencl()
+        cl = opencl()
 
         self.builds += 1
         with warnings.catch_warnings():
@@ -250,16 +247,6 @@ class Runtime:
         self.queue.finish()
 
 
-def _opencl() -> Any:
-    """Return PyOpenCL, imported when a device is opened and no sooner: it loads the drivers.
-
-    Untyped, as its own annotations lack calls that it takes.
-    """
-    import pyopencl
-
-    return pyopencl
-
-
 _OPENED: dict[tuple[Any, ...], Runtime] = {}
 _loaded_driver: str | None = None
 
@@ -271,7 +258,7 @@ def _load_driver(info: DeviceInfo) -> None:
         asked = os.environ.get("OCL_ICD_VENDORS")
         os.environ["OCL_ICD_VENDORS"] = info.driver
         try:
-            cl = _opencl()
+            cl = opencl()
 
             cl.get_platforms()
         finally:
@@ -287,162 +274,11 @@ def _load_driver(info: DeviceInfo) -> None:
         )
 
 
-class DeviceArray:
-    """A list of numbers in device memory."""
-
-    def __init__(self, runtime: Runtime, values: NDArray[Any], *, fill: bool = True) -> None:
-        self.runtime = runtime
-        self.dtype = values.dtype
-        self.count = values.size
-        self.buffer = runtime._allocate(max(values.nbytes, 4))
-        if fill:
-            self.upload(values)
-
-    def upload(self, values: NDArray[Any]) -> None:
-        """Replace the contents; same dtype, at most the same number of elements."""
-        cl = _opencl()
-
-        flat = np.ascontiguousarray(values, self.dtype).ravel()
-        if flat.size > self.count:
-            raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
-        if flat.size:
-            cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=True)
-
-    def download(self) -> NDArray[Any]:
-        """Return a copy of the contents."""
-        cl = _opencl()
-
-        values = np.empty(self.count, self.dtype)
-        cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
-        return values
-
-    def argument(self) -> Any:
-        """Return what a kernel takes."""
-        return self.buffer
-
-
-class Plane:
-    """`count` images of the same size in device memory, float32.
-
-    Layout: kernels/common/gbuffer.clh. On a device that shares the host's memory, uploads and
-    downloads are one copy between numpy's array and the mapped memory, and `view` is none at all.
-    """
-
-    def __init__(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
-        self.runtime = runtime
-        self.count = count
-        self.size = size
-        self.outside = outside
-        self.pitch = (size[1] + 15) // 16 * 16 + GUARD
-        self._rows = count * size[0] + 2  # one row before, one after
-        self.buffer = runtime._allocate(self._rows * self.pitch * 4)
-        self._image: Any = None
-        self._image_is_current = False
-        with self._mapped(write_only=True) as memory:
-            memory[...] = outside
-
-    @contextmanager
-    def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
-        """Give the whole memory [rows, pitch] to the host; written back at the end."""
-        cl = _opencl()
-
-        queue, shape = self.runtime.queue, (self._rows, self.pitch)
-        if self.runtime.shares_memory:
-            flags = cl.map_flags.READ | cl.map_flags.WRITE
-            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, shape, np.float32)
-            try:
-                yield memory
-            finally:
-                memory.base.release(queue)
-        else:
-            memory = np.empty(shape, np.float32)
-            if not write_only or self._image is not None:
-                cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
-            else:
-                memory[...] = self.outside
-            yield memory
-            cl.enqueue_copy(queue, self.buffer, memory, is_blocking=True)
-        self._image_is_current = False
-
-    def _images(self, memory: NDArray[np.float32]) -> NDArray[np.float32]:
-        rows, columns = self.size
-        inner = memory[1 : 1 + self.count * rows]
-        return inner.reshape(self.count, rows, self.pitch)[:, :, :columns]
-
-    def upload(self, values: NDArray[np.float32]) -> None:
-        """Replace the contents by `values` [count, rows, columns], any strides."""
-        with self._mapped(write_only=True) as memory:
-            np.copyto(self._images(memory), values)
-
-    def download(self, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """Return a copy [count, rows, columns], written to `out` if given (any strides)."""
-        cl = _opencl()
-
-        if out is None:
-            out = np.empty((self.count, *self.size), np.float32)
-        queue, shape = self.runtime.queue, (self._rows, self.pitch)
-        if self.runtime.shares_memory:
-            memory, _ = cl.enqueue_map_buffer(
-                queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
-            )
-            np.copyto(out, self._images(memory))
-            memory.base.release(queue)
-        else:
-            memory = np.empty(shape, np.float32)
-            cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
-            np.copyto(out, self._images(memory))
-        return out
-
-    def copy_image(self, index: int, source: Plane) -> None:
-        """Queue a copy of the first image of `source`, of the same size, to image `index`."""
-        import pyopencl as cl
-
-        if source.size != self.size:
-            raise ValueError(f"source has size {source.size}: expected {self.size}")
-        size = self.size[0] * self.pitch * 4
-        event = cl.enqueue_copy(
-            self.runtime.queue, self.buffer, source.buffer, byte_count=size,
-            src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
-        )
-        self.runtime.record("copy", event)
-        self._image_is_current = False
-
-    def written(self) -> None:
-        """Note that a kernel writes to this plane."""
-        self._image_is_current = False
-
-    def argument(self) -> Any:
-        """Return what a kernel reads: the buffer, or an image with the same contents."""
-        if self.runtime.form.storage == "buffer":
-            return self.buffer
-        cl = _opencl()
-
-        shape = (self.pitch, self._rows)
-        if self._image is None:
-            largest = self.runtime._device.image2d_max_height
-            if self._rows > largest:
-                raise DeviceError(
-                    f"{self.runtime.info.label} has images of at most {largest} rows: "
-                    f"{self._rows} are needed; use storage 'buffer'"
-                )
-            layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
-            flags = cl.mem_flags.READ_ONLY
-            self._image = cl.create_image(self.runtime.context, flags, layout, shape)
-            self.runtime.allocated_bytes += self.pitch * self._rows * 4
-        if not self._image_is_current:
-            event = cl.enqueue_copy(
-                self.runtime.queue, self._image, self.buffer, offset=0, origin=(0, 0), region=shape
-            )
-            self.runtime.record("copy to image", event)
-            self._image_is_current = True
-        return self._image
-
-
 class Kernel:
     """A compiled kernel with arguments of its own."""
 
     def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
-        cl = _opencl()
+        cl = opencl()
 
         self.runtime = runtime
         self.name = name
@@ -476,7 +312,7 @@ class Kernel:
                 a row.
             local: (rows, columns) of a work-group; by default chosen for the device.
         """
-        cl = _opencl()
+        cl = opencl()
 
         lanes = self.runtime.form.lanes
         rows, columns = grid or (size[0], -(-size[1] // lanes))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
+from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import light_cameras
@@ -54,6 +55,11 @@ class _Extent:
         corners = np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
         return cls(points, scene.origin, corners + scene.origin)
 
+    def thinned(self, most: int) -> _Extent:
+        """Return the extent of at most that many of the points."""
+        step = -(-len(self.points) // most)
+        return _Extent(self.points[::step], self.origin, self.bounds)
+
     @property
     def size(self) -> Vector:
         return np.asarray(self.bounds[1] - self.bounds[0])
@@ -76,12 +82,14 @@ class _Look:
         ways: [faces, rows, columns, 3] unit vectors, world space.
         distance: [faces, rows, columns] scene units; inf where nothing is.
         front: [faces, rows, columns] whether the front of a surface is seen.
+        detail: [faces, rows, columns] in [0, 1], how much each pixel differs from its neighbours.
     """
 
     eye: Vector
     ways: Vector
     distance: Vector
     front: NDArray[np.bool_]
+    detail: Vector
 
     @property
     def is_enclosed(self) -> bool:
@@ -98,12 +106,10 @@ def _look(
     faces: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
 ) -> _Look:
     cameras = light_cameras(PointLight(eye, 1.0), extent.bounds, _PROBE_SIZE)
-    ways, distances, fronts = [], [], []
+    ways, distances, fronts, details = [], [], [], []
     for camera in (cameras[face] for face in faces):
         seen = gbuffer(scene, camera, runtime=runtime)
-        depth, normal = seen.first("depth"), seen.first("normal")
-        assert depth is not None  # noqa: S101  every G-buffer has it
-        assert normal is not None  # noqa: S101  the rasteriser writes it
+        depth, normal = _drawn(seen, "depth"), _drawn(seen, "normal")
         # The camera's axes without its position keep the directions exact far from the origin.
         unit = Camera(view=_turned(camera.view), projection=camera.projection,
                       width=camera.width, height=camera.height)
@@ -113,7 +119,23 @@ def _look(
         ways.append(way)
         distances.append(depth * length)
         fronts.append(np.isfinite(depth) & (np.einsum("rcd,rcd->rc", way, normal) < 0.0))
-    return _Look(eye, np.stack(ways), np.stack(distances), np.stack(fronts))
+        details.append(_detail(seen))
+    return _Look(eye, *map(np.stack, (ways, distances, fronts, details)))
+
+
+def _drawn(seen: GBuffer, name: str) -> NDArray[np.float32]:
+    array = seen.first(name)
+    assert array is not None  # noqa: S101  the rasteriser writes it
+    return array
+
+
+def _detail(seen: GBuffer) -> Vector:
+    """Return [rows, columns] in [0, 1]: how much normals and albedo change at each pixel."""
+    features = np.concatenate([_drawn(seen, "normal"), _drawn(seen, "albedo")], axis=-1)
+    change = np.zeros(features.shape[:2])
+    change[:, 1:] += np.abs(np.diff(features, axis=1)).sum(axis=-1)
+    change[1:] += np.abs(np.diff(features, axis=0)).sum(axis=-1)
+    return np.minimum(change, 1.0)
 
 
 def _turned(view: Vector) -> Vector:
@@ -136,39 +158,57 @@ def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: 
         runtime: the device that looks round.
     """
     extent = _Extent.of(scene)
-    looks = [_look(scene, extent, extent.at(0.5, share, 0.5), runtime) for share in (0.5, 0.35)]
-    middle = max(looks, key=lambda look: float(look.front.mean()))
+    middle = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)
+    if not middle.is_enclosed:  # perhaps amid a piece of furniture
+        middle = _look(scene, extent, extent.at(0.5, 0.35, 0.5), runtime)
     if not middle.is_enclosed:
-        way = np.array([0.45, 0.35, 1.0])
-        if _faces_away(scene, way):
-            way *= (-1.0, 1.0, -1.0)
-        return _from_outside(extent, way, width, height, yfov)
-    gap = _gap(middle)
+        return _from_outside(extent, _best_side(scene, extent, runtime), width, height, yfov)
+    gap = _gap(middle, extent)
     if gap == _UP:
         return _from_outside(extent, np.array([0.45, 1.2, 1.0]), width, height, yfov)
     if gap is not None:
         return _from_outside(extent, np.array(_HORIZONTAL[gap]), width, height, yfov)
-    return _from_within(scene, extent, middle, width, height, yfov, runtime)
+    return _from_within(scene, extent, width, height, yfov, runtime)
 
 
-def _faces_away(scene: Scene, way: Vector) -> bool:
-    """Return whether an open surface shows its back to who looks from `way`.
+def _best_side(scene: Scene, extent: _Extent, runtime: Runtime) -> Vector:
+    """Return the direction, among eight from somewhat above, from which most detail is seen.
 
-    The vectors of area of a closed surface add up to 0.
+    The first, towards +z, is the front by glTF's convention and has an advantage.
     """
-    corners = scene.positions[scene.triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = float(np.linalg.norm(areas, axis=1).sum(dtype=np.float64))
-    toward = float(areas.sum(axis=0, dtype=np.float64) @ way) / float(np.linalg.norm(way))
-    return toward < -0.05 * total
+    thinned = extent.thinned(20_000)
+    best, best_score = np.array([0.45, 0.35, 1.0]), -math.inf
+    for turn in range(8):
+        angle = 0.42 + turn * math.pi / 4.0
+        way = np.array([math.sin(angle), 0.32, math.cos(angle)])
+        camera = _from_outside(thinned, way, 64, 64, 0.6)
+        seen = gbuffer(scene, camera, runtime=runtime)
+        back = np.isfinite(_drawn(seen, "depth")) & (_drawn(seen, "normal") @ way < -0.2)
+        # Detail in scene units: a narrow view of a long object fills the picture too.
+        distance = float(np.linalg.norm(camera.position - extent.at(0.5, 0.5, 0.5)))
+        score = (float(_detail(seen).mean()) - 2.0 * float(back.mean())) * distance**2
+        if turn == 0 and score > 0.0:
+            score *= 1.2
+        if score > best_score:
+            best, best_score = way, score
+    return best
 
 
-def _gap(look: _Look) -> int | None:
+def _gap(look: _Look, extent: _Extent) -> int | None:
     """Return the face where a room is open: a wall or the ceiling; None if it is closed."""
-    covered = np.isfinite(look.distance).mean(axis=(1, 2))
-    faces = [*_HORIZONTAL, _UP]
-    face = min(faces, key=lambda f: float(covered[f]))
-    others = [float(covered[f]) for f in faces if f != face]
+    # Which side of the scene's box each ray leaves through.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ahead = np.where(look.ways > 0.0, extent.bounds[1], extent.bounds[0]) - look.eye
+        steps = np.where(look.ways == 0.0, math.inf, ahead / look.ways)
+    axis = steps.argmin(axis=-1)
+    onward = np.take_along_axis(look.ways, axis[..., None], axis=-1)[..., 0] > 0.0
+    side = 2 * axis + ~onward
+    covered = {}
+    for face in (*_HORIZONTAL, _UP):
+        through = np.isfinite(look.distance[side == face])
+        covered[face] = float(through.mean()) if through.size else 1.0
+    face = min(covered, key=covered.__getitem__)
+    others = [share for other, share in covered.items() if other != face]
     return face if covered[face] < 0.3 and min(others) > 0.7 else None
 
 
@@ -207,16 +247,15 @@ def _wedge(
 
 
 def _from_within(
-    scene: Scene, extent: _Extent, middle: _Look, width: int, height: int, yfov: float,
-    runtime: Runtime,
+    scene: Scene, extent: _Extent, width: int, height: int, yfov: float, runtime: Runtime
 ) -> Camera:
-    """Return the camera that sees furthest, among some places and directions in a room."""
+    """Return the camera that sees furthest and most, of some places and directions in a room."""
     xfov = 2.0 * math.atan(math.tan(0.5 * yfov) * width / height)
-    share = float((middle.eye[1] - extent.bounds[0, 1]) / max(extent.size[1], 1e-30))
-    places = [(x, z) for x in (0.2, 0.5, 0.8) for z in (0.2, 0.5, 0.8)]
-    best, best_score, best_way = middle, -math.inf, np.array([1.0, 0.0, 0.0])
-    for x, z in places:
-        look = _look(scene, extent, extent.at(x, share, z), runtime, (*_HORIZONTAL,))
+    shares = (0.28, 0.5, 0.72)
+    places = [extent.at(x, 0.37, z) for x in shares for z in shares]
+    looks = [_look(scene, extent, place, runtime, (*_HORIZONTAL,)) for place in places]
+    best, best_score, best_way = looks[4], -math.inf, np.array([1.0, 0.0, 0.0])
+    for look in looks:
         if not look.is_enclosed:  # in a wall, in a cupboard, or out of doors
             continue
         for angle in np.arange(16) * (math.pi / 8.0):
@@ -234,7 +273,10 @@ def _from_within(
 
 
 def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: float) -> float:
-    """Return how far a view along the horizontal `way` reaches, less for things in the face."""
+    """Return how far and how much one sees along the horizontal `way`.
+
+    The weights were chosen by eye, on three interiors.
+    """
     along = look.ways @ way
     side = look.ways @ np.array([-way[2], 0.0, way[0]])
     inside = (
@@ -245,9 +287,10 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
     if not inside.any():
         return -math.inf
     distance = np.clip(look.distance[inside], 1e-3 * diagonal, diagonal)
-    close = float((distance < 0.06 * diagonal).mean())
+    close = float((distance < 0.08 * diagonal).mean())
     back = float((~look.front[inside]).mean())
-    return float(np.log(distance / diagonal).mean()) - 3.0 * close - back
+    detail = float(look.detail[inside].mean())
+    return float(np.log(distance / diagonal).mean()) + 6.0 * detail - 5.0 * close - back
 
 
 def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Light, ...]:
@@ -260,13 +303,16 @@ def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Ligh
     """
     extent = _Extent.of(scene)
     forward, eye = -camera.view[2, :3], camera.position
-    outside = bool(((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any())
-    look = _look(scene, extent, extent.at(0.5, 0.5, 0.5) if outside else eye, runtime)
-    closed_above = float(np.isfinite(look.distance[_UP]).mean()) > 0.85
-    if look.is_enclosed and closed_above:
-        gap = _gap(look)
-        if not outside or (gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5):
-            place = look.eye if outside else _into_the_room(look, forward)
+    if ((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any():
+        look = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)
+        gap = _gap(look, extent) if look.is_enclosed else None
+        if gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5:
+            place = look.eye + 0.3 * extent.size * _HORIZONTAL[gap]
+            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+    else:
+        look = _look(scene, extent, eye, runtime)
+        if look.is_enclosed and float(np.isfinite(look.distance[_UP]).mean()) > 0.95:
+            place = _into_the_room(look, forward)
             return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
     level = np.array([forward[0], 0.0, forward[2]])
     length = float(np.linalg.norm(level))
@@ -289,7 +335,7 @@ def _into_the_room(look: _Look, forward: Vector) -> Vector:
 def _lamp(look: _Look) -> PointLight:
     """Return a lamp above the eye of `look`, as bright as the room needs."""
     up = np.array([0.0, 1.0, 0.0])
-    rise = 0.6 * look.clearance(up, math.radians(15.0))
+    rise = 0.45 * look.clearance(up, math.radians(15.0))
     seen = look.distance[np.isfinite(look.distance)]
     reach = float(np.median(seen)) if seen.size else 1.0
     rise = min(rise, reach) if math.isfinite(rise) else 0.0
@@ -298,12 +344,11 @@ def _lamp(look: _Look) -> PointLight:
 
 def _sky(strength: float) -> Environment:
     """Return a sky that is deeper overhead than at the horizon, above a darker ground."""
-    rows = 16
+    rows = 128
     height = np.cos((np.arange(rows) + 0.5) / rows * math.pi)[:, None]
-    zenith, horizon, ground = (np.asarray(color) for color in (ZENITH, HORIZON, GROUND))
-    above = horizon + (zenith - horizon) * np.sqrt(np.clip(height, 0.0, 1.0))
-    color = np.where(height > 0.0, above, ground)
-    return Environment(np.broadcast_to(strength * color[:, None, :], (rows, 2, 3)))
+    colors = [np.interp(height, (-0.5, 0.0, 1.0), levels)
+              for levels in zip(GROUND, HORIZON, ZENITH, strict=True)]
+    return Environment(strength * np.repeat(np.stack(colors, axis=-1), 2, axis=1))
 
 
 def camera_from_json(path: Path, width: int | None, height: int | None) -> Camera:
@@ -323,14 +368,16 @@ def camera_from_json(path: Path, width: int | None, height: int | None) -> Camer
     except ValueError as error:
         raise ValueError(f"the camera file {path} is not JSON: {error}") from error
     fields = fields.get("camera", fields) if isinstance(fields, dict) else {}
+    fields = fields if isinstance(fields, dict) else {}
     needed = ("origin", "forward", "up", "fov_deg")
     missing = [name for name in needed if name not in fields]
     if missing:
         raise ValueError(f"the camera file {path} lacks {', '.join(missing)}")
-    width = width or check.integer("width", fields.get("width", 800), low=1, high=16384, unit="px")
-    height = height or check.integer(
-        "height", fields.get("height", 600), low=1, high=16384, unit="px"
-    )
+    sizes = []
+    for name, given, default in (("width", width, 800), ("height", height, 600)):
+        wanted = fields.get(name, default) if given is None else given
+        sizes.append(check.integer(name, wanted, low=1, high=16384, unit="px"))
+    width, height = sizes
     xfov = math.radians(check.number("fov_deg", fields["fov_deg"], low=0.1, high=179.0,
                                      unit="degrees"))
     yfov = 2.0 * math.atan(math.tan(0.5 * xfov) * height / width)

@@ -9,15 +9,20 @@ from ssgi_cl.gbuffer import Floats, GBuffer
 
 Picture = NDArray[np.uint8]
 
+VIEWS = ("depth", "normal", "albedo")
+"""The arrays of which `gbuffer_views` makes pictures."""
+
 
 def depth_view(depth: Floats) -> Picture:
-    """Return [rows, columns] uint8: white is nearest, dark grey furthest, black where nothing is."""
+    """Return [rows, columns] uint8: white is nearest, dark grey furthest, black nothing."""
     seen = np.isfinite(depth)
     view = np.zeros(depth.shape, np.uint8)
     if seen.any():
-        inverse = 1.0 / depth[seen].astype(np.float64)
-        least, most = np.percentile(inverse, [0.5, 99.5])
-        share = (inverse - least) / max(most - least, 1e-300)
+        nearness = depth[seen].astype(np.float64)
+        # An orthographic camera may have depths of 0 and less.
+        nearness = 1.0 / nearness if nearness.min() > 0.0 else -nearness
+        least, most = np.percentile(nearness, [0.5, 99.5])
+        share = (nearness - least) / max(most - least, 1e-300)
         view[seen] = np.rint(40.0 + 215.0 * np.clip(share, 0.0, 1.0))
     return view
 

@@ -10,7 +10,8 @@ import pytest
 from ssgi_cl import drivers, sources
 from ssgi_cl.drivers import Form
 from ssgi_cl.errors import DeviceError, KernelBuildError
-from ssgi_cl.runtime import PassTime, Runtime, Size
+from ssgi_cl.memory import Size
+from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.structs import CAMERA
 
 SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]

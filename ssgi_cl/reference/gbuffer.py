@@ -202,7 +202,7 @@ def _smaller_difference(
 def _borrowed(
     difference: Doubles, has: NDArray[np.bool_], there: NDArray[np.bool_], axis: int
 ) -> Doubles:
-    """Where a pixel has no difference, take that of the next pixel along `axis`, or the previous."""
+    """Where a pixel has no difference, take that of the next or previous pixel along `axis`."""
     result, open_ = difference.copy(), there & ~has
     for shift in (-1, 1):
         source, able = np.roll(difference, shift, axis), np.roll(has & there, shift, axis)

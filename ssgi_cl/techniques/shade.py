@@ -14,7 +14,8 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.runtime import DeviceArray, Plane, Runtime, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
 Lamp = SpotLight | PointLight | DirectionalLight

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
-from ssgi_cl.runtime import Plane, Runtime, Size
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
@@ -38,6 +39,8 @@ DEPTH_BIAS = 2e-6
 
 TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 """Bayer's order of the pixels of a tile: those close in number lie far apart."""
+
+FALLOFFS = ("exponential", "ramp")
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 
@@ -106,7 +109,7 @@ class SsaoParams(Params):
             for r in radii
         ))
         if isinstance(self.falloff, str):
-            check.choice("falloff", self.falloff, ("exponential", "ramp"))
+            check.choice("falloff", self.falloff, FALLOFFS)
         else:
             curve = check.vector("falloff", self.falloff, np.size(self.falloff))
             if len(curve) < 2 or len(curve) > 4096 or curve.min() < 0 or curve.max() > 1:
@@ -198,9 +201,9 @@ class Ssao:
                 "SSAO_MOST_SAMPLES": most,
                 "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]
                 "SSAO_HEMISPHERE": int(params.hemisphere),
-                "SSAO_FALLOFF": {"exponential": 0, "ramp": 1}.get(params.falloff, 2)  # type: ignore[call-overload]
+                "SSAO_FALLOFF": FALLOFFS.index(params.falloff)
                 if isinstance(params.falloff, str)
-                else 2,
+                else len(FALLOFFS),
                 "SSAO_CURVE_SIZE": len(curve),
                 "SSAO_OUTSIDE": int(params.outside != "unknown"),
             },
@@ -251,7 +254,8 @@ class Ssao:
         device = on_device(gbuffer, self.runtime)
         with self.runtime.frame():
             result = self.run(device).download(None if out is None else out[None])
-        return result[0]
+        a: NDArray[np.float32] = result[0]
+        return a
 
     def _packed(self, source: Any) -> Any:
         params = self.params

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
-from ssgi_cl.runtime import Plane, Runtime, Size
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.runtime import Plane, Runtime, Size
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 
 UPSAMPLE = Struct(

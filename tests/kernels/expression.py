@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.runtime import DeviceArray, Plane, Runtime
+from ssgi_cl.memory import DeviceArray, Plane
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import Struct
 
 _SCALARS = {"f": "float", "i": "int"}

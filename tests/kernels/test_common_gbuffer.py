@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.runtime import GUARD, Plane, Runtime, Size
+from ssgi_cl.memory import GUARD, Plane, Size
+from ssgi_cl.runtime import Runtime
 
 from .expression import run_expression
 

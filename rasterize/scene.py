@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,8 +122,12 @@ class Scene:
                     "(rows, columns, 4)"
                 )
 
-    @property
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """[2, 3] float64, world space: least and greatest corner of the box round all triangles."""
-        used = self.positions[self.triangles.ravel()].astype(np.float64)
-        return np.stack([used.min(axis=0), used.max(axis=0)]) + self.origin
+        used = np.zeros(len(self.positions), np.bool_)
+        used[self.triangles] = True
+        corners = self.positions[used]
+        box = np.stack([corners.min(axis=0), corners.max(axis=0)]) + self.origin
+        box.flags.writeable = False
+        return box

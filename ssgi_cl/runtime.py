@@ -61,6 +61,7 @@ class Runtime:
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
         self._programs: dict[str, Any] = {}
+        self._kernels: dict[tuple[Any, ...], Kernel] = {}
         self._prepared: dict[object, Any] = {}
         self._events: list[tuple[str, Any]] = []
         self._skips: list[tuple[int, PassTime]] = []
@@ -162,9 +163,14 @@ class Runtime:
         Raises:
             KernelBuildError: the compiler refused it; the message has file:line in kernels/.
         """
-        text = sources.flatten(path, "\n".join(struct.text for struct in structs))
-        name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-        return self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
+        key = (path, tuple(sorted((macros or {}).items())), tuple(structs), most_lanes)
+        kernel = self._kernels.get(key)
+        if kernel is None:
+            text = sources.flatten(path, "\n".join(struct.text for struct in structs))
+            name = path.rsplit("/", 1)[-1].removesuffix(".cl")
+            kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
+            self._kernels[key] = kernel
+        return kernel
 
     def kernel_from_text(
         self,
@@ -275,7 +281,7 @@ def _load_driver(info: DeviceInfo) -> None:
 
 
 class Kernel:
-    """A compiled kernel with arguments of its own."""
+    """A compiled kernel. `run` sets all arguments anew, so callers in one thread may share it."""
 
     def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
         cl = opencl()

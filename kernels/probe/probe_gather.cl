@@ -4,7 +4,7 @@
 // Reads:   depth  a plane of positive depths, scene units
 // Writes:  result [rows, columns] a sum without meaning
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    16 scattered depth reads per pixel
+// Cost:    16 scattered depth reads per pixel, about 30 operations each, as in an occlusion kernel
 
 #include "common/gbuffer.clh"
 
@@ -24,7 +24,8 @@ __kernel void probe_gather(ssgi_plane depth, __global float *restrict result, co
         const vint tap_y = v_iclamp(v_to_int((float)y - reach), 0, size.y - 1);
         const vfloat tap = ssgi_gather(depth, size, 0, tap_x, tap_y);
         const vfloat rise = (own - tap) * v_rsqrt(v_fma(reach, reach, v_splat(1.0f)));
-        sum = sum + v_select(v_splat(0.0f), rise, v_gt(rise, v_splat(0.0f)));
+        const vfloat weight = v_exp2_weight(-reach) * v_fma(rise, rise, v_splat(1.0f));
+        sum = sum + v_select(v_splat(0.0f), weight, v_gt(rise, v_splat(0.0f)));
     }
     ssgi_store(sum, result, size, 0, x, y, 0.0f);
 }

@@ -127,9 +127,9 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
             const vfloat row = ssgi_row(camera, v_fma(radius, sy, py) * inverse_k);
             const vmask inside = v_ge(column, zero) & v_lt(column, v_splat((float)whole.x)) &
                                  v_ge(row, zero) & v_lt(row, v_splat((float)whole.y));
-            const vfloat tap_x = v_clamp(v_floor(column), 0.0f, (float)(whole.x - 1));
-            const vfloat tap_y = v_clamp(v_floor(row), 0.0f, (float)(whole.y - 1));
-            vfloat seen = ssgi_gather(depth, whole, 0, v_to_int(tap_x), v_to_int(tap_y));
+            const vint column_at = v_to_int(v_clamp(column, 0.0f, (float)(whole.x - 1)));
+            const vint row_at = v_to_int(v_clamp(row, 0.0f, (float)(whole.y - 1)));
+            vfloat seen = ssgi_gather(depth, whole, 0, column_at, row_at);
             vmask counts = visible & v_ilt(v_splat_int(i), count);
 #if SSAO_OUTSIDE == 0
             counts = counts & inside;
@@ -140,8 +140,8 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
             vmask occludes = counts & v_gt(behind, zero);
 #if SSAO_HEMISPHERE
             const vfloat seen_k = ssgi_k(camera, seen);
-            const vfloat ax = ssgi_slope_x(camera, tap_x + 0.5f) * seen_k;
-            const vfloat ay = ssgi_slope_y(camera, tap_y + 0.5f) * seen_k;
+            const vfloat ax = ssgi_slope_x(camera, v_to_float(column_at) + 0.5f) * seen_k;
+            const vfloat ay = ssgi_slope_y(camera, v_to_float(row_at) + 0.5f) * seen_k;
             const vfloat height = v_fma(nx, ax, v_fma(ny, ay, -(nz * seen)));
 #if SSAO_OUTSIDE == 0
             occludes = occludes & v_gt(height, floor_height);

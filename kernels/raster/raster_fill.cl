@@ -9,7 +9,7 @@
 //          list      record numbers; at most params.pair_room
 //          counters  read only
 // Params:  size = (work-items, 1)
-// Launch:  any number of work-items, each takes every size.x-th record
+// Launch:  any number of work-items; each takes a run of records, which lie close together
 
 #include "raster/records.clh"
 
@@ -22,9 +22,14 @@ __kernel void raster_fill(__global const int *restrict records, __global int *re
         return;
     }
     const int count = min(counters[RASTER_RECORDS], view.room);
-    for (int i = first; i < count; i += size.x) {
+    const int share = (count + size.x - 1) / size.x;
+    const int end = min(first * share + share, count);
+    for (int i = first * share; i < end; ++i) {
         const RasterRecord record = raster_load(records, i);
         const int4 bounds = raster_bounds(record, (int2)((int)view.columns, (int)view.rows));
+        if (bounds.x > bounds.z || bounds.y > bounds.w) {
+            continue;
+        }
         const int4 range = bounds / RASTER_TILE;
         const bool many = (range.z - range.x) * (range.w - range.y) > 0;
         for (int y = range.y; y <= range.w; ++y) {

@@ -57,28 +57,27 @@ static inline void raster_depth_plane(const SsgiCamera camera, const RasterView 
     }
 }
 
-// Orient the record, drop it if it covers no pixel centre, else append it and count its tiles.
-static inline void raster_append(RasterRecord record, __global int *restrict records,
-                                 __global int *restrict tiles, __global int *restrict counters,
+// Orient the record, store it as number `index` and count its tiles; one that covers no pixel centre
+// is stored as an empty one, which has no tiles.
+static inline void raster_append(RasterRecord record, const int index,
+                                 __global int *restrict records, __global int *restrict tiles,
                                  const RasterView view)
 {
+    if (index >= view.room) {
+        return;
+    }
     const int2 ab = record.v[1] - record.v[0];
     const int2 ac = record.v[2] - record.v[0];
     const long area = (long)ab.x * ac.y - (long)ac.x * ab.y;
-    if (area == 0) {
-        return;
-    }
     if (area < 0) {
         const int2 swap = record.v[1];
         record.v[1] = record.v[2];
         record.v[2] = swap;
     }
     const int4 bounds = raster_bounds(record, (int2)((int)view.columns, (int)view.rows));
-    if (bounds.x > bounds.z || bounds.y > bounds.w) {
-        return;
-    }
-    const int index = atomic_inc(counters + RASTER_RECORDS);
-    if (index >= view.room) {
+    if (area == 0 || bounds.x > bounds.z || bounds.y > bounds.w) {
+        record.v[0] = record.v[1] = record.v[2] = (int2)(0, 0);
+        raster_store(records, index, record);
         return;
     }
     raster_store(records, index, record);
@@ -176,7 +175,7 @@ static inline void raster_clip(const SsgiCamera camera, const float3 a, const fl
         record.v[0] = raster_snap(camera, view, from[0]);
         record.v[1] = raster_snap(camera, view, from[i - 1]);
         record.v[2] = raster_snap(camera, view, from[i]);
-        raster_append(record, records, tiles, counters, view);
+        raster_append(record, atomic_inc(counters + RASTER_RECORDS), records, tiles, view);
     }
 }
 
@@ -235,6 +234,12 @@ __kernel void raster_setup(__global const int *restrict corners,
     SSGI_V(vstore)(keep, 0, kept);
     SSGI_V(vstore)(clip, 0, clipped);
 #endif
+    // One step of the shared counter for all: taken one by one they would hold up each other's cores.
+    int count = 0;
+    for (int lane = 0; lane < SSGI_LANES; ++lane) {
+        count += kept[lane] != 0 && clipped[lane] == 0 ? 1 : 0;
+    }
+    int index = count > 0 ? atomic_add(counters + RASTER_RECORDS, count) : 0;
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
         if (kept[lane] == 0) {
             continue;
@@ -258,7 +263,8 @@ __kernel void raster_setup(__global const int *restrict corners,
             record.v[0] = (int2)(snapped[ia], snapped[vertex_stride + ia]);
             record.v[1] = (int2)(snapped[ib], snapped[vertex_stride + ib]);
             record.v[2] = (int2)(snapped[ic], snapped[vertex_stride + ic]);
-            raster_append(record, records, tiles, counters, params);
+            raster_append(record, index, records, tiles, params);
+            ++index;
         }
     }
 }

@@ -1,6 +1,6 @@
 """Image-space global illumination on G-buffers: numpy in, numpy out, OpenCL in between."""
 
-from ssgi_cl import rasterize
+from ssgi_cl import metrics, rasterize
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.drivers import Form
@@ -17,6 +17,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, Spo
 from ssgi_cl.render import Frame, Renderer, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
 from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
 from ssgi_cl.techniques.tonemap import Tonemap, tonemap
@@ -40,6 +41,7 @@ __all__ = [
     "MissingExtraError",
     "PassTime",
     "PointLight",
+    "RayAo",
     "ReflectiveShadowMap",
     "Renderer",
     "Runtime",
@@ -53,7 +55,9 @@ __all__ = [
     "Upsample",
     "__version__",
     "bilateral_blur",
+    "metrics",
     "rasterize",
+    "ray_ao",
     "render",
     "shade",
     "ssao",

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, overload
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,14 +30,16 @@ MOST_RAYS = 1 << 20
 
 OFFSET = 2.0**-20
 """Height above its triangle at which a ray starts, relative to the magnitude of the coordinates
-and of the triangle: 16 roundings of float32, in which Embree computes. Planes tilted at random
-need 2^-22 (measured, 2e7 rays)."""
+and of the triangle: 16 roundings of float32, in which Embree computes. On planes tilted at random
+(5e7 rays) none met its own plane from 2^-21 on, one did at 2^-22, and a thousandth at 2^-25."""
 
 SAME_SURFACE = 1e-4
 """Share of the depth within which the mesh and a given G-buffer show the same surface."""
 
 BATCHES = 8
-"""Independent sets of rays of a pixel, whose spread tells the error."""
+"""Independent sets of rays of a pixel, whose spread tells the error. More tell it better and make
+it greater: at 256 rays on both built-in scenes, 1, 2, 4, 8 and 16 sets have an RMSE in the ratio
+1 : 1.24 : 1.34 : 1.7 : 1.95."""
 
 _PIXELS = 8192  # of a block, the unit of work of a thread
 _RAYS = 1 << 18  # traced in one go; more of them leave the cache
@@ -87,11 +89,17 @@ class RayAo:
         weighting: str = "cosine",
         attenuation: str | ArrayLike = "none",
         target_error: float | None = None,
+        estimate_error: bool = True,
         progress: Callable[[float], object] | None = None,
         gbuffer: GBuffer | None = None,
     ) -> tuple[Floats, Floats]:
-        """Return A and its standard error, [rows, columns] float32 each; see `ray_ao`."""
-        settings = _Settings.of(radius, rays, weighting, attenuation, target_error)
+        """Return A and its standard error, [rows, columns] float32 each; see `ray_ao`.
+
+        Without `estimate_error` (and without a target) all rays are one batch: the error is then
+        smaller, but unknown, and infinite wherever something is seen.
+        """
+        split = estimate_error or target_error is not None
+        settings = _Settings.of(radius, rays, weighting, attenuation, target_error, split)
         if not isinstance(camera, Camera):
             raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
         _check_gbuffer(gbuffer, camera)
@@ -258,12 +266,13 @@ class _Settings:
         weighting: object,
         attenuation: str | ArrayLike,
         target_error: object,
+        split: bool,
     ) -> _Settings:
         reach = check.number(
             "radius", radius, low=0, above=True, unit="scene units", infinite=True
         )
         count = check.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
-        batches = min(BATCHES, max(math.isqrt(count), min(count, 2)))
+        batches = min(BATCHES, max(math.isqrt(count), min(count, 2))) if split else 1
         last = count // batches
         levels: list[int] = []
         target = None
@@ -314,9 +323,10 @@ def _check_gbuffer(gbuffer: object, camera: Camera) -> None:
             f"gbuffer has {seen.height} rows and {seen.width} columns: expected "
             f"{camera.height} x {camera.width} as the camera"
         )
-    same = np.array_equal(seen.view, camera.view)
-    if not same or not np.array_equal(seen.projection, camera.projection):
-        raise ValueError("gbuffer was seen by another camera: expected the same view and projection")
+    if not np.array_equal(seen.view, camera.view) or not np.array_equal(
+        seen.projection, camera.projection
+    ):
+        raise ValueError("gbuffer has another camera: expected the same view and projection")
 
 
 def _first(gbuffer: GBuffer, name: str) -> Floats:
@@ -444,6 +454,38 @@ def _embree() -> tuple[Any, Any]:
 _kept: WeakKeyDictionary[Scene, RayAo] = WeakKeyDictionary()
 
 
+@overload
+def ray_ao(
+    scene: Scene,
+    camera: Camera,
+    radius: float = 0.5,
+    rays: int = 256,
+    *,
+    weighting: str = "cosine",
+    attenuation: str | ArrayLike = "none",
+    target_error: float | None = None,
+    return_error: Literal[False] = False,
+    progress: Callable[[float], object] | None = None,
+    gbuffer: GBuffer | None = None,
+) -> Floats: ...
+
+
+@overload
+def ray_ao(
+    scene: Scene,
+    camera: Camera,
+    radius: float = 0.5,
+    rays: int = 256,
+    *,
+    weighting: str = "cosine",
+    attenuation: str | ArrayLike = "none",
+    target_error: float | None = None,
+    return_error: Literal[True],
+    progress: Callable[[float], object] | None = None,
+    gbuffer: GBuffer | None = None,
+) -> tuple[Floats, Floats]: ...
+
+
 def ray_ao(
     scene: Scene,
     camera: Camera,
@@ -473,8 +515,10 @@ def ray_ao(
         scene: what `rasterize.load_scene` returns; its search tree is kept as long as the scene.
         camera: whose near and far plane bound what is seen, but not what occludes.
         radius: how far rays go, scene units, > 0; may be infinite without an attenuation.
-        rays: per pixel, 1 to 2^20, at most; rounded down to a multiple of the number of batches,
-            which is 8 from 64 rays on and about the square root of `rays` below.
+        rays: per pixel, 1 to 2^20, at most. With `target_error` or `return_error` they are split
+            into independent batches, 8 from 64 rays on and about the square root of `rays` below,
+            and rounded down to a multiple of that; the error is then 1.7 times that of a single,
+            better spread set.
         weighting: of directions, "cosine" or "uniform".
         attenuation: W at distance d in radii: "none" (1), "linear" (1 - d), "quadratic"
             (1 - d^2), "exponential" (e^-d), or 2 to 4096 values in [0, 1] at equal steps of d
@@ -504,6 +548,7 @@ def ray_ao(
         _kept[scene] = caster
     openness, error = caster(
         camera, radius, rays, weighting=weighting, attenuation=attenuation,
-        target_error=target_error, progress=progress, gbuffer=gbuffer,
+        target_error=target_error, estimate_error=return_error, progress=progress,
+        gbuffer=gbuffer,
     )
     return (openness, error) if return_error else openness

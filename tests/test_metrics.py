@@ -1,0 +1,298 @@
+"""Metrics: hand values, invariances, masks, regions, bad input."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssgi_cl import metrics
+from ssgi_cl.camera import Camera
+from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.gbuffer import GBuffer
+
+Metric = Callable[..., float]
+
+PLAIN: tuple[Metric, ...] = (
+    metrics.rmse, metrics.bias, metrics.p99, metrics.psnr, metrics.mrse, metrics.ssim,
+)
+FLIPS: tuple[Metric, ...] = (metrics.flip, metrics.hdr_flip)
+BEST = {metrics.psnr: math.inf, metrics.ssim: 1.0}
+
+
+def called(metric: Metric, *arguments: Any, **named: Any) -> float:
+    """Call a metric; skip where FLIP's package is missing."""
+    if metric in FLIPS:
+        pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed")
+    return metric(*arguments, **named)
+
+
+# ---- hand values
+
+
+def test_rmse_bias_and_mrse_of_two_pixels_are_those_computed_by_hand() -> None:
+    image, truth = [[0.5, 0.1]], [[0.2, 0.5]]  # differences 0.3 and -0.4
+    assert metrics.rmse(image, truth) == pytest.approx(math.sqrt(0.125), rel=1e-12)
+    assert metrics.bias(image, truth) == pytest.approx(-0.05, rel=1e-12)
+    expected = 0.5 * ((0.3 / 0.21) ** 2 + (0.4 / 0.51) ** 2)
+    assert metrics.mrse(image, truth) == pytest.approx(expected, rel=1e-12)
+
+
+def test_p99_is_exceeded_by_one_in_a_hundred() -> None:
+    image = np.arange(-50, 51)[None, :] / 100.0  # absolute: 0, then each of 0.01 to 0.5 twice
+    # The 100th of 101 sorted values.
+    assert metrics.p99(image, np.zeros((1, 101))) == pytest.approx(0.5, rel=1e-12)
+    image[0, :2] = image[0, -2:] = 0.0  # 0.49 was the second largest
+    assert metrics.p99(image, np.zeros((1, 101))) == pytest.approx(0.48, rel=1e-12)
+
+
+def test_psnr_of_a_tenth_of_the_peak_is_20_db() -> None:
+    truth = np.full((4, 5), 2.0)
+    assert metrics.psnr(truth + 0.1, truth) == pytest.approx(20.0, rel=1e-9)
+    assert metrics.psnr(truth + 0.1, truth, peak=10.0) == pytest.approx(40.0, rel=1e-9)
+
+
+def test_ssim_of_two_flat_images_is_that_of_their_means() -> None:
+    a, b = 0.3, 0.7
+    # No variance: only the means count. Windows at the rim are weighted by what lies inside.
+    expected = (2 * a * b + 1e-4) / (a * a + b * b + 1e-4)
+    value = metrics.ssim(np.full((15, 13), a), np.full((15, 13), b))
+    assert value == pytest.approx(expected, rel=1e-12)
+
+
+def test_ssim_in_the_middle_of_a_window_is_that_computed_by_hand(rng: np.random.Generator) -> None:
+    image, truth = rng.random((11, 11)), rng.random((11, 11))
+    mask = np.ones((11, 11), np.bool_)
+    offset = np.arange(-5, 6)
+    weight = np.exp(-(offset[:, None] ** 2 + offset**2) / (2 * 1.5**2))
+    total = np.zeros((11, 11))
+    for row in range(11):
+        for column in range(11):  # the window that is cut off at the rim
+            shifted = np.zeros((11, 11))
+            for r in range(11):
+                for c in range(11):
+                    dr, dc = r - row, c - column
+                    if abs(dr) <= 5 and abs(dc) <= 5:
+                        shifted[r, c] = weight[5 + dr, 5 + dc]
+            w = shifted / shifted.sum()
+            x, y = (w * image).sum(), (w * truth).sum()
+            xx, yy = (w * (image - x) ** 2).sum(), (w * (truth - y) ** 2).sum()
+            xy = (w * (image - x) * (truth - y)).sum()
+            total[row, column] = ((2 * x * y + 1e-4) * (2 * xy + 9e-4)) / (
+                (x * x + y * y + 1e-4) * (xx + yy + 9e-4)
+            )
+    # Float64, another order of sums.
+    assert metrics.ssim(image, truth, mask) == pytest.approx(total.mean(), rel=1e-10)
+
+
+def test_flip_of_black_and_white_is_far_and_of_a_trace_is_near() -> None:
+    black, white = np.zeros((32, 32)), np.ones((32, 32))
+    assert called(metrics.flip, white, black) > 0.9
+    assert 0.0 < called(metrics.flip, black + 0.002, black) < 0.1
+
+
+def test_flip_takes_linear_light() -> None:
+    package = pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed")
+    truth, image = np.full((32, 32, 3), 0.2, np.float32), np.full((32, 32, 3), 0.3, np.float32)
+
+    def encoded(linear: Any) -> Any:
+        return (1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+    _, expected, _ = package.evaluate(encoded(truth), encoded(image), "LDR", applyMagma=False)
+    # The package converts back, in float32.
+    assert metrics.flip(image, truth) == pytest.approx(expected, rel=1e-3)
+
+
+def test_hdr_flip_sees_a_difference_beyond_1() -> None:
+    truth = np.full((32, 32), 0.5)
+    truth[:, 16:] = 20.0
+    image = truth.copy()
+    image[:, 16:] = 10.0
+    assert called(metrics.hdr_flip, image, truth) > 0.05
+    assert called(metrics.flip, image, truth) == pytest.approx(0.0, abs=1e-6)  # both are clipped
+
+
+# ---- for all of them
+
+
+@pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_image_is_perfect_against_itself(
+    metric: Metric, channels: tuple[int, ...], rng: np.random.Generator
+) -> None:
+    image = rng.random((20, 24, *channels)).astype(np.float32)
+    # FLIP computes in float32.
+    assert called(metric, image, image) == pytest.approx(BEST.get(metric, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
+def test_pixels_outside_the_mask_have_no_say(metric: Metric, rng: np.random.Generator) -> None:
+    truth = rng.random((24, 30))
+    image = np.clip(truth + 0.1 * rng.standard_normal(truth.shape), 0.0, 1.0)
+    mask = np.ones(truth.shape, np.bool_)
+    mask[:, 20:] = False
+    first = called(metric, image, truth, mask)
+    for junk in (math.nan, math.inf, -7.0, 1e30):
+        image[:, 20:], truth[:, 20:] = junk, 0.5 * junk
+        assert called(metric, image, truth, mask) == first
+
+
+@pytest.mark.parametrize("metric", PLAIN[:5], ids=lambda m: m.__name__)
+def test_mask_is_the_same_as_cutting_the_rest_off(
+    metric: Metric, rng: np.random.Generator
+) -> None:
+    truth, image = rng.random((24, 30, 3)), rng.random((24, 30, 3))
+    mask = np.zeros((24, 30), np.bool_)
+    mask[3:9, 5:25] = True
+    cut = (slice(3, 9), slice(5, 25))
+    assert metric(image, truth, mask) == pytest.approx(metric(image[cut], truth[cut]), rel=1e-12)
+
+
+def test_ssim_of_a_masked_image_is_that_of_the_rest_alone(rng: np.random.Generator) -> None:
+    truth, image = rng.random((24, 30)), rng.random((24, 30))
+    mask = np.zeros((24, 30), np.bool_)
+    mask[3:19, 5:25] = True
+    alone = metrics.ssim(image[3:19, 5:25], truth[3:19, 5:25])
+    # About the same middle; another order of sums.
+    assert metrics.ssim(image, truth, mask) == pytest.approx(alone, rel=1e-9)
+
+
+@pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
+def test_worse_image_is_rated_worse(metric: Metric, rng: np.random.Generator) -> None:
+    truth = np.full((24, 30), 0.4)
+    noise = np.abs(rng.standard_normal(truth.shape))
+    little, much = (called(metric, truth + s * noise, truth) for s in (0.02, 0.1))
+    assert little > much if metric in BEST else little < much
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
+def test_bad_images_are_refused_by_name(metric: Metric) -> None:
+    good = np.ones((4, 6))
+    with pytest.raises(ValueError, match=r"image has shape \(4, 5\): expected \(4, 6\) as the tru"):
+        metric(np.ones((4, 5)), good)
+    with pytest.raises(ValueError, match=r"image has shape \(4,\): expected \(rows, columns\)"):
+        metric(np.ones(4), good)
+    with pytest.raises(TypeError, match="truth has dtype bool"):
+        metric(good, good > 0)
+    with pytest.raises(ValueError, match=r"mask has shape \(4, 5\): expected \(4, 6\)"):
+        metric(good, good, np.ones((4, 5), np.bool_))
+    with pytest.raises(TypeError, match="mask has dtype float64: expected bool"):
+        metric(good, good, good)
+    with pytest.raises(ValueError, match="mask is False everywhere"):
+        metric(good, good, np.zeros((4, 6), np.bool_))
+    bad = good.copy()
+    bad[2, 3] = math.nan
+    with pytest.raises(ValueError, match=r"truth\[2, 3\] is \[nan\]: expected finite numbers"):
+        metric(good, bad)
+
+
+def test_negative_light_is_refused_where_it_means_nothing() -> None:
+    with pytest.raises(ValueError, match="truth holds -1"):
+        metrics.mrse(np.ones((2, 2)), -np.ones((2, 2)))
+    with pytest.raises(ValueError, match="negative radiance"):
+        metrics.hdr_flip(-np.ones((2, 2)), np.ones((2, 2)))
+    with pytest.raises(ValueError, match="truth is black"):
+        metrics.hdr_flip(np.ones((2, 2)), np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="peak is 0"):
+        metrics.psnr(np.ones((2, 2)), np.ones((2, 2)), peak=0)
+
+
+@pytest.mark.parametrize("metric", FLIPS, ids=lambda m: m.__name__)
+def test_missing_package_names_the_extra(metric: Metric, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
+        metric(np.ones((8, 8)), np.ones((8, 8)))
+
+
+# ---- regions
+
+
+def view(rows: int = 60, columns: int = 80) -> Camera:
+    return Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=columns, height=rows)
+
+
+@pytest.mark.parametrize("with_normals", [True, False])
+def test_tilted_plane_has_a_border_and_nothing_else(with_normals: bool) -> None:
+    camera = view()
+    _, sy, _, oy = camera.pixel_to_view
+    y = sy * (np.arange(60) + 0.5) + oy
+    depth = np.repeat((2.0 / (1.0 - 1.5 * y))[:, None], 80, axis=1)  # z = -2 - 1.5 y
+    normal = np.tile(np.array((0.0, 1.5, 1.0)) / math.hypot(1.5, 1.0), (60, 80, 1))
+    found = metrics.regions(
+        GBuffer(camera=camera, depth=depth, normal=normal if with_normals else None)
+    )
+    assert tuple(found) == metrics.REGIONS
+    assert found["border"].sum() == 60 * 80 - 54 * 74  # 5 % of 60 rows: 3 pixels
+    assert found["elsewhere"].sum() == 54 * 74
+
+
+def stepped() -> GBuffer:
+    """A wall at 4 with a box at 3 before it, a bar of 2 columns at 3, a fold, and some sky."""
+    camera = view()
+    depth = np.full((60, 80), 4.0)
+    normal = np.tile(np.array((0.0, 0.0, 1.0)), (60, 80, 1))
+    depth[10:30, 10:30] = 3.0
+    depth[8:52, 50:52] = 3.0
+    normal[45:, :40] = (0.0, 1.0, 0.0)
+    depth[:20, 65:] = np.inf
+    normal[:20, 65:] = 0.0
+    return GBuffer(camera=camera, depth=depth, normal=normal)
+
+
+def test_each_surface_pixel_is_in_exactly_one_region() -> None:
+    gbuffer = stepped()
+    found = metrics.regions(gbuffer)
+    total = sum(mask.astype(int) for mask in found.values())
+    np.testing.assert_array_equal(total, np.isfinite(np.asarray(gbuffer.depth)).astype(int))
+
+
+def test_regions_lie_where_the_scene_has_them() -> None:
+    found = metrics.regions(stepped())
+    np.testing.assert_array_equal(found["silhouettes"][5:40, 5:40], grown_box()[5:40, 5:40])
+    np.testing.assert_array_equal(np.unique(np.nonzero(found["thin"])[1]), [50, 51])
+    np.testing.assert_array_equal(np.unique(np.nonzero(found["thin"])[0]), np.arange(8, 52))
+    fold = np.arange(45 - 4, 45 + 4)  # the two rows that meet, and 3 more on both sides
+    np.testing.assert_array_equal(np.nonzero(found["creases"][:, 20])[0], fold)
+    assert found["silhouettes"][10, 64]  # beside the sky
+    assert found["silhouettes"][22, 70]  # below the sky
+    assert found["elsewhere"][20, 20]  # on the box
+
+
+def grown_box() -> Any:
+    """Pixels within 3 of the two rings on both sides of the rim of the box of `stepped`."""
+    box = np.zeros((60, 80), np.bool_)
+    box[10:30, 10:30] = True
+    near = np.zeros_like(box)
+    rows, columns = np.indices(box.shape)
+    for r, c in np.argwhere(box):
+        for dr, dc in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            if not box[r + dr, c + dc]:
+                for at in ((r, c), (r + dr, c + dc)):
+                    near |= (abs(rows - at[0]) <= 3) & (abs(columns - at[1]) <= 3)
+    return near
+
+
+def test_regions_ignore_the_margin_and_deeper_layers() -> None:
+    plain = stepped()
+    depth = np.pad(np.asarray(plain.depth), ((2, 2), (4, 4)), constant_values=1.0)
+    normal = np.pad(np.asarray(plain.normal), ((2, 2), (4, 4), (0, 0)), constant_values=0.5)
+    layered = GBuffer(camera=plain.camera, depth=np.stack([depth, depth + 1]), normal=normal)
+    one, two = metrics.regions(plain), metrics.regions(layered)
+    for name in metrics.REGIONS:
+        np.testing.assert_array_equal(one[name], two[name])
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (3, 2)])
+def test_smallest_images_are_all_border(shape: tuple[int, int]) -> None:
+    camera = view(*shape)
+    for depth in (np.ones(shape), np.full(shape, np.inf)):
+        found = metrics.regions(GBuffer(camera=camera, depth=depth))
+        inner = (shape[0] - 2) * (shape[1] - 2) if min(shape) > 2 else 0
+        assert found["border"].sum() == np.isfinite(depth).sum() - inner

@@ -20,10 +20,10 @@ setup: $(STAMP)
 # Debian packages that serve the OpenGL backend, the faster OpenCL driver and the lint of kernels.
 # Nothing fails without them: what needs them says so.
 system:
-	@sh tools/system-packages.sh
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh
 
 $(STAMP): pyproject.toml Makefile tools/system-packages.sh
-	@sh tools/system-packages.sh
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,test]'

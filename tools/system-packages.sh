@@ -3,6 +3,8 @@
 set -u
 wanted="libegl1 libgl1-mesa-dri pocl-opencl-icd clang-15"
 command -v dpkg-query >/dev/null 2>&1 || exit 0
+# Debian's own Python makes virtual environments only with this package.
+"${PYTHON:-python3}" -c 'import ensurepip' 2>/dev/null || wanted="python3-venv $wanted"
 missing=""
 for package in $wanted; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' ||
@@ -10,7 +12,7 @@ for package in $wanted; do
 done
 [ -z "$missing" ] && exit 0
 if [ "$(id -u)" -ne 0 ]; then
-    echo "Optional, and faster with them:  sudo apt-get install$missing"
+    echo "Optional but for python3-venv, and faster with them:  sudo apt-get install$missing"
     exit 0
 fi
 echo "installing$missing"

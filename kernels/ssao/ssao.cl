@@ -5,7 +5,8 @@
 //          Effects and Techniques". A = 1 - max over radii of mean over samples of f(d / radius),
 //          where d is how far the sample lies behind the surface that the camera sees there.
 // Departs: with the hemisphere flip, a surface occludes only if it rises above the receiver's
-//          tangent plane, so that a plane never occludes itself, at any tilt.
+//          tangent plane, so that a plane never occludes itself, at any tilt; and occlusion sets in
+//          over a fiftieth of a radius, so that a rounding seldom shows.
 // Reads:   depth    [rows, columns] with margin, scene units, > 0; INFINITY where nothing is
 //          normal   3 x [rows, columns] with margin, view space, unit length
 //          samples  [4 rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball, already
@@ -26,6 +27,7 @@
 #error "SSAO_MOST_SAMPLES, _RADII, _HEMISPHERE, _FALLOFF, _CURVE_SIZE, _OUTSIDE must be defined"
 #endif
 
+#define SSAO_ONSET 50.0f // per radius
 #define SSAO_TILE_ROW (SSAO_MOST_SAMPLES * 3 * 16)
 
 // Occlusion by a surface that lies d (in radii, > 0) in front of a sample.
@@ -137,19 +139,22 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
             seen = v_select(v_splat(params.border_depth), seen, inside);
 #endif
             const vfloat behind = (qz - seen) * inverse_radius;
-            vmask occludes = counts & v_gt(behind, zero);
+            const vmask occludes = counts & v_gt(behind, zero);
 #if SSAO_HEMISPHERE
             const vfloat seen_k = ssgi_k(camera, seen);
             const vfloat ax = ssgi_slope_x(camera, v_to_float(column_at) + 0.5f) * seen_k;
             const vfloat ay = ssgi_slope_y(camera, v_to_float(row_at) + 0.5f) * seen_k;
             const vfloat height = v_fma(nx, ax, v_fma(ny, ay, -(nz * seen)));
-#if SSAO_OUTSIDE == 0
-            occludes = occludes & v_gt(height, floor_height);
+            // Both tests set in over a fiftieth of a radius: a rounding changes next to nothing.
+            vfloat least = v_min(behind, (height - floor_height) * inverse_radius);
+#if SSAO_OUTSIDE == 1
+            least = v_select(behind, least, inside);
+#endif
+            const vfloat onset = v_clamp(least * SSAO_ONSET, 0.0f, 1.0f);
+            const vfloat f = ssao_occlusion(v_max(behind, zero), curve, params) * onset;
 #else
-            occludes = occludes & (v_gt(height, floor_height) | ~inside);
-#endif
-#endif
             const vfloat f = ssao_occlusion(v_max(behind, zero), curve, params);
+#endif
             sum = sum + v_select(zero, f, occludes);
             known = known + v_select(zero, v_splat(1.0f), counts);
         }

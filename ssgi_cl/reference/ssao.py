@@ -12,6 +12,7 @@ from ssgi_cl.reference.upsample import upsample_reference
 from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.techniques.ssao import DEPTH_BIAS, RESOLUTIONS, SsaoParams, reflected_points
 
+ONSET = 0.02  # radii
 NEAREST_SAMPLE = 1e-3
 """Samples nearer to the eye than this share of the pixel's depth are not counted."""
 
@@ -101,11 +102,14 @@ def _sample(
         seen = np.where(inside, seen, border)
     occludes = counted & (-at[..., 2] > seen)
     finite = np.where(np.isfinite(seen), seen, 0.0)
+    onset = np.ones(depth.shape)
     if params.hemisphere:
         # Only what rises above the tangent plane occludes; of a border the place is not known.
+        # Both tests set in over a fiftieth of a radius.
         surface = view.position(tap[0] + 0.5, tap[1] + 0.5, finite)
         height = np.sum((surface - position) * normal, axis=-1)
-        rises = height > params.bias * radius + DEPTH_BIAS * depth
-        occludes &= rises | ~inside
+        above = height - params.bias * radius - DEPTH_BIAS * depth
+        excess = np.where(inside, np.minimum(-at[..., 2] - finite, above), -at[..., 2] - finite)
+        onset = np.clip(excess / (ONSET * radius), 0.0, 1.0)
     behind = np.where(occludes, (-at[..., 2] - finite) / radius, 0.0)
-    return counted, np.where(occludes, falloff(behind, params), 0.0)
+    return counted, np.where(occludes, falloff(behind, params) * onset, 0.0)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ssgi_cl.runtime import Runtime
 
 from .scene import Scene
+from .textures import srgb_to_linear
 
 
 class DeviceScene:
@@ -53,14 +54,7 @@ class DeviceScene:
         self.has_cutouts = bool(cut[ids].any())
 
 
-def _encoded(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return linear light for sRGB-encoded values in [0, 1] (IEC 61966-2-1)."""
-    low = values / 12.92
-    high = ((values + 0.055) / 1.055) ** 2.4
-    return np.where(values <= 0.04045, low, high)
-
-
-SRGB_TO_LINEAR = _encoded(np.arange(256) / 255.0).astype(np.float32)
+SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
 _LINEAR_TO_SRGB_STEPS = 4095
 # Of each linear value in 1/4095, the byte whose linear value is nearest.
 _LINEAR_TO_SRGB = np.searchsorted(

@@ -63,6 +63,9 @@ class Shade:
         self._nothing = runtime.plane(1, (1, 1))
         self._ambient = runtime.array(np.zeros(27, np.float32))
         self._sky = runtime.array(np.zeros(3, np.float32))
+        self._sky_size = (1, 1)
+        self._has_ambient = False
+        self._environments: list[Environment] | None = None
 
     def run(
         self,
@@ -124,16 +127,8 @@ class Shade:
         openness: Plane | None,
         indirect: Plane | None,
     ) -> Plane:
-        environments = [light for light in lights if isinstance(light, Environment)]
-        coefficients = sum(
-            (light.irradiance_coefficients() for light in environments), np.zeros((9, 3))
-        )
-        ambient = bool(coefficients.any())
-        self._ambient.upload(np.clip(coefficients, -BRIGHTEST, BRIGHTEST).astype(np.float32))
-        sky = _sky_image(environments)
-        if sky.size > self._sky.count:
-            self._sky = DeviceArray(self.runtime, sky)
-        self._sky.upload(sky)
+        self._set_environments([light for light in lights if isinstance(light, Environment)])
+        sky_rows, sky_columns = self._sky_size
         kernel = self.runtime.kernel(
             "shade/shade_combine.cl",
             {
@@ -141,8 +136,8 @@ class Shade:
                 "SHADE_AO": int(openness is not None),
                 "SHADE_INDIRECT": int(indirect is not None),
                 "SHADE_EMISSION": int(gbuffer.emits),
-                "SHADE_AMBIENT": int(ambient),
-                "SHADE_SKY": int(sky.shape[0] * sky.shape[1] > 1),
+                "SHADE_AMBIENT": int(self._has_ambient),
+                "SHADE_SKY": int(sky_rows * sky_columns > 1),
             },
             (CAMERA, COMBINE),
         )
@@ -151,8 +146,8 @@ class Shade:
         to_world = camera.view[:3, :3].T
         values = {
             **dict(zip(_ROTATION, to_world.ravel().tolist(), strict=True)),
-            "sky_columns": sky.shape[1],
-            "sky_rows": sky.shape[0],
+            "sky_columns": sky_columns,
+            "sky_rows": sky_rows,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
         }
@@ -168,6 +163,22 @@ class Shade:
             values=[gbuffer.camera_struct, COMBINE.pack(values)],
         )
         return self._radiance
+
+    def _set_environments(self, environments: list[Environment]) -> None:
+        """Bring ambient coefficients and sky to the device, unless they are those of last time."""
+        before = self._environments
+        same = before is not None and len(before) == len(environments)
+        if same and all(a is b for a, b in zip(before or (), environments, strict=True)):
+            return  # an environment never changes
+        coefficients = sum((e.irradiance_coefficients() for e in environments), np.zeros((9, 3)))
+        self._has_ambient = bool(coefficients.any())
+        self._ambient.upload(np.clip(coefficients, -BRIGHTEST, BRIGHTEST).astype(np.float32))
+        sky = _sky_image(environments)
+        if sky.size > self._sky.count:
+            self._sky = DeviceArray(self.runtime, sky)
+        self._sky.upload(sky)
+        self._sky_size = (sky.shape[0], sky.shape[1])
+        self._environments = environments
 
 
 def shade(

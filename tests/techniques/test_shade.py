@@ -719,3 +719,15 @@ def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
 def test_empty_device_gbuffer_is_refused(runtime: Runtime) -> None:
     with pytest.raises(ValueError, match="the device G-buffer is empty"):
         shade(DeviceGBuffer(runtime, (4, 5)), [LAMP], runtime=runtime)
+
+
+def test_another_environment_takes_the_place_of_the_last_one(runtime: Runtime) -> None:
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), width=8, height=4)
+    gbuffer = GBuffer(camera=camera, depth=np.full((4, 8), 2.0), albedo=np.ones((4, 8, 3)))
+    bright, dim = Environment(2.0), Environment(0.5)
+    for lights, radiance in (([bright], 2.0), ([bright], 2.0), ([dim], 0.5), ([], 0.0),
+                             ([bright, dim], 2.5), ([bright], 2.0)):
+        # A white surface under a constant sky has the sky's radiance; float32 rounds pi twice.
+        np.testing.assert_allclose(
+            shade(gbuffer, lights, runtime=runtime), radiance, rtol=1e-6, atol=0
+        )

@@ -25,3 +25,7 @@ class SceneError(SsgiError, ValueError):
 
 class MissingExtraError(SsgiError, ImportError):
     """An optional package is not installed; the message names the extra that brings it."""
+
+
+class TruthError(SsgiError):
+    """A kept truth is damaged or is not the one asked for; the message names the file."""

@@ -40,8 +40,15 @@ def falloff(d: Doubles, params: SsaoParams) -> Doubles:
     return np.interp(d, np.linspace(0.0, params.falloff_end, len(values)), values, right=0.0)
 
 
-def openness(view: SurfaceView, params: SsaoParams) -> Doubles:
-    """Return A before blur: 1 - the greatest occlusion of all radii."""
+def openness(view: SurfaceView, params: SsaoParams, points: Doubles | None = None) -> Doubles:
+    """Return A before blur: 1 - the greatest occlusion of all radii.
+
+    Args:
+        view: what is seen.
+        params: the occlusion model, and how many points a pixel takes.
+        points: [points, 3] in the unit ball, of which every pixel takes all, instead of the
+            kernel's.
+    """
     rows, columns = view.size
     there = np.isfinite(view.inner(view.depth))
     depth = np.where(there, view.inner(view.depth), 1.0)
@@ -49,8 +56,12 @@ def openness(view: SurfaceView, params: SsaoParams) -> Doubles:
     centre_row, centre_column = view.centres()
     position = view.position(view.inner(centre_row), view.inner(centre_column), depth)
     y, x = np.indices((rows, columns))
-    most = max(params.samples, params.max_samples)
-    points = reflected_points(most, params.length_power)[y % 4, x % 4]  # row, column, point, axis
+    if points is None:
+        fewest, most = params.samples, max(params.samples, params.max_samples)
+        table = reflected_points(most, params.length_power)[y % 4, x % 4]
+    else:
+        fewest = most = len(points)
+        table = points[None, None]  # row, column, point, axis
     result = np.ones((rows, columns))
     for wanted in params.radius:  # type: ignore[union-attr]
         wanted_px = wanted * view.pixels_per_unit(depth)
@@ -58,18 +69,19 @@ def openness(view: SurfaceView, params: SsaoParams) -> Doubles:
         radius_px = np.minimum(wanted_px, limit_px)
         radius = np.where(wanted_px > limit_px, wanted * limit_px / wanted_px, wanted)
         count = np.clip(
-            radius_px * view.step * params.samples / params.near_px, params.samples, most
+            radius_px * view.step * params.samples / params.near_px, fewest, most
         ).astype(int)
         count[radius_px < 1.0] = 0
         occlusion = np.zeros((rows, columns))
         known = np.zeros((rows, columns))
         for i in range(most):
-            counted, amount = _sample(view, params, position, normal, radius, points[:, :, i])
+            counted, amount = _sample(view, params, position, normal, radius, table[:, :, i])
             counted &= there & (i < count)
             known += counted
             occlusion += np.where(counted, amount, 0.0)
         result = np.minimum(result, 1.0 - occlusion / np.maximum(known, 1.0))
-    return np.clip(result, 0.0, 1.0)
+    contrasted: Doubles = np.clip(result, 0.0, 1.0) ** params.contrast
+    return contrasted
 
 
 def _sample(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +25,22 @@ from ssgi_cl.rasterize.view import gbuffer
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
 
+from ..closed_forms import (
+    FAR,
+    FLOOR,
+    SIDE,
+    START,
+    WALL,
+    Quad,
+    above,
+    beside_sphere,
+    hidden_by_sphere,
+    hidden_by_wall,
+    made,
+    quads,
+    with_mesh,
+)
+
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
 Doubles = NDArray[np.float64]
@@ -33,64 +49,6 @@ ROUNDING = 1e-6
 """Of A where every ray has the same fate: one rounding of float32 and some."""
 STANDARD_ERRORS = 3.0
 """The mean over an image is that many of its standard errors from the closed form, at most."""
-FAR = 1e4
-"""Extent of walls that stand for infinite ones; they leave out about h / FAR of A."""
-
-
-# ---- scenes
-
-
-def made(corners: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Scene:
-    """Return a scene of triangles; without normals, those of the triangles are used."""
-    points = np.asarray(corners, np.float64)
-    faces = np.asarray(triangles, np.int32)
-    middle = points[:4].mean(axis=0)
-    return Scene(
-        origin=middle,
-        positions=(points - middle).astype(np.float32),
-        normals=np.asarray(np.zeros(points.shape) if normals is None else normals, np.float32),
-        uvs=np.zeros((len(points), 2), np.float32),
-        colors=np.ones(points.shape, np.float32),
-        triangles=faces,
-        material_ids=np.zeros(len(faces), np.int32),
-    )
-
-
-Quad = tuple[Sequence[float], Sequence[float], Sequence[float]]
-"""A corner and the two edges that leave it."""
-
-
-def quads(*parts: Quad, scale: float = 1.0, shift: ArrayLike = 0.0) -> Scene:
-    """Return a scene of parallelograms."""
-    corners = []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        corners += [corner, corner + first, corner + first + second, corner + second]
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    return made(scale * np.array(corners) + np.asarray(shift), faces)
-
-
-def with_mesh(scene: Scene, mesh: Any) -> Scene:
-    """Return the scene with a trimesh in it (faceted)."""
-    corners = np.concatenate([scene.positions + scene.origin, mesh.vertices])
-    return made(corners, np.concatenate([scene.triangles, mesh.faces + len(scene.positions)]))
-
-
-FLOOR: Quad = ((0, 0, -5), (0, 0, 10), (10, 0, 0))
-START = 2.0**-20 * 20
-"""Height above that floor at which rays start, scene units, at most."""
-WALL: Quad = ((0, 0, -FAR), (0, FAR, 0), (0, 0, 2 * FAR))
-"""The plane x = 0 above the floor y = 0."""
-SIDE: Quad = ((0, 0, 0), (FAR, 0, 0), (0, FAR, 0))
-"""The plane z = 0."""
-
-
-def above(x: float, z: float = 0.0, *, size: int = 24, width: float = 1e-6) -> Camera:
-    """Return a camera that sees a spot of the floor at (x, z), as small as a point, from above."""
-    eye, target = (x, 0.01, z), (x, 0.0, z)
-    return Camera.orthographic(
-        eye, target, (0, 0, 1), view_height=width, width=size, height=size, far=1.0
-    )
 
 
 def closely(
@@ -153,25 +111,6 @@ def test_a_quarter_of_the_sky_is_seen_in_the_corner_of_three_planes(weighting: s
     closely(a, error, 0.25, other=2e-4)  # (0.4 + 0.9) / FAR
 
 
-def hidden_by_wall(c: float, weighting: str, attenuation: str) -> float:
-    """Return 1 - A at distance c (in radii) from an infinite wall.
-
-    Directions that reach it fill half a cone round its normal, angle t to the normal, up to
-    cos t = c; the distance is c / cos t. The rest is integration over t.
-    """
-    s, t = math.sqrt(1.0 - c * c), math.acos(c)
-    if weighting == "uniform":
-        whole = 1.0 - c
-        lost = {"none": 0.0, "linear": -c * math.log(c), "quadratic": c - c * c}[attenuation]
-        return 0.5 * (whole - lost)
-    lost = {
-        "none": 0.0,
-        "linear": c * (math.log((1.0 + s) / c) - s),
-        "quadratic": c * c * (s / c - t),
-    }[attenuation]
-    return (t - s * c - 2.0 * lost) / math.pi
-
-
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("attenuation", ["none", "linear", "quadratic"])
 @pytest.mark.parametrize("distance", [0.05, 0.3])
@@ -232,19 +171,9 @@ def test_ceiling_hides_the_integral_of_its_attenuation(weighting: str, name: str
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("lift", [1.0, 1.6])
 def test_sphere_above_a_plane_hides_its_form_factor(weighting: str, lift: float) -> None:
-    floor = quads(((-50, 0, -50), (0, 0, 100), (100, 0, 0)))
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=1.0)
-    # Facets lie within the sphere; one of equal mean cross-section hides the same on average.
-    ball.apply_scale(math.sqrt(4.0 * math.pi / ball.area))
-    ball.apply_translation((0.0, lift, 0.0))
-    camera = Camera.look_at((9, 4, 5), (1.8, 0, 1.0), yfov=0.12, width=24, height=24)
-    a, error = ray_ao(
-        with_mesh(floor, ball), camera, math.inf, 256, weighting=weighting, return_error=True
-    )
-    point = camera.unproject(np.ones(camera.size, np.float32)) - camera.position
-    point = camera.position - point * (camera.position[1] / point[..., 1:2])  # on the floor
-    away = np.linalg.norm(point - (0.0, lift, 0.0), axis=-1)
-    hidden = lift / away**3 if weighting == "cosine" else 1.0 - np.sqrt(1.0 - away**-2)
+    scene, camera = beside_sphere(lift)
+    a, error = ray_ao(scene, camera, math.inf, 256, weighting=weighting, return_error=True)
+    hidden = hidden_by_sphere(camera, lift, weighting)
     # The facets' mean radius is right to 1e-4; so is the start of the rays.
     closely(a, error, 1.0 - hidden, other=2e-4)
 
@@ -463,6 +392,22 @@ def test_same_arguments_give_the_same_bits_with_any_number_of_threads(
     np.testing.assert_array_equal(error, error_again)
 
 
+def test_results_of_different_seeds_are_independent(nearly_exact: NDArray[np.float32]) -> None:
+    scene, camera = posts()
+    np.testing.assert_array_equal(
+        ray_ao(scene, camera, 1.0, 16, seed=5), ray_ao(scene, camera, 1.0, 16, seed=5)
+    )
+    np.testing.assert_array_equal(
+        ray_ao(scene, camera, 1.0, 16, seed=0), ray_ao(scene, camera, 1.0, 16)
+    )
+    off = np.stack([ray_ao(scene, camera, 1.0, 16, seed=i) for i in (0, 1, 2, 3, 2**62)])
+    off = (off - nearly_exact)[:, (nearly_exact > 0.1) & (nearly_exact < 0.9)]
+    correlation = np.corrcoef(off)[~np.eye(len(off), dtype=bool)]
+    # Of some 380 pixels, each correlation is 0 with a standard error of 0.05.
+    assert np.abs(correlation).max() < 0.2
+    assert off.shape[1] > 300
+
+
 def test_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, camera = posts()
     first = ray_ao(scene, camera, 1.0, 64)
@@ -538,6 +483,7 @@ def test_tree_is_built_once_for_a_scene_and_freed_with_it(monkeypatch: pytest.Mo
         ({"attenuation": [1.0, 1.5]}, r"attenuation has 2 values from 1 to 1\.5: expected 2 to"),
         ({"attenuation": "linear", "radius": math.inf}, r"radius is inf: expected a finite number"),
         ({"target_error": -0.1}, r"target_error is -0\.1: expected a number >= 0"),
+        ({"seed": -1}, r"seed is -1: expected an integer >= 0"),
     ],
 )
 def test_bad_argument_is_named_with_its_value(arguments: dict[str, Any], message: str) -> None:

@@ -1,0 +1,10 @@
+"""What results are measured against: made slowly, kept on disk, with their standard errors."""
+
+from __future__ import annotations
+
+from ssgi_cl.errors import TruthError
+from ssgi_cl.truth.light import direct_light, one_bounce
+from ssgi_cl.truth.occlusion import ambient_occlusion
+from ssgi_cl.truth.store import Truth
+
+__all__ = ["Truth", "TruthError", "ambient_occlusion", "direct_light", "one_bounce"]

@@ -1,0 +1,269 @@
+"""Scenes and lights as Mitsuba 3 has them: the same triangles, surfaces and radiometric units."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
+from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.rasterize.textures import srgb_to_linear
+from ssgi_cl.techniques.shade import power
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+
+OLDEST_LLVM = 17
+"""Mitsuba 3.9 refuses LLVM 14, and with 15 and 16 the process ends on CPUs with AVX-512."""
+
+SKY_ROWS = 512
+"""Rows of an environment's image, at least: Mitsuba interpolates between them, we don't."""
+
+HOLE = 0.5
+"""Opacity in Mitsuba below which there is a hole; opacities are scaled to make it so."""
+
+SIZE = "face_size"
+"""Mesh attribute: largest coordinate of a triangle plus its largest extent, scene units."""
+
+_FOLDERS = (
+    "/usr/lib", "/usr/lib64", "/usr/lib/*-linux-gnu", "/usr/lib/llvm-*/lib", "/usr/local/lib",
+    "/opt/homebrew/opt/llvm*/lib",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class MitsubaScene:
+    """A scene with its lights in Mitsuba.
+
+    Mitsuba's own integrators take it too, but for cut-outs, where they make opacity a probability.
+    Emission of surfaces is left out: light comes from lights alone.
+
+    Attributes:
+        variant: of Mitsuba; the scene is of use only `within` it.
+        origin: [3] float64, world space: Mitsuba's coordinates count from here.
+        scene: the `mitsuba.Scene`. Its shapes have the attribute `SIZE`.
+        has_holes: whether a texture's alpha cuts something out.
+        has_sky_image: whether the environment is an image.
+    """
+
+    variant: str
+    origin: Doubles
+    scene: Any
+    has_holes: bool
+    has_sky_image: bool
+
+    @classmethod
+    def of(cls, scene: Scene, lights: Sequence[Light], variant: str) -> MitsubaScene:
+        """Bring a scene and those lights that shine into a variant of Mitsuba."""
+        with within(variant) as mi:
+            parts: dict[str, Any] = {"type": "scene"}
+            for index in np.unique(scene.material_ids):
+                parts[f"material_{index}"] = _mesh(mi, scene, int(index))
+            for index, light in enumerate(lights):
+                if not isinstance(light, Environment) and power(light).any():
+                    parts[f"light_{index}"] = _lamp(mi, light, scene.origin)
+            skies = [np.asarray(e.radiance) for e in lights if isinstance(e, Environment)]
+            skies = [sky for sky in skies if sky.any()]
+            if skies:
+                parts["environment"] = _environment(mi, skies)
+            return cls(
+                variant, scene.origin, mi.load_dict(parts),
+                any(_is_cut_out(scene.materials[i]) for i in np.unique(scene.material_ids)),
+                any(sky.ndim == 3 for sky in skies),
+            )
+
+
+@contextmanager
+def within(variant: str) -> Iterator[Any]:
+    """Give the package `mitsuba` while a variant is set; afterwards that of before is set again."""
+    mi = mitsuba()
+    before = mi.variant()
+    mi.set_variant(variant)
+    try:
+        yield mi
+    finally:
+        if before is not None:
+            mi.set_variant(before)
+
+
+def mitsuba() -> Any:
+    """Return the package.
+
+    Raises:
+        MissingExtraError: it is not installed; it comes with the extra `truth`.
+    """
+    path = libllvm()
+    if path is not None:
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", path)  # read when its back end starts
+    try:
+        return importlib.import_module("mitsuba")
+    except ImportError as error:
+        raise MissingExtraError(
+            "light by path tracing needs mitsuba, which is not installed: "
+            "pip install 'ssgi-cl[truth]'"
+        ) from error
+
+
+@cache
+def best_variant() -> str:
+    """Return "llvm_ad_rgb" where it runs, otherwise "scalar_rgb", which is far slower."""
+    mitsuba()
+    drjit = importlib.import_module("drjit")
+    usable = libllvm() is not None and drjit.has_backend(drjit.JitBackend.LLVM)
+    return "llvm_ad_rgb" if usable else "scalar_rgb"
+
+
+def libllvm() -> str | None:
+    """Return DRJIT_LIBLLVM_PATH if set, otherwise the newest libLLVM that is new enough."""
+    given = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if given:
+        return given
+    found = []
+    for folder in _FOLDERS:
+        for path in Path("/").glob(f"{folder[1:]}/libLLVM*"):
+            version = re.match(r"libLLVM[-.](?:so\.)?(\d+)", path.name)
+            if version and int(version[1]) >= OLDEST_LLVM:
+                found.append((int(version[1]), str(path)))
+    return max(found)[1] if found else None
+
+
+def _mesh(mi: Any, scene: Scene, index: int) -> Any:
+    """Return the triangles of one material."""
+    material = scene.materials[index]
+    chosen = scene.triangles[scene.material_ids == index]
+    used, numbers = np.unique(chosen, return_inverse=True)
+    corners = scene.positions[chosen]
+    colors = np.clip(scene.colors[used] * np.asarray(material.albedo, np.float32), 0.0, 1.0)
+    uniform = bool((colors == colors[0]).all())
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(
+        _surface(mi, scene, material, colors[0] if uniform else None)
+    )
+    normals = scene.normals[used]
+    mesh = mi.Mesh(
+        f"material {index}", len(used), len(chosen), properties,
+        has_vertex_normals=bool(normals.any()), has_vertex_texcoords=True,
+    )
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = scene.positions[used].ravel()
+    values["faces"] = numbers.astype(np.uint32).ravel()
+    values["vertex_texcoords"] = scene.uvs[used].ravel()
+    values.update()
+    if normals.any():
+        # After the positions, whose change makes Mitsuba replace normals by its own.
+        values["vertex_normals"] = normals.ravel()
+        values.update()
+    size = np.abs(corners).max(axis=(1, 2)) + np.ptp(corners, axis=1).max(axis=1)
+    mesh.add_attribute(SIZE, 1, size.astype(np.float32))
+    if not uniform:
+        mesh.add_attribute("vertex_color", 3, colors.ravel())
+    return mesh
+
+
+def _surface(mi: Any, scene: Scene, material: Material, color: Floats | None) -> dict[str, Any]:
+    """Return the BSDF of a material; with no `color` the mesh has an attribute of that name."""
+    reflectance: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_color"}
+    if color is not None:
+        reflectance = {"type": "rgb", "value": color.tolist()}
+    if material.texture >= 0:
+        texels = scene.textures[material.texture]
+        decoded = srgb_to_linear(np.arange(256) / 255.0)[texels[..., :3]]
+        if color is not None:
+            reflectance = _bitmap(mi, decoded * color)
+        else:
+            _register_product(mi)
+            reflectance = {
+                "type": "ssgi_product", "first": _bitmap(mi, decoded), "second": reflectance,
+            }  # fmt: skip
+    diffuse = {"type": "diffuse", "reflectance": reflectance}
+    surface: dict[str, Any] = {"type": "twosided", "material": diffuse}
+    if _is_cut_out(material):
+        alpha = scene.textures[material.texture][..., 3:] / 255.0
+        opacity = alpha * (material.alpha * HOLE / material.alpha_cutoff)
+        surface = {"type": "mask", "opacity": _bitmap(mi, opacity), "material": surface}
+    return surface
+
+
+def _is_cut_out(material: Material) -> bool:
+    return bool(material.alpha_cutoff > 0.0 and material.texture >= 0)
+
+
+def _bitmap(mi: Any, values: Doubles) -> dict[str, Any]:
+    """Return a texture of linear values, row 0 on top at v = 1; bilinear, repeated."""
+    image = mi.Bitmap(np.ascontiguousarray(values[::-1], np.float32))  # Mitsuba's v = 0 is row 0
+    return {"type": "bitmap", "bitmap": image, "raw": True, "wrap_mode": "repeat"}
+
+
+def _register_product(mi: Any) -> None:
+    class Product(mi.Texture):  # type: ignore[misc]
+        """The product of two textures, which Mitsuba lacks."""
+
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.factors = properties["first"], properties["second"]
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return self.factors[0].eval(si, active) * self.factors[1].eval(si, active)
+
+        def is_spatially_varying(self) -> bool:
+            return True
+
+    mi.register_texture("ssgi_product", Product)
+
+
+def _lamp(mi: Any, light: Light, origin: Doubles) -> dict[str, Any]:
+    """Return an emitter of the same intensity in W/sr or irradiance in W/m^2."""
+    if isinstance(light, DirectionalLight):
+        return {
+            "type": "directional",
+            "direction": np.asarray(light.direction).tolist(),
+            "irradiance": {"type": "rgb", "value": np.asarray(light.irradiance).tolist()},
+        }
+    assert not isinstance(light, Environment)  # noqa: S101  the only kind left beside lamps
+    position = (np.asarray(light.position) - origin).tolist()
+    intensity = {"type": "rgb", "value": np.asarray(light.intensity).tolist()}
+    if not isinstance(light, SpotLight):
+        return {"type": "point", "position": position, "intensity": intensity}
+    axis = np.asarray(light.direction)
+    up = np.eye(3)[np.abs(axis).argmin()]
+    angle = float(np.degrees(light.cone_angle))
+    move = mi.ScalarTransform4f().translate(position)
+    turn = mi.ScalarTransform4f().look_at([0.0, 0.0, 0.0], axis.tolist(), up.tolist())
+    # Without a rim between beam width and cut-off, its edge is as hard as ours.
+    return {
+        "type": "spot", "to_world": move @ turn, "intensity": intensity,
+        "cutoff_angle": angle, "beam_width": angle,
+    }  # fmt: skip
+
+
+def _environment(mi: Any, skies: Sequence[Doubles]) -> dict[str, Any]:
+    """Return one emitter for the sum of environments: Mitsuba takes no second one."""
+    if all(sky.ndim == 1 for sky in skies):
+        radiance = np.sum(skies, axis=0).tolist()
+        return {"type": "constant", "radiance": {"type": "rgb", "value": radiance}}
+    images = [sky.reshape(1, 1, 3) if sky.ndim == 1 else sky for sky in skies]
+    rows = max(SKY_ROWS, *(image.shape[0] for image in images))
+    columns = max(2 * SKY_ROWS, *(image.shape[1] for image in images))
+    # Mitsuba's row 0 looks up, the last row down; column 0 begins at -z. Each of its texels is
+    # the mean over four points of its share of the sphere.
+    total = np.zeros((rows + 1, columns, 3))
+    for image in images:
+        for dv in (-0.25, 0.25):
+            for du in (0.25, 0.75):
+                v = np.clip((np.arange(rows + 1) + dv) / rows, 0.0, 1.0)
+                u = (np.arange(columns) + du) / columns + 0.5
+                row = np.minimum((v * image.shape[0]).astype(int), image.shape[0] - 1)
+                column = (u * image.shape[1]).astype(int) % image.shape[1]
+                total += 0.25 * image[row[:, None], column]
+    return {"type": "envmap", "bitmap": mi.Bitmap(total.astype(np.float32))}

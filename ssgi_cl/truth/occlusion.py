@@ -1,0 +1,99 @@
+"""World truth of ambient occlusion: rays against the mesh, in independent passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import ssgi_cl.camera
+import ssgi_cl.raycast
+import ssgi_cl.sampling
+import ssgi_cl.techniques.ray_ao as estimator
+from ssgi_cl import check
+from ssgi_cl.camera import Camera
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
+from ssgi_cl.truth.store import Truth, accumulated
+
+FEWEST_RAYS = 64
+"""Of a pass, where there are enough for two: fewer are spread less well over the hemisphere."""
+MOST_PASSES = 16
+"""More rays make passes larger instead: a pass of n rays has an error of about n^-0.75."""
+
+
+def ambient_occlusion(
+    scene: Scene,
+    camera: Camera,
+    radius: float,
+    rays: int = 512,
+    *,
+    weighting: str = "cosine",
+    attenuation: str | ArrayLike = "none",
+    gbuffer: GBuffer | None = None,
+    rebuild: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> Truth:
+    """Return A by rays from what each pixel's centre shows to the mesh; kept on disk.
+
+    Rays are cast in 2 to 16 passes of equal size, each one set that is well spread over the
+    hemisphere, moved at random in every pixel and pass.
+
+    Args:
+        scene, camera, radius, weighting, attenuation, gbuffer: see `ssgi_cl.ray_ao`.
+        rays: per pixel, 1 to 2^20; rounded up to a multiple of the number of passes.
+        rebuild: make it anew, whatever is kept.
+        progress: called with the share that is done, which grows to 1.
+
+    Returns:
+        Mean A [rows, columns] float32 in [0, 1] and its standard error; 1 and 0 where nothing is
+        seen. The error has one degree of freedom less than there are passes (512 rays: 7), and
+        does not know of an occluder that no ray of the pixel has met.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+        TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
+        MissingExtraError: embreex is not installed; it comes with the extra `truth`.
+    """
+    version = ssgi_cl.raycast.embree_version()
+    rays = check.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
+    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
+    share = -(-rays // passes)
+    description: dict[str, Any] = {
+        "kind": "ao",
+        "scene": scene_digest(scene),
+        "camera": camera_description(camera),
+        "radius": check.number(
+            "radius", radius, low=0, above=True, unit="scene units", infinite=True
+        ),
+        "rays": share,
+        "weighting": check.choice("weighting", weighting, estimator.WEIGHTINGS),
+        "attenuation": attenuation
+        if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
+        "gbuffer": _gbuffer_digest(gbuffer, camera),
+        "embreex": version,
+        "source": source_digest(
+            estimator, ssgi_cl.raycast, ssgi_cl.sampling, ssgi_cl.camera
+        ),
+    }
+
+    def make(number: int) -> NDArray[np.float32]:
+        return estimator.ray_ao(
+            scene, camera, radius, share, weighting=weighting, attenuation=attenuation,
+            gbuffer=gbuffer, seed=number,
+            progress=progress and (lambda done: progress((number + done) / passes)),
+        )
+
+    return accumulated(description, passes, make, rebuild=rebuild, progress=progress)
+
+
+def _gbuffer_digest(gbuffer: GBuffer | None, camera: Camera) -> str | None:
+    """Return the hash of what rays take from a G-buffer."""
+    ssgi_cl.raycast.check_gbuffer(gbuffer, camera)
+    if gbuffer is None:
+        return None
+    arrays = (gbuffer.first(name) for name in ("depth", "normal"))
+    return digest(*(None if array is None else gbuffer.inner(array) for array in arrays))

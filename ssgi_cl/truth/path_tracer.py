@@ -1,0 +1,304 @@
+"""Paths of light through a scene, on rays that Mitsuba 3 casts and lights that it evaluates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.lights import Light
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.truth.mitsuba_scene import HOLE, SIZE, MitsubaScene
+
+Doubles = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+OFFSET = 2.0**-20
+"""Height above its triangle at which a ray starts, in sizes of the triangle and its coordinates:
+16 roundings of float32, as in `ray_ao`."""
+
+MOST_CROSSINGS = 1000
+"""Surfaces along one path that goes through walls, at most."""
+
+_PIXELS = 1 << 20  # traced in one go
+
+
+class Surface(NamedTuple):
+    """Where rays end, in Mitsuba's numbers: one of each, or an array with a lane for each ray.
+
+    Attributes:
+        there: whether the ray met something; the rest is of no use otherwise.
+        point: relative to the scene's origin.
+        normal: of the triangle, facing where the ray came from.
+        axis: the mesh's normal on the same side.
+        offset: distance from the triangle at which further rays start.
+        albedo: linear reflectance.
+    """
+
+    there: Any
+    point: Any
+    normal: Any
+    axis: Any
+    offset: Any
+    albedo: Any
+
+    @property
+    def front(self) -> Any:
+        return self.point + self.normal * self.offset
+
+    @property
+    def behind(self) -> Any:
+        return self.point - self.normal * self.offset
+
+
+class PathTracer:
+    """Estimates one quantity: with all pixels in a vector, or in a scalar variant one by one.
+
+    It is made and used `within` the variant.
+    """
+
+    numbers = 0
+    """Random numbers of a path, beside those of `irradiance`."""
+
+    def __init__(self, scene: Scene, lights: Sequence[Light], variant: str) -> None:
+        import drjit
+        import mitsuba
+
+        self.dr: Any = drjit
+        self.mi: Any = mitsuba
+        self._world = MitsubaScene.of(scene, lights, variant)
+        emitters = self._world.scene.emitters()
+        self._lamps = [emitter for emitter in emitters if not emitter.is_environment()]
+        self._sky = self._world.scene.environment()
+        self._sky_numbers = 0 if self._sky is None else 4 if self._world.has_sky_image else 2
+        low, high = scene.bounds - scene.origin
+        self._middle, self._reach = 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
+
+    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
+        """Return what one path finds out about the irradiance of what is seen."""
+        raise NotImplementedError
+
+    # ---- images
+
+    def image(self, camera: Camera, paths: int, seed: int) -> Floats:
+        """Return irradiance [rows, columns, 3] from `paths` paths a pixel."""
+        image = np.zeros((camera.height, camera.width, 3), np.float32)
+        height = max(1, _PIXELS // camera.width)
+        for first in range(0, camera.height, height):
+            rows = slice(first, min(first + height, camera.height))
+            start, way, length = self._sight(camera, rows)
+            pixels = np.flatnonzero(length > 0.0)
+            if not len(pixels):
+                continue
+            count = self.numbers + self._sky_numbers
+            shift = np.random.default_rng([seed, first]).random((count, len(pixels)), np.float32)
+            rays = [start[:, pixels], way[:, pixels], length[pixels], shift]
+            if self.dr.is_jit_v(self.mi.Float):
+                sums = self._sum(rays, paths)
+            else:
+                lanes = range(len(pixels))
+                sums = np.stack([self._sum([a[..., i] for a in rays], paths) for i in lanes], 1)
+            image[rows].reshape(-1, 3)[pixels] = (sums / paths).T
+        return image
+
+    def _sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
+        """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
+
+        They start and end near the sphere round the scene: far from it float32 is coarse. Those
+        that can't meet it have a negative length.
+        """
+        sx, sy, ox, oy = camera.pixel_to_view
+        column, row = np.arange(camera.width) + 0.5, np.arange(rows.start, rows.stop) + 0.5
+        x, y = np.meshgrid(sx * column + ox, sy * row + oy)
+        ends = np.stack([x.ravel(), y.ravel(), np.full(x.size, -1.0)], axis=-1)  # at depth 1
+        starts = ends * [1.0, 1.0, 0.0] if camera.is_orthographic else np.zeros_like(ends)
+        turn = camera.view[:3, :3]
+        eye = -(camera.view[:3, 3] + turn @ self._world.origin)
+        start, along = (starts + eye) @ turn, (ends - starts) @ turn
+        speed = np.linalg.norm(along, axis=-1)
+        depth = np.sum((self._middle - start) * along, axis=-1) / speed**2
+        near = np.maximum(camera.near, depth - self._reach / speed)
+        far = np.minimum(camera.far, depth + self._reach / speed)
+        way, length = along / speed[:, None], (far - near) * speed
+        start = start + near[:, None] * along
+        return start.T.astype(np.float32), way.T.astype(np.float32), length.astype(np.float32)
+
+    def _sum(self, rays: Sequence[Floats], paths: int) -> Floats:
+        """Return the sum of the estimates of all paths of one pixel, [3], or of n, [3, n].
+
+        Args:
+            rays: start [3], direction [3] and length [] of the line of sight, and random numbers
+                [count] of the pixel; or one more axis of n.
+        """
+        mi, dr = self.mi, self.dr
+        start, way, length, shift = rays
+        ray = mi.Ray3f(
+            mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
+            mi.Float(length), 0.0, [],
+        )
+        seen = self._surface(ray, mi.Bool(True))
+        dr.eval(*seen)
+        total = mi.Color3f(0.0)
+        for step in _points(paths, len(shift)):
+            numbers = [mi.Float(number) for number in np.mod(shift.T + step, 1.0).T]
+            total += dr.select(seen.there, self.estimate(seen, numbers), 0.0)
+            dr.eval(total)
+        sums = np.array(total, np.float32).reshape(3, -1)
+        return np.broadcast_to(sums, (3, np.size(length))).reshape(start.shape)
+
+    # ---- rays
+
+    def _surface(self, ray: Any, active: Any) -> Surface:
+        """Return what a ray meets first, holes aside."""
+        mi, dr = self.mi, self.dr
+        ray = self._past_holes(ray, active)
+        si = self._world.scene.ray_intersect(ray, active)
+        there = active & si.is_valid()
+        size, albedo = mi.Float(0.0), mi.Color3f(0.0)
+        if there is not False:  # a scalar variant can't call the methods of nothing
+            size = si.shape.eval_attribute_1(SIZE, si, there)
+            albedo = si.bsdf().eval_diffuse_reflectance(si, there)
+        normal = _turned(dr, si.n, -ray.d)
+        axis = si.sh_frame.n
+        # Without a normal of the mesh's own: that of the triangle.
+        axis = dr.select(dr.isfinite(dr.squared_norm(axis)), axis, normal)
+        axis = dr.select(dr.squared_norm(axis) > 0.0, dr.normalize(axis), normal)
+        return Surface(there, si.p, normal, _turned(dr, axis, normal), OFFSET * size, albedo)
+
+    def _past_holes(self, ray: Any, active: Any) -> Any:
+        """Return the ray, started behind all holes that it meets first."""
+        if not self._world.has_holes:
+            return ray
+        mi, dr = self.mi, self.dr
+
+        def step(start: Any, length: Any, searching: Any) -> tuple[Any, Any, Any]:
+            si = self._world.scene.ray_intersect(
+                mi.Ray3f(start, ray.d, length, 0.0, []), searching
+            )
+            hole = searching & si.is_valid()
+            if hole is not False:
+                through = si.bsdf().eval_null_transmission(si, hole)[0]
+                hole &= through > 1.0 - HOLE
+                size = si.shape.eval_attribute_1(SIZE, si, hole)
+                behind = si.p - _turned(dr, si.n, -ray.d) * (OFFSET * size)
+                start = dr.select(hole, behind, start)
+                length = dr.select(hole, length - si.t, length)
+            return start, length, hole
+
+        start, length, _ = dr.while_loop(
+            (mi.Point3f(ray.o), mi.Float(ray.maxt), mi.Bool(active)), lambda *state: state[2], step
+        )
+        return mi.Ray3f(start, ray.d, length, 0.0, [])
+
+    def _blocked(self, start: Any, way: Any, length: Any, active: Any) -> Any:
+        """Return whether something lies on the way."""
+        ray = self._past_holes(self.mi.Ray3f(start, way, length, 0.0, []), active)
+        return self._world.scene.ray_test(ray, active)
+
+    # ---- light
+
+    def irradiance(self, at: Surface, numbers: Sequence[Any]) -> Any:
+        """Return the direct irradiance of surfaces, on the side of their normals."""
+        mi, dr = self.mi, self.dr
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p = at.point
+
+        def arriving(way: Any, distance: Any) -> Any:
+            """Return the cosine, or 0 where light from there does not arrive."""
+            cosine = dr.dot(at.axis, way)
+            faces = at.there & (cosine > 0.0) & (dr.dot(at.normal, way) > 0.0)
+            cosine = dr.select(faces, cosine, 0.0)
+            return dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
+
+        total = mi.Color3f(0.0)
+        for lamp in self._lamps:
+            to, strength = lamp.sample_direction(here, mi.Point2f(0.5), at.there)
+            cosine = arriving(to.d, to.dist)
+            # At the lamp itself the strength is infinite, and the cosine 0.
+            total += dr.select(cosine > 0.0, strength * cosine, 0.0)
+        if self._sky is None:
+            return total
+        # Cosine-distributed directions, and for an image also such as are bright (Veach and Guibas
+        # 1995: both weighted by the balance heuristic).
+        both = self._world.has_sky_image
+        way = self._cosine_distributed(at, numbers)
+        cosine = arriving(way, math.inf)
+        here.wi = -way
+        density = cosine / math.pi
+        if both:
+            to = mi.DirectionSample3f()
+            to.d = way
+            density += self._sky.pdf_direction(here, to, at.there)
+        # Nothing that counts is as improbable as this; it guards against 0 / 0 where nothing does.
+        share = cosine / dr.maximum(density, 1e-20)
+        total += self._sky.eval(here, at.there) * share
+        if both:
+            to, strength = self._sky.sample_direction(here, mi.Point2f(*numbers[2:4]), at.there)
+            cosine = arriving(to.d, math.inf)
+            share = to.pdf / dr.maximum(to.pdf + cosine / math.pi, 1e-20)
+            total += strength * cosine * share
+        return total
+
+    def _cosine_distributed(self, at: Surface, numbers: Sequence[Any]) -> Any:
+        local = self.mi.warp.square_to_cosine_hemisphere(self.mi.Point2f(*numbers[:2]))
+        return self.mi.Frame3f(at.axis).to_world(local)
+
+
+class DirectLight(PathTracer):
+    """Light straight from lights."""
+
+    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
+        return self.irradiance(seen, numbers)
+
+
+class OneBounce(PathTracer):
+    """Light that one surface has reflected on its way."""
+
+    numbers = 2
+
+    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
+        # pi * mean of (albedo / pi * irradiance), for the density of directions is cos / pi.
+        way = self._cosine_distributed(seen, numbers)
+        above = seen.there & (self.dr.dot(seen.normal, way) > 0.0)
+        return self.along(seen.front, way, above, numbers[2:])
+
+    def along(self, start: Any, way: Any, active: Any, numbers: Sequence[Any]) -> Any:
+        """Return albedo times irradiance of what rays meet."""
+        met = self._surface(self.mi.Ray3f(start, way, math.inf, 0.0, []), active)
+        light = met.albedo * self.irradiance(met, numbers)
+        return self.dr.select(met.there, light, 0.0)
+
+
+class BounceThroughWalls(OneBounce):
+    """The same, if nothing stood between that surface and what is seen."""
+
+    def along(self, start: Any, way: Any, active: Any, numbers: Sequence[Any]) -> Any:
+        mi, dr = self.mi, self.dr
+
+        def step(start: Any, total: Any, crossed: Any, active: Any) -> tuple[Any, ...]:
+            met = self._surface(mi.Ray3f(start, way, math.inf, 0.0, []), active)
+            light = met.albedo * self.irradiance(met, numbers)
+            total = total + dr.select(met.there, light, 0.0)
+            start = dr.select(met.there, met.behind, start)
+            return start, total, crossed + 1, met.there & (crossed < MOST_CROSSINGS)
+
+        state = (mi.Point3f(start), mi.Color3f(0.0), mi.UInt32(0), mi.Bool(active))
+        return dr.while_loop(state, lambda *now: now[-1], step)[1]
+
+
+def _turned(dr: Any, normal: Any, towards: Any) -> Any:
+    """Return the normal on the side of a direction."""
+    return dr.select(dr.dot(normal, towards) < 0.0, -normal, normal)
+
+
+def _points(count: int, dimensions: int) -> Doubles:
+    """Return [count, dimensions] points of the R sequence (Roberts 2018) in [0, 1)."""
+    root = 2.0
+    for _ in range(64):  # to root^(dimensions + 1) = root + 1, from step to step 3 times nearer
+        root = (1.0 + root) ** (1.0 / (dimensions + 1.0))
+    powers = root ** -np.arange(1.0, dimensions + 1.0)
+    return np.mod(np.arange(1, count + 1)[:, None] * powers, 1.0)

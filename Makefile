@@ -53,9 +53,12 @@ test-all: setup
 		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" || exit 1; }; \
 	done
 
+# mypy does not follow an editable installation into folders of other names.
 lint: setup
 	$(BIN)/ruff check .
-	$(BIN)/mypy
+	@rm -rf build/types && mkdir -p build/types/ssgi_cl
+	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
+	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,9 +69,9 @@ def _rounded(count: int) -> int:
     return (count + 15) // 16 * 16
 
 
-def _planar(rows: NDArray[np.float32] | NDArray[np.int32]) -> NDArray[np.float32]:
+def _planar(rows: NDArray[Any]) -> NDArray[Any]:
     """Return [components, rounded count] of [count, components], the rest 0."""
-    planar = np.zeros((rows.shape[1], _rounded(len(rows))), rows.dtype)
+    planar: NDArray[Any] = np.zeros((rows.shape[1], _rounded(len(rows))), rows.dtype)
     planar[:, : len(rows)] = rows.T
     return planar
 

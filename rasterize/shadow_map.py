@@ -165,7 +165,8 @@ def _flux_values(
 
 def _across(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a direction that is well away from parallel."""
-    return np.eye(3)[int(np.argmin(np.abs(direction)))]
+    axis: NDArray[np.float64] = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    return axis
 
 
 def _cube_camera(

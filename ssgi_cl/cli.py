@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ssgi_cl import check, drivers, exr, png
+from ssgi_cl import check, drivers, exr, png, presets
+from ssgi_cl.bench.command import bench_command, truth_command
 from ssgi_cl.camera import Camera
 from ssgi_cl.drivers import DeviceInfo
 from ssgi_cl.errors import KernelBuildError, SsgiError
@@ -82,6 +83,10 @@ def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
 
 
+main.add_command(bench_command)
+main.add_command(truth_command)
+
+
 def _checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
     """Raise if `path` has another suffix or can't be written, before work is spent on it."""
     if path.suffix.lower() not in suffixes:
@@ -128,8 +133,8 @@ _vector: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
 @_json
 @_human_errors
 def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
-    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, or a built-in scene: cornell_box
-    or hall.
+    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, or a built-in scene: cornell_box,
+    hall, terrace or workshop.
 
     A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
     the device.
@@ -278,6 +283,8 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
               help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
               "lists them with their units.")
+@click.option("--preset", metavar="NAME", help="Where parameters without --set come from: low, "
+              "medium, high or ultra; by default the technique's defaults.")
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
               "are used.")
 @_device
@@ -286,7 +293,7 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
 def apply_command(
     technique: str, source: Path | None, output: Path | None, fov: float | None,
     ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
-    no_normals: bool, device: str | None, as_json: bool,
+    preset: str | None, no_normals: bool, device: str | None, as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
@@ -304,6 +311,8 @@ def apply_command(
         raise click.UsageError("Missing option '-o' / '--output'.")
     _checked_output(output, (".exr",))
     parameters = dict(_setting(text, technique, entry.params) for text in settings)
+    if preset is not None:
+        parameters = {**presets.parameters(technique, preset), **parameters}
     if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
         raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
     with _progress(as_json) as step:

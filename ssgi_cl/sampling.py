@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 
 
-def r2_points(first: int, last: int) -> Floats:
-    """Return points `first` to `last` of the R2 sequence (Roberts 2018) in [0, 1)^2."""
-    root = 1.32471795724474602596  # of g^3 = g + 1
-    index = np.arange(first + 1, last + 1, dtype=np.float64)
-    points: Floats = np.mod(index[:, None] / (root, root * root), 1.0).astype(np.float32)
+def r_points(first: int, last: int, dimensions: int) -> NDArray[np.float64]:
+    """Return points `first` to `last` of the R sequence (Roberts 2018) in [0, 1)^dimensions."""
+    root = 2.0  # to be that of g^(dimensions + 1) = g + 1; each step brings it 3 times nearer
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1.0))
+    steps = root ** -np.arange(1.0, dimensions + 1.0)
+    points: NDArray[np.float64] = np.mod(np.arange(first + 1, last + 1)[:, None] * steps, 1.0)
     return points
+
+
+def r2_points(first: int, last: int) -> Floats:
+    """Return points `first` to `last` of the R sequence in [0, 1)^2, as float32."""
+    return r_points(first, last, 2).astype(np.float32)
 
 
 def hashed(keys: NDArray[np.uint64], seed: int = 0) -> Floats:

@@ -65,6 +65,11 @@ USES = {
         (CAMERA, BLUR),
         [{"BLUR_RADIUS": 2, "BLUR_COUNT": 3, "BLUR_SHAPE": shape} for shape in (0, 1, 2)],
     ),
+    "calibrate/calibrate_copy.cl": Use(),
+    "calibrate/calibrate_gather.cl": Use(
+        (), [{"CALIBRATE_GATHERS": 64, "CALIBRATE_REACH": 4}]
+    ),
+    "calibrate/calibrate_multiply_add.cl": Use((), [{"CALIBRATE_STEPS": 128}]),
     "gbuffer/gbuffer_normals.cl": Use(
         (CAMERA, ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
     ),

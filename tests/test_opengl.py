@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.bench import peers
+from ssgi_cl.bench.peers import pyrender
 from ssgi_cl.camera import Camera, perspective_matrix
 from ssgi_cl.errors import MissingExtraError
 from ssgi_cl.rasterize import opengl
@@ -380,5 +380,5 @@ def test_pyrenders_own_passes_are_timed() -> None:
     texture = np.full((2, 2, 4), 255, np.uint8)
     scene = scene_of(square(2.0), materials=(material,), textures=(texture,), origin=(1e6, 0, 0))
     for camera in (CAMERAS["reversed"], CAMERAS["orthographic"]):
-        assert peers.flat_pass_ms(scene, camera, repeats=1) > 0
-        assert peers.depth_pass_ms(scene, camera, repeats=2) > 0
+        assert pyrender.median_ms(scene, camera, "flat", repeats=1) > 0
+        assert pyrender.median_ms(scene, camera, "depth", repeats=2) > 0

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import peers
+from ssgi_cl.bench.peers import pyrender
 from ssgi_cl.camera import Camera
 from ssgi_cl.errors import MissingExtraError
 from ssgi_cl.lights import SpotLight
@@ -66,7 +66,7 @@ def test_a_gbuffer_takes_at_most_half_of_pyrenders_flat_pass(
     kept = DeviceScene(runtime, sponza)
     rasterizer = Rasterizer(runtime, camera.size)
     ours = steady_ms(runtime, lambda: rasterizer.render(kept, camera))
-    theirs = peers.flat_pass_ms(sponza, camera)
+    theirs = pyrender.median_ms(sponza, camera, "flat")
     report("Sponza, 800 x 600, G-buffer", ours, theirs)
     assert max(ours) <= 0.5 * theirs
 
@@ -79,6 +79,6 @@ def test_a_shadow_map_takes_at_most_half_of_pyrenders_depth_pass(
     kept = DeviceScene(runtime, sponza)
     renderer = RsmRenderer(runtime, 512, shaded=False)
     ours = steady_ms(runtime, lambda: renderer.render(kept, light, camera, flux=False))
-    theirs = peers.depth_pass_ms(sponza, camera)
+    theirs = pyrender.median_ms(sponza, camera, "depth")
     report("Sponza, 512 x 512, depth from a light", ours, theirs)
     assert max(ours) <= 0.5 * theirs

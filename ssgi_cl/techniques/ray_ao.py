@@ -74,7 +74,7 @@ class RayAo:
         smaller, but unknown, and infinite wherever something is seen.
         """
         split = estimate_error or target_error is not None
-        settings = _Settings.of(
+        settings = Settings.of(
             radius, rays, weighting, attenuation, target_error, seed, split
         )
         if not isinstance(camera, Camera):
@@ -89,18 +89,18 @@ class RayAo:
             block = slice(first, min(first + height, rows))
             spots = self._caster.spots(camera, block, gbuffer)
             if len(spots.pixel):
-                occluded, deviation = self._occlusion(spots, settings)
+                occluded, deviation = self.occlusion(spots, settings)
                 openness.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
                 error.ravel()[spots.pixel] = deviation
             return block.stop
 
-        with ThreadPoolExecutor(_threads()) as pool:
+        with ThreadPoolExecutor(threads()) as pool:
             for done in pool.map(work, range(0, rows, height)):
                 if progress is not None:
                     progress(done / rows)
         return openness, error
 
-    def _occlusion(self, spots: Spots, settings: _Settings) -> tuple[Doubles, Doubles]:
+    def occlusion(self, spots: Spots, settings: Settings) -> tuple[Doubles, Doubles]:
         """Return the occluded share of each spot and its standard error."""
         count, batches = len(spots.pixel), settings.batches
         shift = _shifts(spots.pixel, batches, settings.seed)
@@ -127,7 +127,7 @@ class RayAo:
         return mean, deviation
 
     def _weights(
-        self, start: Floats, way: Floats, below: NDArray[np.bool_], settings: _Settings
+        self, start: Floats, way: Floats, below: NDArray[np.bool_], settings: Settings
     ) -> Floats:
         """Return V * W of each ray; those that start into the surface meet it at distance 0."""
         reach = np.float32(settings.radius * self._caster.scale)
@@ -144,7 +144,9 @@ class RayAo:
 
 
 @dataclass(frozen=True, eq=False)
-class _Settings:
+class Settings:
+    """Arguments of `ray_ao`, checked."""
+
     radius: float
     batches: int
     levels: tuple[int, ...]
@@ -164,7 +166,7 @@ class _Settings:
         target_error: object,
         seed: object,
         split: bool,
-    ) -> _Settings:
+    ) -> Settings:
         reach = check.number(
             "radius", radius, low=0, above=True, unit="scene units", infinite=True
         )
@@ -229,7 +231,8 @@ def _mean_and_error(batches: Doubles) -> tuple[Doubles, Doubles]:
     return mean, deviation
 
 
-def _threads() -> int:
+def threads() -> int:
+    """Return how many threads this process may run at once."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.lights import Light
 from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.sampling import r_points
 from ssgi_cl.truth.mitsuba_scene import HOLE, SIZE, MitsubaScene
 
 Doubles = NDArray[np.float64]
@@ -74,7 +75,7 @@ class PathTracer:
         emitters = self._world.scene.emitters()
         self._lamps = [emitter for emitter in emitters if not emitter.is_environment()]
         self._sky = self._world.scene.environment()
-        self._sky_numbers = 0 if self._sky is None else 4 if self._world.has_sky_image else 2
+        self.sky_numbers = 0 if self._sky is None else 4 if self._world.has_sky_image else 2
         low, high = scene.bounds - scene.origin
         self._middle, self._reach = 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
 
@@ -90,11 +91,11 @@ class PathTracer:
         height = max(1, _PIXELS // camera.width)
         for first in range(0, camera.height, height):
             rows = slice(first, min(first + height, camera.height))
-            start, way, length = self._sight(camera, rows)
+            start, way, length = self.sight(camera, rows)
             pixels = np.flatnonzero(length > 0.0)
             if not len(pixels):
                 continue
-            count = self.numbers + self._sky_numbers
+            count = self.numbers + self.sky_numbers
             shift = np.random.default_rng([seed, first]).random((count, len(pixels)), np.float32)
             rays = [start[:, pixels], way[:, pixels], length[pixels], shift]
             if self.dr.is_jit_v(self.mi.Float):
@@ -105,7 +106,7 @@ class PathTracer:
             image[rows].reshape(-1, 3)[pixels] = (sums / paths).T
         return image
 
-    def _sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
+    def sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
 
         They start and end near the sphere round the scene: far from it float32 is coarse. Those
@@ -140,10 +141,10 @@ class PathTracer:
             mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
             mi.Float(length), 0.0, [],
         )
-        seen = self._surface(ray, mi.Bool(True))
+        seen = self.surface(ray, mi.Bool(True))
         dr.eval(*seen)
         total = mi.Color3f(0.0)
-        for step in _points(paths, len(shift)):
+        for step in r_points(0, paths, len(shift)):
             numbers = [mi.Float(number) for number in np.mod(shift.T + step, 1.0).T]
             total += dr.select(seen.there, self.estimate(seen, numbers), 0.0)
             dr.eval(total)
@@ -152,7 +153,7 @@ class PathTracer:
 
     # ---- rays
 
-    def _surface(self, ray: Any, active: Any) -> Surface:
+    def surface(self, ray: Any, active: Any) -> Surface:
         """Return what a ray meets first, holes aside."""
         mi, dr = self.mi, self.dr
         ray = self._past_holes(ray, active)
@@ -268,7 +269,7 @@ class OneBounce(PathTracer):
 
     def along(self, start: Any, way: Any, active: Any, numbers: Sequence[Any]) -> Any:
         """Return albedo times irradiance of what rays meet."""
-        met = self._surface(self.mi.Ray3f(start, way, math.inf, 0.0, []), active)
+        met = self.surface(self.mi.Ray3f(start, way, math.inf, 0.0, []), active)
         light = met.albedo * self.irradiance(met, numbers)
         return self.dr.select(met.there, light, 0.0)
 
@@ -280,7 +281,7 @@ class BounceThroughWalls(OneBounce):
         mi, dr = self.mi, self.dr
 
         def step(start: Any, total: Any, crossed: Any, active: Any) -> tuple[Any, ...]:
-            met = self._surface(mi.Ray3f(start, way, math.inf, 0.0, []), active)
+            met = self.surface(mi.Ray3f(start, way, math.inf, 0.0, []), active)
             light = met.albedo * self.irradiance(met, numbers)
             total = total + dr.select(met.there, light, 0.0)
             start = dr.select(met.there, met.behind, start)
@@ -293,12 +294,3 @@ class BounceThroughWalls(OneBounce):
 def _turned(dr: Any, normal: Any, towards: Any) -> Any:
     """Return the normal on the side of a direction."""
     return dr.select(dr.dot(normal, towards) < 0.0, -normal, normal)
-
-
-def _points(count: int, dimensions: int) -> Doubles:
-    """Return [count, dimensions] points of the R sequence (Roberts 2018) in [0, 1)."""
-    root = 2.0
-    for _ in range(64):  # to root^(dimensions + 1) = root + 1, from step to step 3 times nearer
-        root = (1.0 + root) ** (1.0 / (dimensions + 1.0))
-    powers = root ** -np.arange(1.0, dimensions + 1.0)
-    return np.mod(np.arange(1, count + 1)[:, None] * powers, 1.0)

@@ -386,7 +386,7 @@ def test_same_arguments_give_the_same_bits_with_any_number_of_threads(
 ) -> None:
     scene, camera = posts()
     first, error = ray_ao(scene, camera, 1.0, 64, attenuation="linear", return_error=True)
-    monkeypatch.setattr(module, "_threads", lambda: 1)
+    monkeypatch.setattr(module, "threads", lambda: 1)
     again, error_again = RayAo(scene)(camera, 1.0, 64, attenuation="linear")
     np.testing.assert_array_equal(first, again)
     np.testing.assert_array_equal(error, error_again)

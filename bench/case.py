@@ -1,0 +1,112 @@
+"""What is measured: a case is a name, a subject is that case made ready to run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.memory import Size
+from ssgi_cl.truth import Truth
+
+if TYPE_CHECKING:
+    from .context import Context
+
+QUANTITIES = ("occlusion", "direct", "bounce")
+"""What a result may be: A in [0, 1]; irradiance by direct light or by one bounce, W/m^2."""
+
+_WORD = r"[A-Za-z0-9_-]+"
+_NAME = re.compile(rf"({_WORD})\.({_WORD})\.({_WORD})\.([1-9]\d*)x([1-9]\d*)")
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """A technique with a setting, on a scene, at a size: `ssao.16.hall.800x600`.
+
+    Attributes:
+        family: key in `FAMILIES`.
+        setting: what the family makes of it, such as a number of samples.
+        scene: name of a built-in scene or of one given by its file.
+        size: (rows, columns).
+    """
+
+    family: str
+    setting: str
+    scene: str
+    size: Size
+
+    @property
+    def name(self) -> str:
+        """family.setting.scene.COLUMNSxROWS."""
+        return f"{self.family}.{self.setting}.{self.scene}.{self.size[1]}x{self.size[0]}"
+
+    @classmethod
+    def parse(cls, name: str) -> Self:
+        """Return the case of a name.
+
+        Raises:
+            ValueError: not of the form family.setting.scene.COLUMNSxROWS.
+        """
+        match = _NAME.fullmatch(name)
+        if match is None:
+            raise ValueError(
+                f"case is {name!r}: expected family.setting.scene.COLUMNSxROWS, such as "
+                "ssao.16.hall.800x600"
+            )
+        family, setting, scene, columns, rows = match.groups()
+        return cls(family, setting, scene, (int(rows), int(columns)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """A case made ready: everything is loaded and compiled, `run` does the work once.
+
+    Attributes:
+        run: one repetition; what it queues on the device need not be finished.
+        image: the result of the latest run, [rows, columns] or [rows, columns, 3] float32; None
+            for a pass without a result of its own.
+        on_device: whether the work is done by the runtime's device, whose clock then counts.
+        quantity: one of `QUANTITIES`, or empty where there is no truth.
+        samples: scattered reads or rays of a run, over all pixels; 0 where that says nothing.
+        moved: bytes that a run must read and write at least; 0 where that says nothing.
+        truths: "world" and "assumption" -> what to call for that truth.
+        note: what the time leaves out or includes, in a few words.
+    """
+
+    run: Callable[[], object]
+    image: Callable[[], NDArray[np.float32]] | None = None
+    on_device: bool = True
+    quantity: str = ""
+    samples: float = 0.0
+    moved: float = 0.0
+    truths: Mapping[str, Callable[[], Truth]] = field(default_factory=dict)
+    note: str = ""
+
+
+class Family(Protocol):
+    """A module of `cases/` or `peers/`: one way to compute something, with many settings."""
+
+    @property
+    def SETTINGS(self) -> tuple[str, ...]:
+        """What is measured unless asked otherwise."""
+
+    def missing(self) -> str:
+        """Return why this can't run here, in one line that says how to mend it; "" if it can."""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make one setting ready; raise ValueError if there is no such setting."""
+
+
+def count_of(setting: str, meaning: str, low: int, high: int) -> int:
+    """Return a setting that is a whole number.
+
+    Raises:
+        ValueError: it is none in [low, high].
+    """
+    if not setting.isdecimal() or not low <= int(setting) <= high:
+        raise ValueError(f"setting is {setting!r}: expected {meaning}, {low} to {high}")
+    return int(setting)

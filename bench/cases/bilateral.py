@@ -1,0 +1,52 @@
+"""The edge-aware blur by its radius, on the noise of SSAO with 16 samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ssgi_cl.reference.bilateral import bilateral_reference
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.ssao import Ssao, SsaoParams
+from ssgi_cl.truth import Truth
+
+from ..case import Family, Subject, count_of
+from ..context import Context, exact
+
+PIXEL_BYTES = 2 * 4 * (1 + 1 + 3 + 1)
+"""Of both passes: value, depth and normal read, value written."""
+
+
+class Blur:
+    """One application of the blur; the setting is its radius in pixels."""
+
+    SETTINGS = ("2", "4", "7", "16")
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the blur ready."""
+        params = BilateralParams(radius=count_of(setting, "a radius in pixels", 1, 16))
+        noisy = Ssao(
+            context.runtime, context.size, SsaoParams(radius=context.radius, blur_radius=0)
+        )
+        blur = Bilateral(context.runtime, context.size, params)
+        with context.runtime.frame():
+            value = noisy.run(context.gbuffer)
+        pixels = context.size[0] * context.size[1]
+
+        def twin() -> Truth:
+            return exact(bilateral_reference(value.download()[0], context.host_gbuffer, params))
+
+        return Subject(
+            run=lambda: blur.run(value, context.gbuffer),
+            image=lambda: blur.run(value, context.gbuffer).download()[0],
+            samples=pixels * 2 * (2 * params.radius + 1),
+            moved=pixels * PIXEL_BYTES,
+            truths={"assumption": twin},
+            note="the blur alone",
+        )
+
+
+FAMILIES: Mapping[str, Family] = {"blur": Blur()}

@@ -1,0 +1,63 @@
+"""The rasteriser: G-buffers by their number of layers, shadow maps by their size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
+from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene
+
+from ..case import Family, Subject, count_of
+from ..context import Context
+
+
+class GBuffers:
+    """A G-buffer with view normals; the setting is the number of depth layers."""
+
+    SETTINGS = ("1", "4")
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the rasteriser ready."""
+        layers = count_of(setting, "a number of layers", 1, MOST_LAYERS)
+        rasterizer = Rasterizer(context.runtime, context.size, layers=layers)
+        scene = device_scene(context.view.scene, context.runtime)
+
+        def run() -> None:
+            rasterizer.render(scene, context.camera)
+            rasterizer.target.derive()
+
+        return Subject(run=run)
+
+
+class ShadowMaps:
+    """The reflective shadow map of the first lamp; the setting is its size in texels."""
+
+    SETTINGS = ("512", "1024")
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the light's renderer ready."""
+        size = count_of(setting, "texels along a side", 16, 8192)
+        if not context.lamps:
+            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        lamp = context.lamps[0]
+        scene = device_scene(context.view.scene, context.runtime)
+        cameras = light_cameras(lamp, context.view.scene.bounds, size)
+        renderer = RsmRenderer(context.runtime, size)
+
+        def run() -> None:
+            for camera in cameras:
+                renderer.render(scene, lamp, camera)
+
+        return Subject(run=run, note=f"{type(lamp).__name__}, {len(cameras)} face(s)")
+
+
+FAMILIES: Mapping[str, Family] = {"gbuffer": GBuffers(), "rsm": ShadowMaps()}

@@ -1,0 +1,84 @@
+"""Direct light with shadows by the size of the shadow maps, and the frame as a whole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize import rsm
+from ssgi_cl.render import render
+from ssgi_cl.techniques.shade import shade
+
+from ..case import Family, Subject, count_of
+from ..context import Context
+
+
+class Direct:
+    """Irradiance by the lamps; the setting is the size of the shadow maps in texels."""
+
+    SETTINGS = ("512", "1024", "2048")
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make shadow maps and shading ready."""
+        size = count_of(setting, "texels along a side", 16, 8192)
+        if not context.lamps:
+            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        maps = [
+            rsm(context.view.scene, lamp, size=size, runtime=context.runtime)
+            for lamp in context.lamps
+        ]
+        seen = context.host_gbuffer
+        white = DeviceGBuffer(context.runtime, context.size)
+        white.upload(
+            GBuffer(
+                camera=context.camera, depth=seen.depth, normal=seen.normal,
+                albedo=np.ones((*context.size, 3), np.float32),
+            )
+        )
+
+        def image() -> NDArray[np.float32]:
+            # A white surface of irradiance E has the radiance E / pi.
+            radiance = shade(white, context.lamps, rsms=maps, runtime=context.runtime)
+            return np.float32(math.pi) * radiance
+
+        return Subject(
+            run=image,
+            image=image,
+            quantity="direct",
+            samples=25.0 * len(maps) * context.size[0] * context.size[1],
+            truths={"world": context.direct},
+            note="without drawing the shadow maps; the wall clock's time includes copies",
+        )
+
+
+class WholeFrame:
+    """Scene to picture: G-buffer, shadow maps, SSAO, shading, tone curve."""
+
+    SETTINGS = ("16",)
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the pipeline ready; the setting is the number of SSAO's samples."""
+        samples = count_of(setting, "a number of samples of SSAO", 1, 256)
+        view = context.view
+        return Subject(
+            run=lambda: render(
+                view.scene, context.camera, view.lights, ao_radius=context.radius,
+                ao_samples=samples, runtime=context.runtime,
+            )
+        )
+
+
+FAMILIES: Mapping[str, Family] = {"direct": Direct(), "frame": WholeFrame()}

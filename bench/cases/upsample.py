@@ -1,0 +1,59 @@
+"""Joint-bilateral upsampling by its step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ssgi_cl.reference.upsample import upsample_reference
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+
+from ..case import Family, Subject
+from ..context import Context, exact
+
+PIXEL_BYTES = 4 * (1 + 3 + 1)
+"""Depth and normal read, value written; what is read at reduced size is little."""
+
+
+class Upsampling:
+    """The step from reduced to full size; the setting is 2 or 4."""
+
+    SETTINGS = ("2", "4")
+
+    def missing(self) -> str:
+        """Return "": it runs wherever OpenCL does."""
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the upsampling ready."""
+        if setting not in self.SETTINGS:
+            raise ValueError(f"setting is {setting!r}: expected a step, 2 or 4")
+        step = int(setting)
+        reduced = ReducedGBuffer(context.gbuffer, step)
+        with context.runtime.frame():
+            reduced.update(context.gbuffer)
+        # What is upsampled: a ramp, on which wrong weights show as steps.
+        rows, columns = reduced.size
+        ramp = np.add.outer(np.arange(rows) / rows, np.arange(columns) / columns) / 2.0
+        coarse = context.runtime.plane(1, reduced.size)
+        coarse.upload(ramp[None].astype(np.float32))
+        upsample = Upsample(context.runtime, context.size, step)
+        pixels = context.size[0] * context.size[1]
+        return Subject(
+            run=lambda: upsample.run(coarse, reduced, context.gbuffer),
+            image=lambda: upsample.run(coarse, reduced, context.gbuffer).download()[0],
+            samples=4 * pixels,
+            moved=pixels * PIXEL_BYTES,
+            truths={
+                "assumption": lambda: exact(
+                    upsample_reference(
+                        ramp.astype(np.float32), context.host_gbuffer, step=step
+                    )
+                )
+            },
+            note="the upsampling alone, of a ramp",
+        )
+
+
+FAMILIES: Mapping[str, Family] = {"upsample": Upsampling()}

@@ -1,0 +1,246 @@
+"""The commands `ssgi bench` and `ssgi truth`."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ssgi_cl.errors import SsgiError
+from ssgi_cl.memory import Size
+from ssgi_cl.rasterize.scenes import REPORTED
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.truth import store
+
+from . import compare, document, front, report, suite, summary, table
+from .cases import FAMILIES, OWN
+from .context import TruthSettings
+from .views import views_of
+
+SIZE = "800x600"
+
+
+class PixelSize(click.ParamType[Size]):
+    """COLUMNSxROWS on the command line, (rows, columns) within."""
+
+    name = "COLUMNSxROWS"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Size:
+        """Return (rows, columns)."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", value)
+        sides = [int(side) for side in match.groups()] if match else [0]
+        if not all(1 <= side <= 16384 for side in sides):
+            self.fail(f"{value!r}: expected COLUMNSxROWS, 1 to 16384 pixels each", param, ctx)
+        return sides[1], sides[0]
+
+
+_patterns = click.argument("patterns", nargs=-1, metavar="[CASE...]")
+_device = click.option(
+    "--device", metavar="WORDS", help="Words of the device's label; by default SSGI_CL_DEVICE, "
+    "else the fastest found.",
+)
+_scenes = click.option(
+    "--scene", "scenes", multiple=True, metavar="NAME|FILE", default=REPORTED, show_default=True,
+    help="A built-in scene or a file; several times.",
+)
+_sizes = click.option(
+    "--size", "sizes", multiple=True, type=PixelSize(), default=(SIZE,), show_default=True,
+    help="Of the image in pixels; several times.",
+)
+_rays = click.option("--truth-rays", default=512, show_default=True,
+                     type=click.IntRange(2, 1 << 20), help="Rays per pixel of true occlusion.")
+_paths = click.option("--truth-paths", default=256, show_default=True,
+                      type=click.IntRange(2, 1 << 20), help="Paths per pixel of true light.")
+_points = click.option("--truth-points", default=512, show_default=True,
+                       type=click.IntRange(2, 1 << 20), help="Points per pixel of what a "
+                       "screen-space technique converges to.")
+_attenuation = click.option(
+    "--attenuation", default="none", show_default=True,
+    type=click.Choice(["none", "linear", "quadratic", "exponential"]),
+    help="How true occlusion fades with distance.",
+)
+
+
+@click.command("bench")
+@_patterns
+@_scenes
+@_sizes
+@_device
+@click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
+@click.option("--storage", type=click.Choice(["buffer", "image"]), help="Force what kernels read.")
+@click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 600.0),
+              help="How long each case is repeated.")
+@click.option("--no-errors", is_flag=True, help="Measure times only.")
+@click.option("--own", is_flag=True, help="Leave out what other programs do.")
+@_rays
+@_paths
+@_points
+@_attenuation
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
+@click.option("--html", type=click.Path(path_type=Path), help="Write the report, .html.")
+@click.option("--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, and its "
+              "plots beside it.")
+@click.option("--list", "only_list", is_flag=True, help="List the cases and measure nothing.")
+@click.option("--compare", "compared", nargs=2, type=click.Path(path_type=Path),
+              metavar="BEFORE.json AFTER.json", help="Tell what got slower or worse beyond noise; "
+              "exit status 1 if anything did.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+def bench_command(
+    patterns: tuple[str, ...], scenes: tuple[str, ...], sizes: tuple[Size, ...],
+    device: str | None, lanes: int | None, storage: str | None, seconds: float, no_errors: bool,
+    own: bool, output: Path | None, html: Path | None, markdown: Path | None, only_list: bool,
+    compared: tuple[Path, Path] | None, as_json: bool, **truths: Any,
+) -> None:
+    """Measure run time against error.
+
+    A CASE is family.setting.scene.COLUMNSxROWS, such as ssao.16.hall.800x600; * and ? stand for
+    any characters, and later parts may be left out: `ssao`, `'ssao*.16'`. Without any, all are
+    measured. Truths are made once and kept (see `ssgi truth`).
+    """
+    if compared:
+        _compare(*compared)
+        return
+    for path, suffix in ((output, ".json"), (html, ".html"), (markdown, ".md")):
+        _check_output(path, suffix)
+    families = OWN if own else FAMILIES
+    with _human_errors():
+        runtime = Runtime.open(device, lanes=lanes, storage=storage)
+        views = views_of(scenes, runtime)
+        cases = suite.select(patterns, list(views), sizes, families)
+        if only_list:
+            for case in cases:
+                click.echo(case.name)
+            return
+        settings = _truth_settings(truths)
+        with _progress() as step:
+            found = suite.measure(
+                cases, views, runtime, truths=settings, seconds=seconds, errors=not no_errors,
+                families=families, report=step,
+            )
+        front.mark(found.results)
+        doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
+        if output is not None:
+            document.write(output, doc)
+        if html is not None:
+            report.write(html, doc, found.pictures)
+        if markdown is not None:
+            summary.write(markdown, doc)
+    if as_json:
+        click.echo(document.text(doc))
+    else:
+        table.show(doc, Console())
+    for path in (output, html, markdown):
+        if path is not None:
+            click.echo(f"wrote {path}", err=True)
+
+
+@click.command("truth")
+@_patterns
+@_scenes
+@_sizes
+@_device
+@_rays
+@_paths
+@_points
+@_attenuation
+@click.option("--rebuild", is_flag=True, help="Make them anew, in place of those that are kept.")
+@click.option("--list", "only_list", is_flag=True, help="List what is kept, and its size.")
+@click.option("--clear", is_flag=True, help="Delete what is kept.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def truth_command(
+    patterns: tuple[str, ...], scenes: tuple[str, ...], sizes: tuple[Size, ...],
+    device: str | None, rebuild: bool, only_list: bool, clear: bool, as_json: bool, **truths: Any,
+) -> None:
+    """Make the truths that the benchmark's cases are held to, and keep them.
+
+    Takes cases as `ssgi bench` does. A run that is interrupted goes on where it stopped.
+    """
+    with _human_errors():
+        if clear:
+            click.echo(f"freed {store.clear() / 2**20:.1f} MiB in {store.truth_folder()}")
+            return
+        if not only_list:
+            runtime = Runtime.open(device)
+            views = views_of(scenes, runtime)
+            settings = _truth_settings(truths, rebuild=rebuild)
+            with _progress() as step:
+                wrong = suite.make_truths(
+                    suite.select(patterns, list(views), sizes), views, runtime, settings,
+                    report=step,
+                )
+            for text in wrong:
+                click.echo(text, err=True)
+        _list_truths(as_json)
+
+
+def _list_truths(as_json: bool) -> None:
+    entries = store.stored()
+    if as_json:
+        click.echo(json.dumps([
+            {"file": str(entry.path), "bytes": entry.bytes, "description": entry.description}
+            for entry in entries
+        ], indent=1))
+        return
+    for entry in entries:
+        what = "unreadable" if entry.description is None else ""
+        click.echo(f"{entry.path.name}  {entry.bytes / 2**20:.1f} MiB  {what}".rstrip())
+    total = sum(entry.bytes for entry in entries)
+    click.echo(f"{len(entries)} files, {total / 2**20:.1f} MiB in {store.truth_folder()}")
+
+
+def _truth_settings(options: dict[str, Any], *, rebuild: bool = False) -> TruthSettings:
+    return TruthSettings(
+        rays=options["truth_rays"], paths=options["truth_paths"], points=options["truth_points"],
+        attenuation=options["attenuation"], rebuild=rebuild,
+    )
+
+
+def _compare(before: Path, after: Path) -> None:
+    with _human_errors():
+        comparison = compare.compare(document.read(before), document.read(after))
+    compare.show(comparison, Console())
+    if comparison.failed:
+        sys.exit(1)
+
+
+def _check_output(path: Path | None, suffix: str) -> None:
+    if path is None:
+        return
+    if path.suffix.lower() != suffix:
+        raise click.UsageError(f"the file is {path}: expected a name that ends in {suffix}")
+    if not path.parent.is_dir():
+        raise click.ClickException(f"the file is {path}: there is no folder {path.parent}")
+
+
+@contextmanager
+def _human_errors() -> Iterator[None]:
+    try:
+        yield
+    except (SsgiError, ValueError, OSError) as error:
+        raise click.ClickException(" ".join(str(error).split())) from error
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """Give a function that shows what is under way, how much is done and how long the rest takes.
+
+    On a terminal, on standard error.
+    """
+    console = Console(stderr=True)
+    with Progress(
+        BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(),
+        TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.description}"),
+        console=console, transient=True, disable=not console.is_terminal,
+    ) as progress:
+        task = progress.add_task("", total=1.0)
+        yield lambda text, share: progress.update(task, description=text, completed=share)

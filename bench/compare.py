@@ -1,0 +1,212 @@
+"""What got slower or worse from one run of the benchmark to another, beyond noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from .document import metric
+from .wording import number
+
+TIME_CHANGE = 0.1
+"""Two runs of a case agree to this share of the ratio to the reference; less is noise."""
+ERROR_CHANGE = 0.01
+"""Other compilers and forms round differently: less than this share of an RMSE is noise."""
+SIGMAS = 3.0
+_NOT_OF_TRUTH = ("seconds", "repeats", "runs")
+"""Options on which a truth does not depend."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number of a case that moved: its ratio to the reference case, or an RMSE."""
+
+    name: str
+    what: str
+    before: float
+    after: float
+
+
+@dataclass
+class Comparison:
+    """What became of the cases that two documents share, and which they don't share.
+
+    Attributes:
+        slower, faster: changes of time beyond noise.
+        worse, better: changes of an RMSE beyond noise.
+        doubtful: changes of time of which at least one side is unsteady; they don't count.
+        missing: cases of the first document alone, with the second's reason if it gives one. They
+            do not count as failed: what was not measured can't be told.
+        new: cases of the second document alone.
+        notes: what limits the comparison.
+        compared: how many cases are in both.
+    """
+
+    slower: list[Change] = field(default_factory=list)
+    faster: list[Change] = field(default_factory=list)
+    worse: list[Change] = field(default_factory=list)
+    better: list[Change] = field(default_factory=list)
+    doubtful: list[Change] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    new: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    compared: int = 0
+
+    @property
+    def failed(self) -> bool:
+        """Whether anything got slower or worse."""
+        return bool(self.slower or self.worse)
+
+
+def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> Comparison:
+    """Compare two documents, case by case.
+
+    Times are compared as ratios to the reference case measured beside them. A change counts if it
+    is more than 10 % and the quartiles don't overlap. An RMSE, of either truth, changed if it moved
+    by more than `error_noise`. Errors are not compared if the truths were made with other options.
+
+    Raises:
+        ValueError: the documents have no case in common.
+    """
+    old = {result["name"]: result for result in before["results"]}
+    new = {result["name"]: result for result in after["results"]}
+    common = [name for name in old if name in new]
+    if not common:
+        raise ValueError(
+            f"no case is in both, of {len(old)} before and {len(new)} after: nothing to compare"
+        )
+    found = Comparison(compared=len(common), new=[name for name in new if name not in old])
+    reasons = {entry["name"]: entry["reason"] for entry in after["skipped"]}
+    for name in old:
+        if name not in new:
+            found.missing.append(f"{name}: {reasons[name]}" if name in reasons else name)
+    same_truths = _note_differences(before, after, found.notes)
+    for name in common:
+        _compare_times(old[name], new[name], found)
+        if same_truths:
+            _compare_errors(old[name], new[name], found)
+    return found
+
+
+def error_noise(before: float, errors: tuple[float, float], pixels: int) -> float:
+    """Return by how much an RMSE may move without meaning anything.
+
+    A truth with the standard error s adds s^2 to the mean squared error M^2 that an exact one would
+    show: an RMSE of sqrt(M^2 + s^2). So the RMSE moves if s does. Besides, the noise of two truths
+    that were made independently moves it by at most hypot(s_before, s_after) / sqrt(N) for N
+    pixels, of which 3 are allowed. The bound is the sum, or 1 % of the RMSE if that is more.
+
+    Args:
+        before: the first RMSE.
+        errors: root mean square of the standard error of the first truth and of the second; 0 for
+            one that is exact or unknown because every run makes the same one.
+        pixels: N, all of the image.
+    """
+    squared = max(0.0, before**2 - errors[0] ** 2)
+    moved = abs(math.sqrt(squared + errors[1] ** 2) - math.sqrt(squared + errors[0] ** 2))
+    noise = moved + SIGMAS * math.hypot(*errors) / math.sqrt(pixels)
+    return max(ERROR_CHANGE * before, noise)
+
+
+def show(comparison: Comparison, console: Console) -> None:
+    """Print a comparison: what limits it, every change, and the verdict last."""
+    for note in comparison.notes:
+        console.print(escape(f"note: {note}"), highlight=False)
+    table = Table("", "case", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in ("before", "after", "change"):
+        table.add_column(heading, justify="right")
+    for verdict, changes, style in (
+        ("slower", comparison.slower, "bold red"), ("worse", comparison.worse, "bold red"),
+        ("unsteady", comparison.doubtful, "yellow"),
+        ("faster", comparison.faster, "green"), ("better", comparison.better, "green"),
+    ):
+        for change in changes:
+            table.add_row(
+                f"[{style}]{verdict}[/]", escape(f"{change.name} ({change.what})"),
+                number(change.before), number(change.after), _relative(change),
+            )
+    if table.row_count:
+        console.print(table)
+    for heading, names in (
+        ("no longer there, so not judged", comparison.missing), ("new", comparison.new),
+    ):
+        for name in names:
+            console.print(escape(f"{heading}: {name}"), highlight=False)
+    console.print(
+        f"{comparison.compared} cases compared: {len(comparison.slower)} slower, "
+        f"{len(comparison.worse)} errors worse, {len(comparison.faster)} faster, "
+        f"{len(comparison.better)} errors better beyond noise",
+        highlight=False,
+    )
+
+
+def _relative(change: Change) -> str:
+    if change.before == 0.0:
+        return "from 0"
+    return f"{100.0 * (change.after / change.before - 1.0):+.1f} %"
+
+
+def _note_differences(
+    before: Mapping[str, Any], after: Mapping[str, Any], notes: list[str]
+) -> bool:
+    """Say what differs between two runs; return whether their errors can be compared."""
+    for name, what in (("label", "devices"), ("form", "kernel forms")):
+        one, two = before["device"][name], after["device"][name]
+        if one != two:
+            notes.append(
+                f"the {what} differ: {one} and {two}. Times are ratios to the reference case of "
+                "each; a change may be theirs"
+            )
+    one, two = before["options"], after["options"]
+    other = [
+        f"{name} {one.get(name)} and {two.get(name)}"
+        for name in sorted({*one, *two} - {*_NOT_OF_TRUTH})
+        if one.get(name) != two.get(name)
+    ]
+    if other:
+        notes.append(f"errors are not compared, the truths differ: {', '.join(other)}")
+    return not other
+
+
+def _compare_times(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:
+    name = old["name"]
+    if (old.get("device_ms") is None) != (new.get("device_ms") is None):
+        found.notes.append(f"the time of {name} is not compared: two clocks measured it")
+        return
+    one, two = old["ratio"], new["ratio"]
+    slower = two["median"] > (1.0 + TIME_CHANGE) * one["median"] and two["low"] > one["high"]
+    faster = one["median"] > (1.0 + TIME_CHANGE) * two["median"] and one["low"] > two["high"]
+    if not slower and not faster:
+        return
+    change = Change(name, "time ratio", one["median"], two["median"])
+    if old["unsteady"] or new["unsteady"]:
+        found.doubtful.append(change)
+    else:
+        (found.slower if slower else found.faster).append(change)
+
+
+def _compare_errors(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:
+    for truth in ("world", "assumption"):
+        one, two = metric(old, truth, "rmse"), metric(new, truth, "rmse")
+        if one is None and two is None:
+            continue
+        if one is None or two is None:
+            side = "before" if one is None else "after"
+            found.notes.append(
+                f"the error of {old['name']} ({truth}) is not compared: there is none {side}"
+            )
+            continue
+        errors = (
+            metric(old, truth, "truth_error") or 0.0, metric(new, truth, "truth_error") or 0.0,
+        )
+        noise = error_noise(one, errors, math.prod(new["size"]))
+        if abs(two - one) > noise:
+            change = Change(old["name"], f"RMSE, {truth}", one, two)
+            (found.worse if two > one else found.better).append(change)

@@ -1,0 +1,73 @@
+"""How far a result is from a truth, in numbers that a table and a report can show."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl import metrics
+from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.truth import Truth
+
+PEAK_SHARE = 99.9
+"""Per cent of the truth's values that its peak exceeds: of light, which has no greatest value."""
+
+
+def errors_of(
+    image: NDArray[np.float32],
+    truth: Truth,
+    seen: NDArray[np.bool_],
+    regions: dict[str, NDArray[np.bool_]],
+    *,
+    light: bool,
+) -> dict[str, Any]:
+    """Return metric -> number over the pixels that show a surface.
+
+    Args:
+        image: [rows, columns] or [rows, columns, 3].
+        truth: of the same shape.
+        seen: [rows, columns], where something is to be compared.
+        regions: what `metrics.regions` returns.
+        light: the values are irradiance, not A: FLIP is HDR-FLIP, and the peak of PSNR and SSIM
+            is what 99.9 % of the truth's values do not exceed, in place of 1.
+
+    Returns:
+        rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed or all
+        is black), `truth_error`, the root mean square of the truth's standard error, and
+        `regions`: share of the pixels, rmse and bias of each region that has any.
+    """
+    mean = truth.mean
+    peak = float(np.percentile(mean[seen], PEAK_SHARE)) if light else 1.0
+    result: dict[str, Any] = {
+        "rmse": metrics.rmse(image, mean, seen),
+        "bias": metrics.bias(image, mean, seen),
+        "p99": metrics.p99(image, mean, seen),
+        "mrse": metrics.mrse(image, mean, seen),
+        "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
+        "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 else None,
+        "flip": _flip(image, mean, seen, light=light) if peak > 0.0 else None,
+        "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
+        "regions": {
+            name: {
+                "share": float(mask.sum() / seen.sum()),
+                "rmse": metrics.rmse(image, mean, mask),
+                "bias": metrics.bias(image, mean, mask),
+            }
+            for name, mask in regions.items()
+            if mask.any()
+        },
+    }
+    return result
+
+
+def _flip(
+    image: NDArray[np.float32], mean: NDArray[np.float32], seen: NDArray[np.bool_], *, light: bool
+) -> float | None:
+    measure = metrics.hdr_flip if light else metrics.flip
+    try:
+        return measure(image, mean, seen)
+    except MissingExtraError:
+        return None  # the document's versions say that it is not installed

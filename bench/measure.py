@@ -1,0 +1,145 @@
+"""How long a subject takes, measured beside a reference so that the machine's moods cancel."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ssgi_cl.runtime import Runtime
+
+from .calibration import GatherLoad
+from .case import Subject
+
+STEADY = 0.1
+"""Two halves of a measurement agree if their ratios to the reference differ by at most this."""
+TRIES = 3
+"""Measurements of a subject before it is called unsteady."""
+FEWEST, MOST = 6, 60
+"""Repetitions; as many of them as fit into the time that is given, both even."""
+WARM_UP = 2
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median and quartiles of what was measured repeatedly."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Spread:
+        """Return those of at least two values."""
+        low, _, high = statistics.quantiles(values, n=4, method="inclusive")
+        return cls(statistics.median(values), low, high)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What a subject takes.
+
+    Attributes:
+        device_ms: by the device's clock, all passes; None for what doesn't run there.
+        wall_ms: from the call until the work is finished.
+        ratio: time (of the device where there is one) over that of the reference run just before.
+        runs: repetitions measured.
+        unsteady: why this is not to be relied on; empty if it is.
+        passes: name -> median milliseconds of each pass on the device.
+        skipped: name -> why a pass was not needed.
+    """
+
+    device_ms: Spread | None
+    wall_ms: Spread
+    ratio: Spread
+    runs: int
+    unsteady: str
+    passes: dict[str, float]
+    skipped: dict[str, str]
+
+
+class Stopwatch:
+    """Times subjects on one device, each repetition next to one of the reference.
+
+    Args:
+        runtime: the device.
+        seconds: about how long a subject is repeated.
+        runs: repetitions in place of those that fit into `seconds`; at least 4, even.
+    """
+
+    def __init__(self, runtime: Runtime, seconds: float = 1.0, runs: int | None = None) -> None:
+        self._runtime = runtime
+        self._seconds = seconds
+        self._runs = runs
+        self._reference = GatherLoad(runtime)
+        self.reference_ms: list[float] = []
+
+    def time(self, subject: Subject) -> Timing:
+        """Return what a subject takes; measured again, up to 3 times, if it is unsteady."""
+        for _ in range(WARM_UP):
+            start = time.perf_counter()
+            self._once(subject)
+            took = time.perf_counter() - start
+        runs = self._runs or min(MOST, max(FEWEST, 2 * int(0.5 * self._seconds / took)))
+        for _ in range(TRIES):
+            timing = self._measure(subject, runs)
+            if not timing.unsteady:
+                break
+        return timing
+
+    def _once(self, subject: Subject) -> tuple[float, float, dict[str, float], dict[str, str]]:
+        """Return milliseconds of the device and the wall clock, passes and skips of one run."""
+        with self._runtime.frame():
+            start = time.perf_counter()
+            subject.run()
+            self._runtime.finish()
+            wall = 1e3 * (time.perf_counter() - start)
+            times = self._runtime.times()
+        passes: dict[str, float] = {}
+        for entry in times:
+            if not entry.skipped:
+                passes[entry.name] = passes.get(entry.name, 0.0) + entry.ms
+        skipped = {entry.name: entry.skipped for entry in times if entry.skipped}
+        return sum(passes.values()), wall, passes, skipped
+
+    def _measure(self, subject: Subject, runs: int) -> Timing:
+        reference = Subject(run=self._reference.run)
+        device, wall, ratio = [], [], []
+        passes: dict[str, list[float]] = {}
+        skipped: dict[str, str] = {}
+        for _ in range(runs):
+            beside, _, _, _ = self._once(reference)
+            on_device, on_wall, parts, skipped = self._once(subject)
+            device.append(on_device)
+            wall.append(on_wall)
+            ratio.append((on_device if subject.on_device else on_wall) / beside)
+            self.reference_ms.append(beside)
+            for name, ms in parts.items():
+                passes.setdefault(name, []).append(ms)
+        return Timing(
+            device_ms=Spread.of(device) if subject.on_device else None,
+            wall_ms=Spread.of(wall),
+            ratio=Spread.of(ratio),
+            runs=runs,
+            unsteady=disagreement(ratio),
+            passes={name: statistics.median(values) for name, values in passes.items()},
+            skipped=skipped,
+        )
+
+
+def disagreement(ratios: Sequence[float]) -> str:
+    """Return how the first half of some ratios differs from the second; empty if it hardly does."""
+    half = len(ratios) // 2
+    first, second = statistics.median(ratios[:half]), statistics.median(ratios[half:])
+    apart = abs(first - second) / min(first, second)
+    if apart <= STEADY:
+        return ""
+    return f"its two halves differ by {100.0 * apart:.0f} % in the ratio to the reference"
+
+
+def median_ms(runtime: Runtime, run: Callable[[], object], runs: int = 5) -> float:
+    """Return the median device time of some runs after a warm-up, milliseconds."""
+    timing = Stopwatch(runtime, runs=max(4, runs + runs % 2)).time(Subject(run=run))
+    assert timing.device_ms is not None  # noqa: S101  a subject on the device has one
+    return timing.device_ms.median

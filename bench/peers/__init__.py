@@ -1,0 +1,21 @@
+"""What other programs need for the same work, measured beside ours in the same run.
+
+Each module makes families of cases (see `ssgi_cl.bench.case.Family`) from one program. None of
+them imports that program before it is asked for: `missing()` says in a line what to install.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..case import Family
+from . import embree, mitsuba_ao, mitsuba_path, pyrender, vtk_ssao
+
+PEERS: Mapping[str, Family] = {
+    **embree.FAMILIES,
+    **mitsuba_ao.FAMILIES,
+    **mitsuba_path.FAMILIES,
+    **vtk_ssao.FAMILIES,
+    **pyrender.FAMILIES,
+}
+"""Families by name."""

@@ -1,0 +1,59 @@
+"""One diffuse bounce by Mitsuba 3's paths, by their number a pixel, denoised or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.truth.light import MOST_PATHS
+from ssgi_cl.truth.mitsuba_scene import within
+from ssgi_cl.truth.path_tracer import OneBounce
+
+from ..case import Subject, count_of
+from ..context import Context
+from . import mitsuba_rays, oidn
+from .mitsuba_rays import VARIANT, Estimator
+
+
+@dataclass(frozen=True)
+class MitsubaPath:
+    """The truth's own estimator with fewer paths; the setting is their number a pixel.
+
+    Attributes:
+        denoised: whether Intel's denoiser follows.
+    """
+
+    SETTINGS: tuple[str, ...] = ("1", "4", "16")
+    denoised: bool = False
+
+    def missing(self) -> str:
+        """Return what to install where Mitsuba, LLVM or the denoiser is missing."""
+        return mitsuba_rays.missing() or (oidn.missing() if self.denoised else "")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Build the search tree and find the visible points."""
+        paths = count_of(setting, "paths per pixel", 1, MOST_PATHS)
+        view = context.view
+        if not context.lamps:
+            raise ValueError(f"{view.name} has no lamp: expected at least one")
+        with within(VARIANT):
+            estimator = Estimator(context, OneBounce(view.scene, context.lamps, VARIANT))
+        run: Callable[[], NDArray[np.float32]] = lambda: estimator.mean(paths)  # noqa: E731
+        also = ""
+        if self.denoised:
+            run, also = oidn.denoised(context, run), ", with the denoiser"
+        return Subject(
+            run=run,
+            image=run,
+            on_device=False,
+            quantity="bounce",
+            samples=float(paths) * np.count_nonzero(context.seen),
+            truths={"world": context.bounce},
+            note=f"without search tree and primary visibility{also}",
+        )
+
+
+FAMILIES = {"mitsuba-path": MitsubaPath(), "mitsuba-path-oidn": MitsubaPath(denoised=True)}

@@ -1,0 +1,281 @@
+"""Which cases there are, and all of them measured."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl import metrics
+from ssgi_cl.errors import MissingExtraError, SsgiError
+from ssgi_cl.memory import Size
+from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.runtime import Runtime
+
+from .calibration import Calibration, GatherLoad
+from .case import Case, Family, Subject
+from .cases import FAMILIES
+from .context import Context, TruthSettings
+from .errors import errors_of
+from .measure import Stopwatch, Timing
+
+Report = Callable[[str, float], object]
+"""Called with what is under way and the share of all that is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """What a case gave and should have given: linear, [rows, columns] or [rows, columns, 3]."""
+
+    result: NDArray[np.float32]
+    world: NDArray[np.float32] | None
+    assumption: NDArray[np.float32] | None
+    seen: NDArray[np.bool_]
+
+
+@dataclass
+class Measurements:
+    """What a run of the benchmark found; see `document` for the form of the entries."""
+
+    calibration: Calibration
+    reference_ms: float
+    results: list[dict[str, Any]] = field(default_factory=list)
+    skipped: list[dict[str, str]] = field(default_factory=list)
+    pictures: dict[str, Pictures] = field(default_factory=dict)
+
+
+def select(
+    patterns: Sequence[str],
+    scenes: Sequence[str],
+    sizes: Sequence[Size],
+    families: Mapping[str, Family] = FAMILIES,
+) -> list[Case]:
+    """Return the cases that any pattern fits; all of them without patterns.
+
+    Args:
+        patterns: names of cases in which * and ? stand for any characters, and of which later
+            parts may be left out; without * and ? it may ask for an unusual setting and size.
+        scenes, sizes: what the usual cases are on.
+        families: what there is.
+
+    Raises:
+        ValueError: a pattern fits nothing.
+    """
+    usual = [
+        Case(family, setting, scene, size)
+        for scene in scenes
+        for size in sizes
+        for family, maker in families.items()
+        for setting in maker.SETTINGS
+    ]
+    if not patterns:
+        return usual
+    chosen: dict[Case, None] = {}
+    for pattern in patterns:
+        fitting = [case for case in usual if fnmatch.fnmatchcase(case.name, _whole(pattern))]
+        if not fitting:
+            fitting = _unusual(pattern, scenes, sizes, families)
+        if not fitting:
+            raise ValueError(
+                f"case is {pattern!r}: fits none; families are {', '.join(families)}, scenes "
+                f"{', '.join(scenes)}, and a name is family.setting.scene.COLUMNSxROWS"
+            )
+        chosen.update(dict.fromkeys(fitting))
+    return list(chosen)
+
+
+def _unusual(
+    pattern: str, scenes: Sequence[str], sizes: Sequence[Size], families: Mapping[str, Family]
+) -> list[Case]:
+    """Return the cases of a name without wildcards, whatever their setting and size."""
+    family, *rest = pattern.split(".")
+    if family not in families or not rest or any(letter in pattern for letter in "*?["):
+        return []
+    if len(rest) == 3:
+        case = Case.parse(pattern)
+        return [case] if case.scene in scenes else []
+    return [
+        Case(family, rest[0], scene, size)
+        for scene in scenes
+        for size in sizes
+        if len(rest) == 1 or rest[1] == scene
+    ]
+
+
+def _whole(pattern: str) -> str:
+    """Return a pattern of four parts: `ssao` and `ssao.16` mean all that begin so."""
+    return pattern + ".*" if pattern.count(".") < 3 else pattern
+
+
+def measure(
+    cases: Sequence[Case],
+    views: Mapping[str, BuiltinScene],
+    runtime: Runtime,
+    *,
+    truths: TruthSettings | None = None,
+    seconds: float = 1.0,
+    runs: int | None = None,
+    errors: bool = True,
+    families: Mapping[str, Family] = FAMILIES,
+    report: Report = lambda text, share: None,
+) -> Measurements:
+    """Measure time and error of cases.
+
+    A case that can't run is listed with the reason; the others go on.
+
+    Args:
+        cases: what `select` returns.
+        views: the scenes by name.
+        runtime: the device.
+        truths: how good the truths are.
+        seconds, runs: how long, or how often, each case is repeated.
+        errors: whether to hold results to truths at all.
+        families: what makes the cases.
+        report: called as the work goes on.
+    """
+    report("calibration", 0.0)
+    watch = Stopwatch(runtime, seconds, runs)
+    found = Measurements(Calibration.of(runtime), 0.0)
+    for case, context in _in_context(cases, views, runtime, truths, report):
+        family = families[case.family]
+        why = family.missing()
+        if not why:
+            try:
+                _one(case, context, family, watch, found, errors)
+            except (SsgiError, ValueError) as error:
+                why = _line(error)
+        if why:
+            found.skipped.append({"name": case.name, "reason": why})
+    if watch.reference_ms:
+        found.reference_ms = float(np.median(watch.reference_ms))
+    return found
+
+
+def make_truths(
+    cases: Sequence[Case],
+    views: Mapping[str, BuiltinScene],
+    runtime: Runtime,
+    truths: TruthSettings,
+    *,
+    families: Mapping[str, Family] = FAMILIES,
+    report: Report = lambda text, share: None,
+) -> list[str]:
+    """Make what cases are held to, unless it is kept; return what could not be made and why."""
+    wrong = []
+    for case, context in _in_context(cases, views, runtime, truths, report):
+        family = families[case.family]
+        if family.missing():
+            continue
+        try:
+            for make in family.prepare(context, case.setting).truths.values():
+                make()
+        except (SsgiError, ValueError) as error:
+            wrong.append(f"{case.name}: {_line(error)}")
+    return wrong
+
+
+def entries(found: Measurements, truths: TruthSettings, seconds: float) -> dict[str, Any]:
+    """Return the part of a document that comes from measuring."""
+    return {
+        "options": {
+            "truth_rays": truths.rays, "truth_paths": truths.paths,
+            "truth_points": truths.points, "attenuation": truths.attenuation, "seconds": seconds,
+        },
+        "calibration": asdict(found.calibration),
+        "reference": {"name": GatherLoad.name, "ms": found.reference_ms},
+        "results": found.results,
+        "skipped": found.skipped,
+    }
+
+
+def _in_context(
+    cases: Sequence[Case],
+    views: Mapping[str, BuiltinScene],
+    runtime: Runtime,
+    truths: TruthSettings | None,
+    report: Report,
+) -> Iterator[tuple[Case, Context]]:
+    """Give each case with what it shares with others of its scene and size."""
+    context, of = None, None
+    for index, case in enumerate(cases):
+        report(case.name, index / len(cases))
+        if context is None or of != (case.scene, case.size):
+            # One at a time, so that memory holds the arrays of one scene.
+            context = Context(runtime, views[case.scene], case.size, truths)
+            of = (case.scene, case.size)
+        context.progress = _within(report, index, len(cases))
+        yield case, context
+    report("", 1.0)
+
+
+def _within(report: Report, index: int, count: int) -> Report:
+    """Return what reports the progress of one part of `count` as that of the whole."""
+    return lambda text, share: report(f"{text} {100.0 * share:.0f} %", (index + share) / count)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _one(
+    case: Case,
+    context: Context,
+    family: Family,
+    watch: Stopwatch,
+    found: Measurements,
+    with_errors: bool,
+) -> None:
+    subject = family.prepare(context, case.setting)
+    timing = watch.time(subject)
+    errors: dict[str, Any] = {}
+    if with_errors and subject.image is not None and subject.truths and context.seen.any():
+        image = subject.image()
+        means = {}
+        for name, make in subject.truths.items():
+            try:
+                truth = make()
+            except MissingExtraError as error:  # the time is worth having without it
+                what = f"{name} truth of {case.name}"
+                found.skipped.append({"name": what, "reason": _line(error)})
+                continue
+            means[name] = truth.mean
+            errors[name] = errors_of(
+                image, truth, context.seen, metrics.regions(context.host_gbuffer),
+                light=subject.quantity in ("direct", "bounce"),
+            )
+        found.pictures[case.name] = Pictures(
+            image, means.get("world"), means.get("assumption"), context.seen
+        )
+    found.results.append(_entry(case, subject, timing, errors))
+
+
+def _entry(
+    case: Case, subject: Subject, timing: Timing, errors: dict[str, Any]
+) -> dict[str, Any]:
+    clock = timing.device_ms or timing.wall_ms
+    return {
+        "name": case.name,
+        "family": case.family,
+        "setting": case.setting,
+        "scene": case.scene,
+        "size": list(case.size),
+        "quantity": subject.quantity,
+        "note": subject.note,
+        "device_ms": asdict(timing.device_ms) if timing.device_ms else None,
+        "wall_ms": asdict(timing.wall_ms),
+        "runs": timing.runs,
+        "ratio": asdict(timing.ratio),
+        "unsteady": timing.unsteady,
+        "samples_g_s": 1e-6 * subject.samples / clock.median if subject.samples else None,
+        "moved_gb_s": 1e-6 * subject.moved / clock.median if subject.moved else None,
+        "passes": [{"name": name, "ms": ms} for name, ms in timing.passes.items()],
+        "skipped_passes": [
+            {"name": name, "reason": why} for name, why in timing.skipped.items()
+        ],
+        "errors": errors,
+        "front": False,
+    }

@@ -1,0 +1,106 @@
+"""A document as a page of Markdown with its plots beside it, small enough to be kept with code."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from ssgi_cl import atomic
+
+from .document import Group, clock, groups, metric
+from .peers import PEERS
+from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
+from .report_page import PLOT_STYLE
+from .verdict import verdict
+from .wording import calibration_line, number, revision, short_name, title
+
+_HEAD = "| | case | ms | ratio | RMSE | bias | SSIM | FLIP | RMSE of the model |"
+_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|"
+_LEGEND = (
+    "\\* nothing of its group is both faster and closer to the truth. ~ unsteady. Ratio: time over "
+    "that of the reference run beside it. RMSE, bias, SSIM and FLIP are against rays or paths "
+    "through the mesh; the last column is against what the same screen-space model converges to."
+)
+_ENTRY_WIDTH, _ROW = 140, 22
+
+
+def write(path: str | os.PathLike[str], document: Mapping[str, Any]) -> list[Path]:
+    """Write the page, and a plot of each group that has errors; return all files.
+
+    Args:
+        path: of the page; plots lie beside it and begin with its name.
+        document: see `document`.
+
+    Raises:
+        OSError: a file can't be written; the message names it.
+    """
+    page = Path(path)
+    device, machine = document["device"], document["machine"]
+    lines = [
+        "# Run time against error",
+        "",
+        f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads. "
+        f"Revision {revision(document)}. "
+        f"{calibration_line(document['calibration']).capitalize()}. "
+        f"Reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms.",
+        "",
+        _LEGEND,
+    ]
+    files = []
+    for key, results in groups(document["results"]).items():
+        lines += ["", f"## {title(key)}", ""]
+        drawn = _drawing(key, results)
+        if drawn:
+            name = f"{page.stem}-{key[0]}-{key[1]}-{key[2][1]}x{key[2][0]}.svg"
+            with atomic.replacement(page.with_name(name)) as temporary:
+                temporary.write_text(drawn, encoding="utf-8")
+            files.append(page.with_name(name))
+            lines += [f"![{title(key)}: error over time]({name})", ""]
+        said = verdict(results)
+        lines += [said, ""] if said else []
+        lines += [_HEAD, _RULE, *map(_row, results)]
+    lines += ["", *(f"- {entry['name']}: {entry['reason']}" for entry in document["skipped"])]
+    with atomic.replacement(page) as temporary:
+        temporary.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    return [page, *files]
+
+
+def _row(result: Mapping[str, Any]) -> str:
+    world = [number(metric(result, "world", name), "+" if name == "bias" else "")
+             for name in ("rmse", "bias", "ssim", "flip")]
+    cells = (
+        "\\*" if result["front"] else "",
+        short_name(result),
+        number(clock(result)["median"]) + ("~" if result["unsteady"] else ""),
+        number(result["ratio"]["median"]),
+        *world,
+        number(metric(result, "assumption", "rmse")),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _drawing(key: Group, results: list[dict[str, Any]]) -> str:
+    """Return the plot with its legend as a file of its own; "" if there is nothing to draw."""
+    shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
+    look = looks(shown, list(PEERS))
+    drawn = plot([r for r in results if r["family"] in shown], look, title(key), key[0])
+    if not drawn:
+        return ""
+    in_row = (WIDTH - LEFT) // _ENTRY_WIDTH
+    legend = "".join(
+        f'<g class="c{color}" transform="translate({LEFT + index % in_row * _ENTRY_WIDTH} '
+        f'{HEIGHT + 12 + index // in_row * _ROW})"><path class="line{" dashed" if dashed else ""}" '
+        f'd="M0 0H24"/><path class="point" transform="translate(12 0)" d="{MARKERS[marker]}"/>'
+        f'<text x="30" y="4">{escape(family)}</text></g>'
+        for index, (family, (color, marker, dashed)) in enumerate(look.items())
+    )
+    height = HEIGHT + 12 + -(-len(look) // in_row) * _ROW
+    inner = drawn[drawn.index(">") + 1 :]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {WIDTH} {height}" '
+        f'width="{WIDTH}" height="{height}"><style>{PLOT_STYLE}svg {{ background: var(--page); }}'
+        f"</style>{legend}{inner}\n"
+    )

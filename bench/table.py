@@ -1,0 +1,120 @@
+"""Results as tables in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from .document import clock, groups, metric
+from .verdict import verdict
+from .wording import (
+    NOTHING,
+    calibration_line,
+    ceiling,
+    number,
+    revision,
+    short_name,
+    title,
+    unit,
+)
+
+Row = Mapping[str, Any]
+Cell = Callable[[Row], str]
+
+_LEGEND = (
+    "* nothing here is both faster and closer to the world's truth; ~ unsteady, see below; "
+    "ratio: to the reference; ceiling: share of the nearer one; model: RMSE against what the "
+    "same screen-space model converges to"
+)
+
+
+def show(document: Mapping[str, Any], console: Console) -> None:
+    """Print a document: what it was measured on, a table for each group, what was skipped.
+
+    The console's width decides how many columns there are; 100 characters hold all.
+    """
+    device, machine = document["device"], document["machine"]
+    for line in (
+        f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads",
+        f"{document['created']}, revision {revision(document)}",
+        calibration_line(document["calibration"]),
+        f"reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms",
+    ):
+        console.print(escape(line), highlight=False)
+    for key, results in groups(document["results"]).items():
+        console.print()
+        console.print(_fitting(title(key) + _in_unit(key[0]), results, document, console))
+        if said := verdict(results):
+            console.print(escape(said), highlight=False)
+    for result in document["results"]:
+        if result["unsteady"]:
+            console.print(escape(f"~ {result['name']}: {result['unsteady']}"), highlight=False)
+    if document["results"]:
+        console.print(escape(_LEGEND), style="dim", highlight=False)
+    else:
+        console.print("nothing was measured")
+    for entry in document["skipped"]:
+        console.print(escape(f"skipped {entry['name']}: {entry['reason']}"), highlight=False)
+
+
+def _in_unit(quantity: str) -> str:
+    return f", errors in{unit(quantity)}" if unit(quantity) else ""
+
+
+def _fitting(
+    heading: str, results: list[dict[str, Any]], document: Mapping[str, Any], console: Console
+) -> Table:
+    """Return the table with as many columns as the console is wide enough for."""
+    columns = _columns(document["calibration"])
+    # A column without a number in any row says nothing.
+    columns = [
+        column for column in columns
+        if not column[1] or any(column[2](row) != NOTHING for row in results)
+    ]
+    # Ranks from the most needed, 0, on.
+    for last in range(max(rank for _, rank, _ in columns), -1, -1):
+        table = Table(title=escape(heading), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
+                      title_justify="left", title_style="bold")
+        kept = [column for column in columns if column[1] <= last]
+        for name, _, _ in kept:
+            table.add_column(name, justify="left" if name in ("", "case") else "right",
+                             overflow="fold", no_wrap=name != "case")
+        for row in results:
+            table.add_row(*(escape(cell(row)) for _, _, cell in kept))
+        # Measured on a console without end, since a narrow one narrows what is measured.
+        if console.measure(table, options=console.options.update(width=10_000)).maximum <= (
+            console.width
+        ):
+            break
+    return table
+
+
+def _columns(calibration: Mapping[str, float]) -> list[tuple[str, int, Cell]]:
+    """Return (heading, rank, cell) of each column; the highest rank goes first."""
+
+    def share(row: Row) -> str:
+        reached, what = ceiling(row, calibration)
+        return f"{100.0 * reached:.0f} % {what}" if what else NOTHING
+
+    def spread(row: Row) -> str:
+        time = clock(row)
+        return f"{number(time['low'])}..{number(time['high'])}"
+
+    return [
+        ("", 0, lambda row: "*" if row.get("front") else " "),
+        ("case", 0, short_name),
+        ("ms", 0, lambda row: number(clock(row)["median"]) + ("~" if row["unsteady"] else "")),
+        ("quartiles", 4, spread),
+        ("ratio", 2, lambda row: number(row["ratio"]["median"])),
+        ("G/s", 5, lambda row: number(row.get("samples_g_s"))),
+        ("GB/s", 6, lambda row: number(row.get("moved_gb_s"))),
+        ("ceiling", 3, share),
+        ("RMSE", 1, lambda row: number(metric(row, "world", "rmse"))),
+        ("bias", 2, lambda row: number(metric(row, "world", "bias"), "+")),
+        ("model", 3, lambda row: number(metric(row, "assumption", "rmse"))),
+    ]

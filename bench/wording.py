@@ -1,0 +1,93 @@
+"""How results are put into words and digits, the same in the terminal and in the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .document import Group
+
+NOTHING = "-"
+"""In place of a number that there is none of."""
+
+_QUANTITIES = {
+    "occlusion": "Ambient occlusion",
+    "direct": "Direct light",
+    "bounce": "One bounce of light",
+    "": "Passes without a truth",
+}
+_UNITS = {"direct": "W/m²", "bounce": "W/m²"}
+
+
+def number(value: float | None, sign: str = "") -> str:
+    """Return a number with three significant digits; from 1000 on, all before the point.
+
+    Numbers below 0.001 and from a million on have two digits and a power of ten.
+
+    Args:
+        sign: "+" to show it of positive numbers too.
+    """
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if not 1e-3 <= size < 1e6:
+        return f"{value:{sign}.1e}"
+    # Digits as those of the rounded number, so that 9.996 is 10.0.
+    magnitude = math.floor(math.log10(float(f"{size:.3g}")))
+    return f"{value:{sign}.{max(0, 2 - magnitude)}f}"
+
+
+def percent(share: float | None) -> str:
+    """Return a share in whole per cent."""
+    return NOTHING if share is None else f"{100.0 * share:.0f} %"
+
+
+def title(group: Group) -> str:
+    """Return what a group of results has in common."""
+    quantity, scene, (rows, columns) = group
+    return f"{_QUANTITIES.get(quantity, quantity)}, {scene}, {columns} x {rows}"
+
+
+def unit(quantity: str) -> str:
+    """Return the unit of a quantity with a blank before it; "" if it has none."""
+    return f" {_UNITS[quantity]}" if quantity in _UNITS else ""
+
+
+def short_name(result: Mapping[str, Any]) -> str:
+    """Return the part of a case's name that differs within a group."""
+    return f"{result['family']}.{result['setting']}"
+
+
+def ceiling(result: Mapping[str, Any], calibration: Mapping[str, float]) -> tuple[float, str]:
+    """Return the greatest share of a ceiling of the device that a result reaches, and which.
+
+    (0, "") for what does not run on the device, and where neither reads nor bytes are known.
+    """
+    shares = []
+    if result.get("device_ms") is not None:
+        for rate, limit, word in (
+            ("samples_g_s", "gathers_g_s", "reads"), ("moved_gb_s", "bandwidth_gb_s", "memory"),
+        ):
+            if result.get(rate) and calibration[limit] > 0.0:
+                shares.append((result[rate] / calibration[limit], word))
+    return max(shares, default=(0.0, ""))
+
+
+def calibration_line(calibration: Mapping[str, float]) -> str:
+    """Return the device's ceilings in one line."""
+    return (
+        f"ceilings: memory {number(calibration['bandwidth_gb_s'])} GB/s, scattered reads "
+        f"{number(calibration['gathers_g_s'])} G/s, arithmetic "
+        f"{number(calibration['multiply_adds_gflop_s'])} GFLOP/s"
+    )
+
+
+def revision(document: Mapping[str, Any]) -> str:
+    """Return git's revision, and whether files differed from it."""
+    name = document.get("revision")
+    if name is None:
+        return "not a checkout"
+    return f"{name}{', modified' if document.get('modified') else ''}"

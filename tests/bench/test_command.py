@@ -1,0 +1,118 @@
+"""`ssgi bench` and `ssgi truth` as a user calls them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ssgi_cl.cli import main
+
+QUICK = ["--scene", "cornell_box", "--size", "40x30", "--truth-rays", "4", "--truth-points", "4",
+         "--truth-paths", "2"]
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("SSGI_CL_CACHE", str(folder))
+    return folder
+
+
+def ssgi(*arguments: str, status: int = 0) -> Result:
+    result = CliRunner().invoke(main, list(arguments))
+    assert result.exit_code == status, result.output
+    return result
+
+
+def bench(*arguments: str, status: int = 0) -> Result:
+    return ssgi("bench", *arguments, *QUICK, "--seconds", "0.05", status=status)
+
+
+def test_a_case_is_measured_and_written_as_json_and_html(tmp_path: Path) -> None:
+    paths = tmp_path / "found.json", tmp_path / "found.html"
+    shown = bench("ssao.4", "-o", str(paths[0]), "--html", str(paths[1])).output
+    assert "ssao.4" in shown
+    document = json.loads(paths[0].read_text())
+    assert [result["name"] for result in document["results"]] == ["ssao.4.cornell_box.40x30"]
+    assert document["options"]["truth_rays"] == 4
+    assert "ssao.4" in paths[1].read_text(encoding="utf-8")
+
+
+def test_json_on_standard_output_is_the_document() -> None:
+    document = json.loads(bench("ssao.4", "--json", "--no-errors").stdout)
+    assert document["format"] == "ssgi-bench 1"
+    assert document["results"][0]["errors"] == {}
+
+
+def test_cases_are_listed_without_measuring() -> None:
+    names = bench("blur", "--list").output.split()
+    assert names == [f"blur.{radius}.cornell_box.40x30" for radius in (2, 4, 7, 16)]
+
+
+def test_without_peers_only_this_librarys_cases_are_there() -> None:
+    every, own = (bench(*own, "--list").output.split() for own in ([], ["--own"]))
+    assert set(own) < set(every)
+    assert {"embree", "vtk-ssao"} <= {name.split(".")[0] for name in set(every) - set(own)}
+
+
+def test_a_result_compared_with_itself_is_no_worse_and_a_slower_one_fails(tmp_path: Path) -> None:
+    before, after = tmp_path / "before.json", tmp_path / "after.json"
+    bench("ssao.4", "-o", str(before))
+    ssgi("bench", "--compare", str(before), str(before))
+    document = json.loads(before.read_text())
+    for result in document["results"]:
+        for name in ("device_ms", "wall_ms", "ratio"):
+            result[name] = {key: 3.0 * value for key, value in result[name].items()}
+    after.write_text(json.dumps(document))
+    shown = ssgi("bench", "--compare", str(before), str(after), status=1).output
+    assert "ssao.4" in shown
+    ssgi("bench", "--compare", str(after), str(before))  # faster is no failure
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing.4"], "fits none"),
+        (["ssao.4", "--scene", "attic"], "scene is 'attic'"),
+        (["ssao.4", "--size", "800"], "expected COLUMNSxROWS"),
+        (["ssao.4", "--size", "0x600"], "expected COLUMNSxROWS"),
+        (["ssao.4", "-o", "found.txt"], "expected a name that ends in .json"),
+        (["ssao.4", "--html", "nowhere/found.html"], "there is no folder nowhere"),
+        (["ssao.4", "--device", "no such thing"], "no such OpenCL device"),
+        (["--compare", "no.json", "no.json"], "no.json"),
+    ],
+)
+def test_bad_input_is_one_clear_line(arguments: list[str], message: str) -> None:
+    result = CliRunner().invoke(main, ["bench", *arguments])
+    assert result.exit_code in (1, 2)
+    assert message in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+
+
+def test_truths_are_made_once_listed_and_cleared(own_store: Path) -> None:
+    assert "0 files" in ssgi("truth", "--list").output
+    ssgi("truth", "ssao.4", *QUICK)
+    kept = {path: path.stat().st_mtime_ns for path in (own_store / "truth").iterdir()}
+    assert len(kept) == 2  # rays, and the points that the model converges to
+    ssgi("truth", "ssao", *QUICK)  # every number of samples has the same truths
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    entries: list[dict[str, Any]] = json.loads(ssgi("truth", "--list", "--json").stdout)
+    assert {Path(entry["file"]) for entry in entries} == set(kept)
+    ssgi("truth", "ssao.4", "--rebuild", *QUICK)
+    assert all(path.stat().st_mtime_ns > made for path, made in kept.items())
+    assert "freed" in ssgi("truth", "--clear").output
+    assert list((own_store / "truth").iterdir()) == []
+
+
+def test_a_damaged_truth_is_named_with_the_remedy(own_store: Path) -> None:
+    ssgi("truth", "ssao.4", *QUICK)
+    for path in (own_store / "truth").iterdir():
+        path.write_bytes(path.read_bytes()[:100])
+    shown = bench("ssao.4").output
+    assert "ssgi truth --rebuild" in " ".join(shown.split())
+    ssgi("truth", "ssao.4", "--rebuild", *QUICK)
+    assert "RMSE" in bench("ssao.4").output

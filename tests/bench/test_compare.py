@@ -1,0 +1,183 @@
+"""What counts as slower or worse."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from ssgi_cl.bench.compare import Comparison, compare, error_noise, show
+
+from .documents import entry, spread, whole
+
+
+def compared(old: dict[str, Any], new: dict[str, Any]) -> Comparison:
+    return compare(whole(old), whole(new))
+
+
+def shown(comparison: Comparison, width: int = 100) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    show(comparison, console)
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_equal_documents_do_not_fail() -> None:
+    comparison = compared(entry(), entry())
+    assert not comparison.failed
+    assert comparison.compared == 1
+    assert not comparison.notes
+    assert "1 cases compared: 0 slower, 0 errors worse" in shown(comparison)
+
+
+def test_a_greater_ratio_beyond_noise_fails() -> None:
+    comparison = compared(entry(ratio=spread(1.0)), entry(ratio=spread(1.2)))
+    assert comparison.failed
+    assert [(c.name, c.before, c.after) for c in comparison.slower] == [
+        ("ssao.16.hall.8x6", 1.0, 1.2)
+    ]
+    text = shown(comparison)
+    assert "slower" in text
+    assert "+20.0 %" in text
+
+
+def test_a_lesser_ratio_is_told_and_does_not_fail() -> None:
+    comparison = compared(entry(ratio=spread(1.2)), entry(ratio=spread(1.0)))
+    assert not comparison.failed
+    assert len(comparison.faster) == 1
+    assert "faster" in shown(comparison)
+
+
+@pytest.mark.parametrize("median", [1.0 / 1.09, 1.09])
+def test_less_than_ten_per_cent_is_noise(median: float) -> None:
+    comparison = compared(entry(ratio=spread(1.0, 0.0)), entry(ratio=spread(median, 0.0)))
+    assert comparison == Comparison(compared=1)
+
+
+@pytest.mark.parametrize(("old", "new"), [(1.0, 1.3), (1.3, 1.0)])
+def test_overlapping_quartiles_are_noise(old: float, new: float) -> None:
+    # 20 % of 1.0 and 1.3 reach 1.2 and 1.04.
+    comparison = compared(entry(ratio=spread(old, 0.2)), entry(ratio=spread(new, 0.2)))
+    assert comparison == Comparison(compared=1)
+
+
+def test_times_in_ms_do_not_count() -> None:
+    # A machine twice as slow: the reference is as well.
+    old, new = entry(ms=1.0, ratio=spread(1.0)), entry(ms=2.0, ratio=spread(1.0))
+    assert not compared(old, new).slower
+
+
+def test_unsteady_changes_are_told_and_do_not_fail() -> None:
+    comparison = compared(entry(ratio=spread(1.0)), entry(ratio=spread(2.0), unsteady="it jumps"))
+    assert not comparison.failed
+    assert len(comparison.doubtful) == 1
+    assert "unsteady" in shown(comparison)
+
+
+def test_a_greater_error_fails_and_a_lesser_does_not() -> None:
+    worse = compared(entry(rmse=0.05), entry(rmse=0.052))
+    assert worse.failed
+    assert [change.what for change in worse.worse] == ["RMSE, world"]
+    better = compared(entry(rmse=0.052), entry(rmse=0.05))
+    assert not better.failed
+    assert len(better.better) == 1
+    assert not compared(entry(rmse=0.05), entry(rmse=0.0504)).worse  # 0.8 %
+
+
+def test_the_error_of_the_same_model_counts_as_well() -> None:
+    def with_assumption(rmse: float) -> dict[str, Any]:
+        return entry(errors={"assumption": {"rmse": rmse, "truth_error": 0.0}})
+
+    comparison = compared(with_assumption(0.0), with_assumption(0.01))
+    assert [change.what for change in comparison.worse] == ["RMSE, assumption"]
+    assert "from 0" in shown(comparison)
+
+
+def test_an_inexact_truth_excuses_more_in_few_pixels_than_in_many() -> None:
+    for size, excused in (([6, 8], True), ([600, 800], False)):
+        old, new = entry(rmse=0.05, size=size), entry(rmse=0.052, size=size)
+        for result in (old, new):
+            result["errors"]["world"]["truth_error"] = 0.02
+        assert compared(old, new).failed != excused
+
+
+@pytest.mark.parametrize("errors", [(0.03, 0.03), (0.03, 0.0), (0.01, 0.03)])
+def test_error_noise_covers_what_truths_of_a_known_error_do(
+    rng: np.random.Generator, errors: tuple[float, float]
+) -> None:
+    # The same result held to 300 pairs of independent truths of N = 4000 pixels.
+    miss = rng.normal(0.0, 0.05, 4000)
+    one, two = (
+        np.sqrt(np.mean((miss + rng.normal(0.0, s, (300, 4000))) ** 2, axis=1)) for s in errors
+    )
+    bounds = np.array([error_noise(before, errors, 4000) for before in one])
+    # Three standard deviations: 1 of 370 may exceed them, and 3 of 300 is far from that.
+    assert (np.abs(two - one) > bounds).sum() < 3
+    # It is no excuse for anything: twice what truths do at most is found.
+    assert bounds.max() < 2.0 * np.abs(two - one).max()
+
+
+def test_error_noise_of_an_exact_result_is_that_of_its_truth() -> None:
+    assert error_noise(0.0, (0.0, 0.0), 100) == 0.0
+    assert error_noise(0.0, (0.0, 0.04), 10**12) == pytest.approx(0.04, rel=1e-4)
+    assert error_noise(1.0, (0.0, 0.0), 100) == 0.01
+
+
+def test_an_error_that_is_there_once_only_is_noted() -> None:
+    none = entry(errors={})
+    for old, new, side in ((entry(), none, "after"), (none, entry(), "before")):
+        comparison = compared(old, new)
+        assert not comparison.failed
+        assert f"(world) is not compared: there is none {side}" in comparison.notes[0]
+
+
+def test_a_truth_of_unknown_error_excuses_nothing() -> None:
+    old, new = entry(rmse=0.05), entry(rmse=0.052)
+    for result in (old, new):
+        result["errors"]["world"]["truth_error"] = None
+    assert compared(old, new).failed
+
+
+def test_truths_of_other_options_are_not_compared() -> None:
+    after = whole(entry(rmse=0.5, ratio=spread(3.0)))
+    after["options"] = {"truth_rays": 64, "attenuation": "none", "seconds": 9.0}
+    comparison = compare(whole(entry(ratio=spread(1.0))), after)
+    assert not comparison.worse
+    assert comparison.slower  # times still are
+    assert comparison.notes == [
+        "errors are not compared, the truths differ: truth_rays 512 and 64"
+    ]
+
+
+def test_other_devices_are_compared_by_ratio_and_said_on_top() -> None:
+    after = whole(entry())
+    after["device"] = {"label": "Other 2.0: GPU", "kind": "gpu", "units": 1, "form": "1 lane"}
+    text = shown(compare(whole(entry()), after), width=300)
+    assert text.startswith("note: the devices differ: Made up 1.0: CPU and Other 2.0: GPU.")
+    assert "the kernel forms differ: 16 lanes and 1 lane" in text
+
+
+def test_two_clocks_are_not_compared() -> None:
+    comparison = compared(entry(), entry(device_ms=None, ratio=spread(9.0)))
+    assert not comparison.failed
+    assert "two clocks" in comparison.notes[0]
+
+
+def test_cases_that_come_and_go_are_listed_and_do_not_fail() -> None:
+    before = whole(entry(), entry("b.1.hall.8x6"), entry("c.1.hall.8x6"))
+    after = whole(
+        entry(), entry("d.1.hall.8x6"),
+        skipped=[{"name": "b.1.hall.8x6", "reason": "[b] is not installed"}],
+    )
+    comparison = compare(before, after)
+    assert comparison.missing == ["b.1.hall.8x6: [b] is not installed", "c.1.hall.8x6"]
+    assert comparison.new == ["d.1.hall.8x6"]
+    assert not comparison.failed
+    assert "no longer there, so not judged: b.1.hall.8x6: [b] is not" in shown(comparison)
+
+
+def test_documents_without_a_common_case_are_refused() -> None:
+    with pytest.raises(ValueError, match="no case is in both, of 1 before and 0 after"):
+        compare(whole(entry()), whole())

@@ -1,0 +1,62 @@
+"""Numbers of an error: what counts, and what the truth itself does not know."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ssgi_cl.bench.errors import errors_of
+from ssgi_cl.truth import Truth
+
+SEEN = np.ones((20, 30), np.bool_)
+REGIONS = {"creases": SEEN & (np.arange(30) < 10), "elsewhere": SEEN & (np.arange(30) >= 10)}
+
+
+def truth_of(values: np.ndarray, error: float = 0.0) -> Truth:
+    return Truth(values.astype(np.float32), np.full(values.shape, error, np.float32), 2, "")
+
+
+def test_an_offset_shows_as_bias_and_rmse_where_it_is() -> None:
+    truth = np.full((20, 30), 0.5, np.float32)
+    image = truth.copy()
+    image[:, :10] += 0.25
+    found = errors_of(image, truth_of(truth, 0.02), SEEN, REGIONS, light=False)
+    assert found["regions"]["creases"] == pytest.approx(
+        {"share": 1 / 3, "rmse": 0.25, "bias": 0.25}
+    )
+    assert found["regions"]["elsewhere"]["rmse"] == 0.0
+    assert found["rmse"] == pytest.approx(0.25 / np.sqrt(3.0))
+    assert found["bias"] == pytest.approx(0.25 / 3.0)
+    assert found["p99"] == pytest.approx(0.25)
+    assert found["truth_error"] == pytest.approx(0.02)
+
+
+def test_the_sky_does_not_count() -> None:
+    truth = np.full((20, 30), 0.5, np.float32)
+    image = truth.copy()
+    image[:, 20:] = 0.0
+    seen = SEEN & (np.arange(30) < 20)
+    found = errors_of(image, truth_of(truth), seen, {"elsewhere": seen}, light=False)
+    assert found["rmse"] == 0.0
+    assert found["ssim"] == pytest.approx(1.0)
+
+
+def test_the_peak_of_light_is_that_of_the_truth() -> None:
+    rng = np.random.default_rng(3)
+    truth = rng.random((20, 30, 3), np.float32)
+    noisy = truth + np.float32(0.01)
+    small = errors_of(noisy, truth_of(truth), SEEN, REGIONS, light=True)
+    large = errors_of(1e3 * noisy, truth_of(1e3 * truth), SEEN, REGIONS, light=True)
+    # PSNR and SSIM are relative to the peak, so that units don't matter (float32 roundings do).
+    assert small["psnr"] == pytest.approx(large["psnr"], rel=1e-3)
+    assert small["ssim"] == pytest.approx(large["ssim"], rel=1e-3)
+    assert 1e3 * small["rmse"] == pytest.approx(large["rmse"], rel=1e-3)
+
+
+def test_a_black_truth_has_no_relative_error() -> None:
+    black = np.zeros((20, 30, 3), np.float32)
+    found = errors_of(black, truth_of(black), SEEN, REGIONS, light=True)
+    assert found["psnr"] is None
+    assert found["ssim"] is None
+    assert found["flip"] is None
+    assert found["rmse"] == 0.0

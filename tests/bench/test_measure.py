@@ -1,0 +1,88 @@
+"""Timing: medians, quartiles, ratios to the reference, and what is not to be relied on."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from ssgi_cl.bench import measure
+from ssgi_cl.bench.calibration import GatherLoad
+from ssgi_cl.bench.case import Subject
+from ssgi_cl.bench.measure import Spread, Stopwatch, disagreement
+from ssgi_cl.runtime import Runtime
+
+
+def test_a_spread_is_median_and_quartiles() -> None:
+    assert Spread.of([5.0, 1.0, 2.0, 4.0, 3.0]) == Spread(median=3.0, low=2.0, high=4.0)
+
+
+def test_halves_that_agree_are_steady_and_others_say_by_how_much_they_differ() -> None:
+    assert disagreement([1.0, 1.05, 1.1, 1.05]) == ""
+    assert "21 %" in disagreement([1.0, 1.0, 1.21, 1.21])
+    assert "100 %" in disagreement([2.0, 2.0, 1.0, 1.0])
+
+
+def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtime) -> None:
+    timing = Stopwatch(runtime, runs=20).time(Subject(run=GatherLoad(runtime).run))
+    # On a quiet machine within 2 %; other programs may take a core from one and not the other.
+    assert 0.5 < timing.ratio.median < 2.0
+    assert timing.runs == 20
+    assert list(timing.passes) == ["gathers"]
+    assert timing.device_ms is not None
+    assert timing.device_ms.low <= timing.device_ms.median <= timing.device_ms.high
+
+
+def test_work_of_the_host_counts_by_the_wall_clock(runtime: Runtime) -> None:
+    timing = Stopwatch(runtime, runs=4).time(
+        Subject(run=lambda: time.sleep(0.02), on_device=False)
+    )
+    assert timing.device_ms is None
+    # A sleep is never shorter, and on a busy machine hardly ten times longer.
+    assert 20.0 <= timing.wall_ms.median < 200.0
+    assert timing.passes == {}
+
+
+def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: Runtime) -> None:
+    load = GatherLoad(runtime)
+
+    def run() -> None:
+        load.run()
+        load.run()
+        runtime.skip("blur", "radius 0")
+
+    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
+    assert list(timing.passes) == ["gathers"]
+    assert timing.skipped == {"blur": "radius 0"}
+    assert timing.device_ms is not None
+    # All of the device's time is that pass; both are medians of the same sums.
+    assert timing.passes["gathers"] == pytest.approx(timing.device_ms.median, rel=1e-6)
+
+
+def test_what_drifts_is_measured_again_and_then_called_unsteady(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    growing = itertools.count(1.0)
+
+    def once(self: Stopwatch, subject: Subject) -> tuple[float, float, dict[str, float], object]:
+        # The reference takes 1 ms each time, the subject a millisecond more from run to run.
+        took = 1.0 if subject.on_device else next(growing)
+        return took, took, {}, {}
+
+    monkeypatch.setattr(Stopwatch, "_once", once)
+    timing = Stopwatch(runtime, runs=4).time(Subject(run=lambda: None, on_device=False))
+    # Third try: runs 11 to 14, so that the halves' medians are 11.5 and 13.5.
+    assert timing.unsteady == "its two halves differ by 17 % in the ratio to the reference"
+    assert next(growing) == 1.0 + measure.WARM_UP + 4 * measure.TRIES
+
+
+def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime) -> None:
+    slow = Stopwatch(runtime, seconds=0.01).time(
+        Subject(run=lambda: time.sleep(0.02), on_device=False)
+    )
+    assert slow.runs == measure.FEWEST
+    fast = Stopwatch(runtime, seconds=0.5).time(Subject(run=lambda: None, on_device=False))
+    assert fast.runs == measure.MOST
+    assert np.isfinite(fast.ratio.median)

@@ -1,0 +1,230 @@
+"""Peers as families of cases: right pictures, convergence, and a clear line where one is absent."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl import metrics
+from ssgi_cl.bench.case import Family, Subject
+from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.bench.peers import PEERS, mitsuba_rays, vtk_ssao
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.runtime import Runtime
+
+Floats = NDArray[np.float32]
+
+PACKAGES = {
+    "embree": ("embreex", "truth"),
+    "embree-blur": ("embreex", "truth"),
+    "mitsuba-ao": ("mitsuba", "truth"),
+    "mitsuba-ao-oidn": ("pyoidn", "peers"),
+    "mitsuba-path": ("mitsuba", "truth"),
+    "mitsuba-path-oidn": ("pyoidn", "peers"),
+    "vtk-ssao": ("vtkmodules", "peers"),
+    "pyrender": ("pyrender", "opengl"),
+}
+"""Family -> the package it needs, and the extra that brings it."""
+
+OCCLUSION = [name for name in PACKAGES if name.startswith(("embree", "vtk-ssao", "mitsuba-ao"))]
+RAYS = [name for name in PACKAGES if name.startswith(("embree", "mitsuba"))]
+
+
+def installed(name: str) -> Family:
+    family = PEERS[name]
+    if family.missing():
+        pytest.skip(family.missing())
+    return family
+
+
+@pytest.fixture(scope="module")
+def context(runtime: Runtime, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Context]:
+    """The Cornell box, small; its truths are kept apart from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SSGI_CL_CACHE", str(tmp_path_factory.mktemp("cache")))
+        truths = TruthSettings(rays=256, paths=64)
+        yield Context(runtime, BUILTIN_SCENES["cornell_box"](), (48, 64), truths)
+
+
+def one_square(size: float = 50.0) -> BuiltinScene:
+    """A floor seen from straight above."""
+    corner = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], np.float32) * size
+    scene = Scene(
+        positions=corner,
+        normals=np.tile(np.float32([0, 1, 0]), (4, 1)),
+        uvs=np.zeros((4, 2), np.float32),
+        colors=np.ones((4, 3), np.float32),
+        triangles=np.array([(0, 1, 2), (0, 2, 3)], np.int32),
+        material_ids=np.zeros(2, np.int32),
+    )
+    return BuiltinScene(
+        name="square", scene=scene, eye=(0.0, 5.0, 0.0), target=(0.0, 0.0, 0.0),
+        up=(0.0, 0.0, -1.0), yfov=0.6, lights=(), ao_radius=0.5,
+    )
+
+
+def result(subject: Subject) -> Floats:
+    assert subject.image is not None
+    subject.run()
+    return subject.image()
+
+
+def test_every_peer_is_tested() -> None:
+    assert sorted(PEERS) == sorted(PACKAGES)
+
+
+@pytest.mark.parametrize("name", OCCLUSION)
+def test_occlusion_is_an_image_close_to_the_truth(name: str, context: Context) -> None:
+    family = installed(name)
+    subject = family.prepare(context, family.SETTINGS[-1])
+    image = result(subject)
+    assert image.dtype == np.float32
+    assert image.shape == context.size
+    assert image.min() >= 0.0
+    assert image.max() <= 1.0
+    assert subject.quantity == "occlusion"
+    assert not subject.on_device
+    truth = subject.truths["world"]().mean
+    # Rays: 16 or more in each of 2000 pixels leave less than .003 of noise in the mean. VTK's
+    # points crowd near the pixel: .13 too bright with 256 of them on this scene.
+    allowed = 0.16 if name == "vtk-ssao" else 0.01
+    assert abs(metrics.bias(image, truth, context.seen)) < allowed
+
+
+@pytest.mark.parametrize("name", OCCLUSION)
+def test_occlusion_is_neither_mirrored_nor_turned(name: str, context: Context) -> None:
+    family = installed(name)
+    image = result(family.prepare(context, family.SETTINGS[-1]))
+    truth = context.occlusion().mean
+
+    def likeness(other: Floats) -> float:
+        return float(np.corrcoef(image.ravel(), other.ravel())[0, 1])
+
+    # The box is nearly symmetric from left to right; what stands in it is not.
+    for other in (truth[::-1], truth[:, ::-1], truth[::-1, ::-1]):
+        assert likeness(truth) > likeness(other) + 0.05
+
+
+@pytest.mark.parametrize("name", RAYS)
+def test_more_rays_are_closer_to_the_truth(name: str, context: Context) -> None:
+    family = installed(name)
+    errors = []
+    for setting in ("1", "16"):
+        subject = family.prepare(context, setting)
+        truth = subject.truths["world"]().mean
+        errors.append(metrics.rmse(result(subject), truth, context.seen))
+    # Independent rays would come to a quarter; what a filter leaves of few rays is better already.
+    assert errors[1] < (0.8 if "blur" in name or "oidn" in name else 0.25) * errors[0]
+
+
+@pytest.mark.parametrize("name", ["embree", "mitsuba-ao"])
+def test_an_island_in_the_sky_is_open(name: str, runtime: Runtime) -> None:
+    island = Context(runtime, one_square(0.5), (40, 31))  # most rows show nothing
+    family = installed(name)
+    image = result(family.prepare(island, family.SETTINGS[0]))
+    np.testing.assert_array_equal(image, np.ones((40, 31), np.float32))
+
+
+@pytest.mark.parametrize("name", ["mitsuba-path", "mitsuba-path-oidn"])
+def test_one_bounce_is_an_image_close_to_the_truth(name: str, context: Context) -> None:
+    subject = installed(name).prepare(context, "16")
+    image = result(subject)
+    assert image.dtype == np.float32
+    assert image.shape == (*context.size, 3)
+    assert image.min() >= 0.0
+    assert subject.quantity == "bounce"
+    truth = subject.truths["world"]().mean
+    # In parts of the mean: 16 paths in each of 2000 pixels leave 1 % of noise.
+    assert abs(metrics.bias(image, truth, context.seen)) < 0.04 * truth[context.seen].mean()
+
+
+@pytest.mark.parametrize("name", ["embree", "mitsuba-ao"])
+@pytest.mark.parametrize("attenuation", ["linear", "quadratic", "exponential"])
+def test_rays_fade_as_those_of_the_truth_do(name: str, attenuation: str, context: Context) -> None:
+    family = installed(name)
+    truths = TruthSettings(rays=256, attenuation=attenuation)
+    fading = Context(context.runtime, context.view, context.size, truths)
+    subject = family.prepare(fading, "16")
+    truth = subject.truths["world"]().mean
+    # Noise of the mean as above; without W the image is .05 darker or more.
+    assert abs(metrics.bias(result(subject), truth, context.seen)) < 0.01
+
+
+def test_vtk_shows_an_open_floor_from_above_white(runtime: Runtime) -> None:
+    family = installed("vtk-ssao")
+    open_floor = Context(runtime, one_square(), (31, 45))
+    image = result(family.prepare(open_floor, "64"))
+    np.testing.assert_array_equal(image, np.ones((31, 45), np.float32))
+
+
+def test_vtk_sees_what_our_camera_sees(context: Context) -> None:
+    installed("vtk-ssao")
+    picture = vtk_ssao.Picture(context, 32)
+    picture.draw()
+    np.testing.assert_array_equal(picture.shown(), context.seen)
+
+
+def test_windows_of_one_peer_outlive_those_of_another(context: Context) -> None:
+    vtk, pyrender = installed("vtk-ssao"), installed("pyrender")
+    first, second = vtk.prepare(context, "32"), pyrender.prepare(context, "depth")
+    before = result(first)
+    del first
+    second.run()
+    third = vtk.prepare(context, "32")
+    del second
+    np.testing.assert_array_equal(result(third), before)
+    pyrender.prepare(context, "flat").run()
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_an_absent_package_names_the_extra_that_brings_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package, extra = PACKAGES[name]
+    for module in [package, *sys.modules]:
+        if module.partition(".")[0] == package:
+            monkeypatch.setitem(sys.modules, module, None)
+    why = PEERS[name].missing()
+    assert f"pip install 'ssgi-cl[{extra}]'" in why
+    assert "\n" not in why
+
+
+def test_vtk_without_a_driver_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    installed("vtk-ssao")
+
+    def no_window(width: int, height: int) -> None:
+        raise AttributeError("built without EGL")
+
+    monkeypatch.setattr(vtk_ssao, "_display", vtk_ssao._display.__wrapped__)  # asks anew
+    monkeypatch.setattr(vtk_ssao, "_window", no_window)
+    assert "OpenGL driver with EGL" in PEERS["vtk-ssao"].missing()
+
+
+def test_pyrender_without_a_driver_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    installed("pyrender")
+    monkeypatch.setenv("EGL_DEVICE_ID", "999")
+    assert "OpenGL driver with EGL" in PEERS["pyrender"].missing()
+
+
+def test_mitsuba_without_llvm_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    installed("mitsuba-ao")
+    monkeypatch.setattr(mitsuba_rays, "best_variant", lambda: "scalar_rgb")
+    assert "libLLVM" in PEERS["mitsuba-path"].missing()
+
+
+def test_a_bounce_without_lamps_is_refused(runtime: Runtime) -> None:
+    dark = Context(runtime, one_square(), (3, 4))
+    with pytest.raises(ValueError, match="square has no lamp"):
+        installed("mitsuba-path").prepare(dark, "1")
+
+
+@pytest.mark.parametrize("name", PEERS)
+@pytest.mark.parametrize("setting", ["0", "many", "-1", ""])
+def test_a_wrong_setting_is_refused(name: str, setting: str, context: Context) -> None:
+    with pytest.raises(ValueError, match=f"setting is '{setting}': expected .*(1 to|'flat')"):
+        installed(name).prepare(context, setting)

@@ -1,0 +1,191 @@
+"""Choosing cases, measuring them, and going on where one can't run."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssgi_cl import lights
+from ssgi_cl.bench import document, front, suite
+from ssgi_cl.bench.case import Case, Subject
+from ssgi_cl.bench.cases import FAMILIES, OWN
+from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.runtime import Runtime
+
+SMALL = (30, 40)
+QUICK = TruthSettings(rays=4, paths=2, points=4)
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+
+
+def test_without_patterns_every_setting_on_every_scene_and_size_is_chosen() -> None:
+    chosen = suite.select([], ["a", "b"], [SMALL, (60, 80)], OWN)
+    assert len(chosen) == 4 * sum(len(family.SETTINGS) for family in OWN.values())
+    assert len(set(chosen)) == len(chosen)
+
+
+def test_a_pattern_may_stop_early_and_hold_wildcards() -> None:
+    def names(*patterns: str) -> list[str]:
+        return [case.name for case in suite.select(patterns, ["a", "b"], [SMALL], OWN)]
+
+    assert names("ssao.16") == ["ssao.16.a.40x30", "ssao.16.b.40x30"]
+    assert names("ssao*.16.b") == [
+        "ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"
+    ]
+    assert names("*.7.a.40x30", "blur.7.a") == ["blur.7.a.40x30"]  # each once
+
+
+def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
+    (case,) = suite.select(["ssao.17.a.41x31"], ["a"], [SMALL], OWN)
+    assert case == Case("ssao", "17", "a", (31, 41))
+    assert suite.select(["ssao.17"], ["a", "b"], [SMALL], OWN) == [
+        Case("ssao", "17", "a", SMALL), Case("ssao", "17", "b", SMALL)
+    ]
+
+
+@pytest.mark.parametrize("pattern", ["sao.16", "ssao.16.c.40x30", "*.nothing"])
+def test_a_pattern_that_fits_nothing_is_refused_with_what_there_is(pattern: str) -> None:
+    with pytest.raises(ValueError, match=r"fits none; families are ssao, .*, scenes a"):
+        suite.select([pattern], ["a"], [SMALL], OWN)
+
+
+def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
+    from ssgi_cl.techniques import TECHNIQUES
+
+    assert set(TECHNIQUES) <= set(FAMILIES)
+
+
+@pytest.mark.slow  # compiles and runs everything, with truths
+def test_every_usual_case_of_ours_can_be_measured(runtime: Runtime) -> None:
+    cases = suite.select([], ["cornell_box"], [SMALL], OWN)
+    found = suite.measure(
+        cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=OWN
+    )
+    assert found.skipped == []
+    assert [result["name"] for result in found.results] == [case.name for case in cases]
+
+
+def test_measured_cases_make_a_document_that_can_be_read_again(
+    runtime: Runtime, tmp_path: Any
+) -> None:
+    cases = suite.select(["ssao.4", "blur.2", "gbuffer.1"], ["cornell_box"], [SMALL], OWN)
+    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
+    front.mark(found.results)
+    written = {**document.stamp(runtime), **suite.entries(found, QUICK, 1.0)}
+    document.write(tmp_path / "found.json", written)
+    again = document.read(tmp_path / "found.json")
+    ssao, blur, gbuffer = again["results"]
+    assert set(ssao["errors"]) == {"world", "assumption"}
+    assert set(blur["errors"]) == {"assumption"}
+    assert gbuffer["errors"] == {}
+    assert ssao["front"]  # the only one of its group
+    # The blur's kernel is its float64 twin but for roundings, about 1e-6 of A.
+    assert blur["errors"]["assumption"]["rmse"] < 1e-5
+    assert set(found.pictures) == {ssao["name"], blur["name"]}
+    # 16 reads of 1200 pixels cannot be faster than all reads of the machine, with room for noise.
+    assert ssao["samples_g_s"] < 3.0 * again["calibration"]["gathers_g_s"]
+
+
+class Broken:
+    """A family whose cases fail to prepare, or to run."""
+
+    SETTINGS = ("now", "later")
+
+    def missing(self) -> str:
+        return ""
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        if setting == "now":
+            raise ValueError("setting is 'now':\n expected another")
+
+        def run() -> None:
+            raise ValueError("not today")
+
+        return Subject(run=run)
+
+
+class Absent(Broken):
+    def missing(self) -> str:
+        return "absent is not installed: pip install 'ssgi-cl[peers]'"
+
+
+def test_what_cannot_run_is_listed_with_the_reason_and_the_rest_goes_on(runtime: Runtime) -> None:
+    families = {"broken": Broken(), "absent": Absent(), "gbuffer": OWN["gbuffer"]}
+    cases = suite.select([], ["cornell_box"], [SMALL], families)
+    found = suite.measure(
+        cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=families
+    )
+    reasons = {entry["name"].split(".")[0:2][0]: entry["reason"] for entry in found.skipped}
+    assert reasons == {
+        "broken": "not today", "absent": "absent is not installed: pip install 'ssgi-cl[peers]'"
+    }
+    assert "setting is 'now': expected another" in [entry["reason"] for entry in found.skipped]
+    assert [result["family"] for result in found.results] == ["gbuffer", "gbuffer"]
+
+
+def test_a_scene_without_lamps_skips_what_needs_them_and_says_so(runtime: Runtime) -> None:
+    dark = replace(cornell_box(), lights=(lights.Environment(1.0),))
+    cases = suite.select(["direct.512", "rsm.512", "ssao.4"], ["cornell_box"], [SMALL], OWN)
+    found = suite.measure(cases, {"cornell_box": dark}, runtime, truths=QUICK, runs=4)
+    assert {entry["name"]: entry["reason"] for entry in found.skipped} == {
+        name: "cornell_box has no lamp: expected at least one"
+        for name in ("direct.512.cornell_box.40x30", "rsm.512.cornell_box.40x30")
+    }
+    assert len(found.results) == 1
+
+
+def test_without_the_package_that_a_truth_needs_times_are_kept_and_the_extra_is_named(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
+    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
+    assert [entry["name"] for entry in found.skipped] == [
+        "world truth of ssao.4.cornell_box.40x30"
+    ]
+    assert "pip install 'ssgi-cl[truth]'" in found.skipped[0]["reason"]
+    assert set(found.results[0]["errors"]) == {"assumption"}
+
+
+def test_an_image_that_shows_nothing_is_timed_without_errors(runtime: Runtime) -> None:
+    away = replace(cornell_box(), eye=(0.0, 0.0, -5.0), target=(0.0, 0.0, -9.0))
+    cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
+    found = suite.measure(cases, {"cornell_box": away}, runtime, truths=QUICK, runs=4)
+    assert found.skipped == []
+    assert found.results[0]["errors"] == {}
+
+
+def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> None:
+    seen: list[tuple[str, float]] = []
+    cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
+    wrong = suite.make_truths(
+        cases, {"cornell_box": cornell_box()}, runtime, QUICK,
+        report=lambda text, share: seen.append((text, share)),
+    )
+    assert wrong == []
+    shares = [share for _, share in seen]
+    # Several truths of one case each count from its beginning.
+    assert min(shares) == 0.0
+    assert shares[-1] == 1.0
+    assert max(shares) <= 1.0
+    assert any("rays of cornell_box" in text for text, _ in seen)
+
+
+def test_the_truth_of_another_attenuation_is_another_truth(runtime: Runtime) -> None:
+    means = []
+    for attenuation in ("none", "linear"):
+        context = Context(
+            runtime, cornell_box(), SMALL, replace(QUICK, rays=16, attenuation=attenuation)
+        )
+        means.append(float(context.occlusion().mean.mean()))
+    # What is far away occludes less.
+    assert means[1] > means[0] + 0.01
+    assert np.isfinite(means).all()

@@ -1,0 +1,46 @@
+"""The sentence that tells from which error on rays are the better choice."""
+
+from __future__ import annotations
+
+import pytest
+
+from ssgi_cl.bench.verdict import rays_ms, verdict
+
+from .documents import entry
+
+RAYS = [entry("embree.1.hall.8x6", 10.0, 0.4), entry("embree.4.hall.8x6", 40.0, 0.1)]
+
+
+def test_between_two_settings_the_time_of_rays_is_a_power_of_the_error() -> None:
+    # Half way in the logarithm of the error: the geometric mean of both times.
+    assert rays_ms(RAYS, 0.2) == pytest.approx(20.0)
+    assert rays_ms(RAYS, 0.1) == pytest.approx(40.0)
+    assert rays_ms(RAYS, 0.9) == 10.0  # one ray does more than is asked
+    assert rays_ms(RAYS, 0.05) is None
+
+
+def test_the_faster_of_plain_and_blurred_rays_counts() -> None:
+    both = [*RAYS, entry("embree-blur.1.hall.8x6", 12.0, 0.08)]
+    assert rays_ms(both, 0.1) == 12.0
+
+
+def test_rays_are_better_below_the_least_error_that_is_reached_sooner_than_they_do() -> None:
+    own = [
+        entry("ssao.4.hall.8x6", 2.0, 0.3), entry("ssao.16.hall.8x6", 8.0, 0.2),
+        entry("ssao.64.hall.8x6", 60.0, 0.15),
+    ]
+    said = verdict([*RAYS, *own])
+    assert "below an RMSE of 0.200, which ssao.16 has in 8.00 ms (rays need 20.0 ms)" in said
+
+
+def test_where_rays_are_always_sooner_or_never_as_good_it_says_so() -> None:
+    slow = entry("ssao.4.hall.8x6", 50.0, 0.3)
+    assert verdict([*RAYS, slow]).startswith("Rays against the mesh reach every error")
+    good = entry("ssao.4.hall.8x6", 50.0, 0.01)
+    assert "no rays measured reach it" in verdict([*RAYS, good])
+
+
+def test_without_rays_or_without_ours_nothing_is_said() -> None:
+    assert verdict(RAYS) == ""
+    assert verdict([entry("ssao.4.hall.8x6")]) == ""
+    assert verdict([*RAYS, entry("ssao.4.hall.8x6", rmse=None)]) == ""

@@ -88,8 +88,8 @@ _attenuation = click.option(
 @_attenuation
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report, .html.")
-@click.option("--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, and its "
-              "plots beside it.")
+@click.option("--markdown", type=click.Path(path_type=Path),
+              help="Write a summary, .md, with plots and pictures beside it.")
 @click.option("--list", "only_list", is_flag=True, help="List the cases and measure nothing.")
 @click.option("--compare", "compared", nargs=2, type=click.Path(path_type=Path),
               metavar="BEFORE.json AFTER.json", help="Tell what got slower or worse beyond noise; "
@@ -134,7 +134,7 @@ def bench_command(
         if html is not None:
             report.write(html, doc, found.pictures)
         if markdown is not None:
-            summary.write(markdown, doc)
+            summary.write(markdown, doc, found.pictures)
     if as_json:
         click.echo(document.text(doc))
     else:

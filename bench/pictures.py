@@ -50,8 +50,8 @@ def exposure_of(truth: Floats, seen: Mask) -> float:
     return auto_exposure(np.where(seen[..., None], _finite(truth), np.float32(0.0)))
 
 
-def picture(image: Floats, exposure: float) -> str:
-    """Return a data URI of WebP.
+def encoded(image: Floats, exposure: float) -> NDArray[np.uint8]:
+    """Return what a screen shows, [rows, columns] or [rows, columns, 3].
 
     Args:
         image: [rows, columns], a share: black is 0 and white 1, without gamma; or
@@ -61,14 +61,17 @@ def picture(image: Floats, exposure: float) -> str:
     """
     image = _finite(image)
     if image.ndim == 2:
-        encoded = share_view(image)
-    else:
-        encoded = np.rint(encoded_reference(image, exposure)).astype(np.uint8)
-    return _uri(encoded, quality=QUALITY, method=4)
+        return share_view(image)
+    return np.rint(encoded_reference(image, exposure)).astype(np.uint8)
 
 
-def error_map(image: Floats, truth: Floats, seen: Mask) -> str:
-    """Return a data URI of WebP: blue is too dark, orange too bright, grey not compared.
+def picture(image: Floats, exposure: float) -> str:
+    """Return what `encoded` returns as a data URI of WebP."""
+    return _uri(encoded(image, exposure), quality=QUALITY, method=4)
+
+
+def error_colors(image: Floats, truth: Floats, seen: Mask) -> NDArray[np.uint8]:
+    """Return [rows, columns, 3]: blue is too dark, orange too bright, grey not compared.
 
     Of shares the difference, of light the difference of luminance over that of the truth, to which
     1 % of its mean is added so that black pixels have an error too. Ends of the scale are
@@ -83,9 +86,14 @@ def error_map(image: Floats, truth: Floats, seen: Mask) -> str:
         share = (value - reference) / np.maximum(reference + base, 1e-30) / LIGHT_RANGE
     level = np.rint((np.clip(share, -1.0, 1.0) + 1.0) * 0.5 * (LEVELS - 1)).astype(np.uint8)
     level[~seen] = LEVELS
-    colors = np.concatenate([scale(), np.array([_NOTHING], np.uint8)])
+    colors: NDArray[np.uint8] = np.concatenate([scale(), np.array([_NOTHING], np.uint8)])[level]
+    return colors
+
+
+def error_map(image: Floats, truth: Floats, seen: Mask) -> str:
+    """Return what `error_colors` returns as a data URI of WebP."""
     # Without loss, so that a colour says which step of the scale it is.
-    return _uri(colors[level], lossless=True, quality=50, method=4)
+    return _uri(error_colors(image, truth, seen), lossless=True, quality=50, method=4)
 
 
 def _finite(image: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""A document as a page of Markdown with its plots beside it, small enough to be kept with code."""
+"""A document as a page of Markdown with plots and pictures, small enough to be kept with code."""
 
 from __future__ import annotations
 
@@ -6,16 +6,23 @@ import os
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
 
 from ssgi_cl import atomic
 
 from .document import Group, clock, groups, metric
 from .peers import PEERS
+from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
 from .report_page import PLOT_STYLE
 from .verdict import verdict
 from .wording import calibration_line, number, revision, short_name, title
+
+if TYPE_CHECKING:
+    from .suite import Pictures
 
 _HEAD = "| | case | ms | ratio | RMSE | bias | SSIM | FLIP | RMSE of the model |"
 _RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|"
@@ -25,14 +32,25 @@ _LEGEND = (
     "through the mesh; the last column is against what the same screen-space model converges to."
 )
 _ENTRY_WIDTH, _ROW = 140, 22
+_STRIP, _QUALITY = 1200, 80
+"""Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""
 
 
-def write(path: str | os.PathLike[str], document: Mapping[str, Any]) -> list[Path]:
-    """Write the page, and a plot of each group that has errors; return all files.
+def write(
+    path: str | os.PathLike[str], document: Mapping[str, Any], pictures: Mapping[str, Pictures]
+) -> list[Path]:
+    """Write the page, with a plot and a strip of pictures of each group that has errors.
+
+    A strip shows a result, the truth and the error map, of the case of this library on the front
+    that has the least error.
 
     Args:
-        path: of the page; plots lie beside it and begin with its name.
+        path: of the page; plots and pictures lie beside it and begin with its name.
         document: see `document`.
+        pictures: name of a case -> what it gave, for those that have any.
+
+    Returns:
+        All files.
 
     Raises:
         OSError: a file can't be written; the message names it.
@@ -52,20 +70,62 @@ def write(path: str | os.PathLike[str], document: Mapping[str, Any]) -> list[Pat
     files = []
     for key, results in groups(document["results"]).items():
         lines += ["", f"## {title(key)}", ""]
+        name = f"{page.stem}-{key[0]}-{key[1]}-{key[2][1]}x{key[2][0]}"
         drawn = _drawing(key, results)
         if drawn:
-            name = f"{page.stem}-{key[0]}-{key[1]}-{key[2][1]}x{key[2][0]}.svg"
-            with atomic.replacement(page.with_name(name)) as temporary:
+            files.append(page.with_name(f"{name}.svg"))
+            with atomic.replacement(files[-1]) as temporary:
                 temporary.write_text(drawn, encoding="utf-8")
-            files.append(page.with_name(name))
-            lines += [f"![{title(key)}: error over time]({name})", ""]
+            lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = verdict(results)
         lines += [said, ""] if said else []
         lines += [_HEAD, _RULE, *map(_row, results)]
+        best = _best(results, pictures)
+        if best is not None:
+            files.append(page.with_name(f"{name}.jpg"))
+            with atomic.replacement(files[-1]) as temporary:
+                _strip(pictures[best["name"]]).save(temporary, "JPEG", quality=_QUALITY)
+            lines += [
+                "",
+                f"![{short_name(best)}, truth, error]({name}.jpg)",
+                "",
+                f"*{short_name(best)}; truth; error from blue, {-OCCLUSION_RANGE}, to orange, "
+                f"+{OCCLUSION_RANGE} (of light, half the truth's luminance).*",
+            ]
     lines += ["", *(f"- {entry['name']}: {entry['reason']}" for entry in document["skipped"])]
     with atomic.replacement(page) as temporary:
         temporary.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
     return [page, *files]
+
+
+def _best(
+    results: list[dict[str, Any]], pictures: Mapping[str, Pictures]
+) -> dict[str, Any] | None:
+    """Return this library's result on the front that has the least error and pictures."""
+    shown = [
+        (error, result)
+        for result in results
+        if result["front"] and result["family"] not in PEERS and result["name"] in pictures
+        and (error := metric(result, "world", "rmse")) is not None
+    ]
+    return min(shown, key=lambda pair: pair[0])[1] if shown else None
+
+
+def _strip(of: Pictures) -> Image.Image:
+    """Return result, truth and error map beside one another."""
+    world = of.result if of.world is None else of.world
+    exposure = 1.0 if world.ndim == 2 else exposure_of(world, of.seen)
+    parts = [
+        np.broadcast_to(np.atleast_3d(part), (*of.seen.shape, 3))
+        for part in (
+            encoded(of.result, exposure), encoded(world, exposure),
+            error_colors(of.result, world, of.seen),
+        )
+    ]
+    strip = Image.fromarray(np.concatenate(parts, axis=1))
+    if strip.width > _STRIP:
+        strip = strip.resize((_STRIP, round(strip.height * _STRIP / strip.width)))
+    return strip
 
 
 def _row(result: Mapping[str, Any]) -> str:

@@ -6,7 +6,11 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
+from PIL import Image
+
 from ssgi_cl.bench import front, summary
+from ssgi_cl.bench.suite import Pictures
 
 from .documents import entry, whole
 
@@ -19,7 +23,7 @@ def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
         entry("gbuffer.1.hall.8x6", 3.0, None, quantity="", errors={}),
     ]
     front.mark(results)
-    files = summary.write(tmp_path / "page.md", whole(*results))
+    files = summary.write(tmp_path / "page.md", whole(*results), {})
     assert [file.name for file in files] == ["page.md", "page-occlusion-hall-8x6.svg"]
     text = files[0].read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| ") and "case" not in line]
@@ -31,14 +35,36 @@ def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
 
 def test_a_plot_is_a_whole_svg_of_its_own_with_a_legend(tmp_path: Path) -> None:
     results = [entry("ssao.4.hall.8x6", 1.0, 0.2), entry("embree.16.hall.8x6", 9.0, 0.05)]
-    _, drawing = summary.write(tmp_path / "page.md", whole(*results))
+    _, drawing = summary.write(tmp_path / "page.md", whole(*results), {})
     root = ET.fromstring(drawing.read_text(encoding="utf-8"))
     texts = ["".join(element.itertext()) for element in root.iter() if element.tag.endswith("text")]
     assert {"ssao", "embree"} <= set(texts)
     assert any(element.tag.endswith("style") for element in root.iter())
 
 
+def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path: Path) -> None:
+    results = [
+        entry("ssao.4.hall.8x6", 1.0, 0.2), entry("ssao.16.hall.8x6", 2.0, 0.1),
+        entry("ssao.64.hall.8x6", 3.0, 0.3), entry("embree.16.hall.8x6", 9.0, 0.05),
+    ]
+    front.mark(results)
+    half = np.full((6, 8), 0.5, np.float32)
+    images = {
+        result["name"]: Pictures(half + shift, half, None, np.ones((6, 8), np.bool_))
+        for result, shift in zip(results, (0.1, 0.25, 0.2, 0.0), strict=True)
+    }
+    page, _, strip = summary.write(tmp_path / "page.md", whole(*results), images)
+    assert "*ssao.16; truth; error" in page.read_text(encoding="utf-8")
+    shown = np.asarray(Image.open(strip).convert("RGB")).astype(float)
+    assert shown.shape == (6, 24, 3)
+    # Shares without gamma: 0.75 and 0.5 of white, JPEG's rounding aside; the error is the
+    # scale's upper end.
+    np.testing.assert_allclose(shown[:, :7].mean(axis=(0, 1)), 191.0, atol=4.0)
+    np.testing.assert_allclose(shown[:, 9:15].mean(axis=(0, 1)), 128.0, atol=4.0)
+    np.testing.assert_allclose(shown[:, 17:].mean(axis=(0, 1)), (128, 48, 0), atol=24.0)
+
+
 def test_what_was_skipped_is_listed_and_an_empty_document_is_a_page_too(tmp_path: Path) -> None:
     skipped = [{"name": "vtk-ssao.64.hall.8x6", "reason": "vtk is not installed"}]
-    (page,) = summary.write(tmp_path / "page.md", whole(skipped=skipped))
+    (page,) = summary.write(tmp_path / "page.md", whole(skipped=skipped), {})
     assert "- vtk-ssao.64.hall.8x6: vtk is not installed" in page.read_text(encoding="utf-8")

@@ -1,6 +1,7 @@
 """Image-space global illumination on G-buffers: numpy in, numpy out, OpenCL in between."""
 
-from ssgi_cl import metrics, rasterize
+from ssgi_cl import metrics, rasterize, truth
+from ssgi_cl.bench.tune import TuneError, Tuning, tune
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.drivers import Form
@@ -11,6 +12,7 @@ from ssgi_cl.errors import (
     MissingExtraError,
     SceneError,
     SsgiError,
+    TruthError,
 )
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -52,6 +54,9 @@ __all__ = [
     "SsaoParams",
     "SsgiError",
     "Tonemap",
+    "TruthError",
+    "TuneError",
+    "Tuning",
     "Upsample",
     "__version__",
     "bilateral_blur",
@@ -62,5 +67,7 @@ __all__ = [
     "shade",
     "ssao",
     "tonemap",
+    "truth",
+    "tune",
     "upsample",
 ]

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from ssgi_cl.lights import DirectionalLight, Environment, SpotLight
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene, cornell_box, hall
+from ssgi_cl.rasterize.parts import complete
+from ssgi_cl.rasterize.scenes import (
+    BUILTIN_SCENES,
+    REPORTED,
+    TUNED_ON,
+    BuiltinScene,
+    cornell_box,
+    hall,
+    terrace,
+    workshop,
+)
+from ssgi_cl.rasterize.scenes.scatter import copies, noise, rotation, shares
+from ssgi_cl.rasterize.scenes.shapes import ball, box, pole
 
 
 @pytest.fixture(scope="module", params=sorted(BUILTIN_SCENES))
@@ -150,3 +163,138 @@ def test_hall_has_saturated_cloth() -> None:
     for channel, name in enumerate(("red cloth", "green cloth", "blue cloth")):
         others = np.delete(names[name], channel)
         assert names[name][channel] > 3 * others.max()
+
+
+def test_scenes_for_tuning_and_for_reporting_are_kept_apart() -> None:
+    assert not set(REPORTED) & set(TUNED_ON)
+    assert set(REPORTED) | set(TUNED_ON) == set(BUILTIN_SCENES)
+
+
+def test_every_view_stands_free_and_sees_the_scene(built: BuiltinScene) -> None:
+    points = centres(built)
+    for view in built.views():
+        camera = view.camera(64, 48)
+        distance = np.linalg.norm(points - np.array(view.eye), axis=1).min()
+        # Half of the reach of ambient occlusion, so that nothing fills the picture.
+        assert distance > 0.5 * view.ao_radius
+        in_view = points @ camera.view[:3, :3].T + camera.view[:3, 3]
+        slopes = np.abs(in_view[:, :2] / in_view[:, 2:])
+        reach = math.tan(0.5 * view.yfov)
+        seen = (in_view[:, 2] < 0) & (slopes[:, 0] < reach * 64 / 48) & (slopes[:, 1] < reach)
+        assert seen.mean() > 0.05
+
+
+def test_views_are_the_own_one_and_then_the_others() -> None:
+    built = workshop()
+    first, *others = built.views()
+    assert (first.eye, first.target) == (built.eye, built.target)
+    assert tuple((view.eye, view.target) for view in others) == built.more_views
+    assert all(view.scene is built.scene for view in others)
+    assert all(len(view.views()) == 1 for view in others)
+
+
+def test_cornell_box_has_one_view() -> None:
+    (view,) = cornell_box().views()
+    assert view.eye == cornell_box().eye
+
+
+@pytest.mark.parametrize("make", [workshop, terrace])
+def test_scenes_for_tuning_are_compact_and_made_quickly(
+    make: Callable[[], BuiltinScene],
+) -> None:
+    start = time.perf_counter()
+    built = make()
+    # Copies are array operations and take a fraction of a second, even on a busy machine.
+    assert time.perf_counter() - start < 10.0
+    assert 20_000 <= len(built.scene.triangles) <= 150_000
+    assert len(built.views()) >= 2
+
+
+def test_workshop_is_a_room_with_wires_of_millimetres() -> None:
+    built = workshop()
+    scene = built.scene
+    rubber = scene.triangles[material_of(built, "rubber")]
+    edges = np.linalg.norm(
+        scene.positions[rubber] - np.roll(scene.positions[rubber], 1, axis=1), axis=-1
+    )
+    # The shortest edges are sides of an octagon round a wire 3 mm across.
+    assert edges.min() < 0.002
+    assert built.scene.bounds[1, 1] - built.scene.bounds[0, 1] < 4.0
+
+
+def test_terrace_has_sky_above_and_solid_leaves() -> None:
+    built = terrace()
+    assert {type(light) for light in built.lights} == {DirectionalLight, Environment}
+    scene = built.scene
+    leaves = scene.triangles[material_of(built, "leaf")]
+    corners = scene.positions[leaves].astype(np.float64)
+    # Signed volume: each leaf is closed and faces outwards.
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    each = volume.reshape(-1, 8).sum(axis=1)
+    # Coordinates of 14 m in float32 leave about 1e-5 of a leaf's 1e-5 m^3 in doubt.
+    assert (each > 0.0).all()
+
+
+def test_shares_depend_on_the_seed_alone() -> None:
+    # The bits of PCG64 for a seed are fixed for good; these are its first three for 7.
+    np.testing.assert_allclose(
+        shares(7, 3), [0.625095467, 0.897213801, 0.77568569], rtol=0, atol=1e-9
+    )
+    assert (shares(7, 100) != shares(8, 100)).all()
+    values = shares(1, 10000)
+    assert values.min() >= 0.0
+    assert values.max() < 1.0
+    # The mean of 10,000 has a standard error of 0.003.
+    assert abs(values.mean() - 0.5) < 0.012
+
+
+def test_rotation_turns_by_the_right_hand() -> None:
+    turned = rotation((0.0, 0.0, 2.0), [0.5 * np.pi])[0] @ [1.0, 0.0, 0.0]
+    np.testing.assert_allclose(turned, [0.0, 1.0, 0.0], rtol=0, atol=1e-15)
+
+
+def test_copies_are_scaled_then_turned_then_moved() -> None:
+    part = complete(box((0, 0, 0), (1, 1, 1)), 0.5)
+    both = copies(
+        part, [(5.0, 0.0, 0.0), (0.0, 7.0, 0.0)],
+        turns=rotation((0.0, 1.0, 0.0), [0.0, 0.5 * np.pi]), scales=[(2.0, 1.0, 3.0)] * 2,
+    )  # fmt: skip
+    first, second = both.positions.reshape(2, -1, 3)
+    np.testing.assert_allclose(first.max(axis=0), [7.0, 1.0, 3.0])
+    # A quarter turn about y takes +z to +x and +x to -z.
+    np.testing.assert_allclose(second.max(axis=0), [3.0, 8.0, 0.0], atol=1e-12)
+    assert len(both.triangles) == 2 * len(part.triangles)
+    assert both.triangles.max() == len(both.positions) - 1
+
+
+def test_normals_of_stretched_copies_stay_normal() -> None:
+    part = complete(ball(1.0, 24), 1.0)
+    stretched = complete(copies(part, [(0.0, 0.0, 0.0)], scales=[(3.0, 1.0, 1.0)]), 1.0)
+    assert stretched.normals is not None
+    gradient = stretched.positions / [9.0, 1.0, 1.0]
+    gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
+    # Averaged over facets of 15 degrees, stretched by 3; scaled like positions they would be 53
+    # degrees off.
+    assert np.einsum("ij,ij->i", stretched.normals, gradient).min() > 0.97
+
+
+def test_copies_need_normals() -> None:
+    with pytest.raises(ValueError, match="box has no normals: expected a completed part"):
+        copies(box((0, 0, 0), (1, 1, 1)), [(0.0, 0.0, 0.0)])
+
+
+def test_noise_is_smooth_and_within_0_and_1() -> None:
+    x, y = np.meshgrid(np.linspace(0.0, 30.0, 601), np.linspace(0.0, 30.0, 601))
+    values = noise(5, x, y)
+    assert values.min() >= 0.0
+    assert values.max() < 1.0
+    assert values.std() > 0.1
+    # The cubic blend has a slope of at most 1.5 a unit, here 0.05 a step.
+    assert np.abs(np.diff(values, axis=1)).max() <= 1.5 * 0.05
+
+
+def test_pole_runs_from_end_to_end_with_its_radius() -> None:
+    part = pole((1.0, 2.0, 3.0), (1.0, 2.0, 7.0), 0.25, 16)
+    np.testing.assert_allclose(np.ptp(part.positions, axis=0), [0.5, 0.5, 4.0], atol=1e-12)
+    away = np.hypot(part.positions[:, 0] - 1.0, part.positions[:, 1] - 2.0)
+    np.testing.assert_allclose(away, 0.25)

@@ -6,7 +6,8 @@
 //          where d is how far the sample lies behind the surface that the camera sees there.
 // Departs: with the hemisphere flip, a surface occludes only if it rises above the receiver's
 //          tangent plane, so that a plane never occludes itself, at any tilt; and occlusion sets in
-//          over a fiftieth of a radius, so that a rounding seldom shows.
+//          over a fiftieth of a radius, so that a rounding seldom shows. A is raised to
+//          params.contrast, since points find less occlusion than rays do.
 // Reads:   depth    [rows, columns] with margin, scene units, > 0; INFINITY where nothing is
 //          normal   3 x [rows, columns] with margin, view space, unit length
 //          samples  [4 rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball, already
@@ -160,6 +161,9 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
         }
         greatest = v_max(greatest, sum / v_max(known, v_splat(1.0f)));
     }
-    const vfloat a = v_clamp(1.0f - greatest, 0.0f, 1.0f);
+    const vfloat open = v_clamp(1.0f - greatest, 0.0f, 1.0f);
+    const vfloat a = params.contrast == 1.0f
+                         ? open
+                         : v_min(v_pow(open, v_splat(params.contrast)), v_splat(1.0f));
     ssgi_store(v_select(v_splat(1.0f), a, there), openness, size, 0, x, y, 1.0f);
 }

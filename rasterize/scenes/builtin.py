@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.lights import Light
@@ -23,6 +23,7 @@ class BuiltinScene:
         yfov: vertical field of view in radians.
         lights: what lights it, in W and metres.
         ao_radius: a reach of ambient occlusion that suits the scene, metres.
+        more_views: (eye, target) of further views, with the same `up` and `yfov`.
     """
 
     name: str
@@ -33,6 +34,12 @@ class BuiltinScene:
     yfov: float
     lights: tuple[Light, ...]
     ao_radius: float
+    more_views: tuple[tuple[Vector, Vector], ...] = ()
+
+    def views(self) -> tuple[BuiltinScene, ...]:
+        """Return the scene as seen from each of its views, its own first."""
+        every = ((self.eye, self.target), *self.more_views)
+        return tuple(replace(self, eye=eye, target=at, more_views=()) for eye, at in every)
 
     def camera(self, width: int, height: int) -> Camera:
         """Return the view as a camera of `width` x `height` pixels."""

@@ -86,6 +86,20 @@ def tube(path: NDArray[np.float64], across: ArrayLike, radius: float, sides: int
     return grid(path[:, None, :] + radius * ring, closed=True, name="tube")
 
 
+def pole(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> Part:
+    """Return a round bar from `start` to `end` [3], open at its ends."""
+    path = np.array([start, end], dtype=np.float64)
+    along = path[1] - path[0]
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    return tube(path, across / np.linalg.norm(across), radius, sides)
+
+
+def ball(radius: float, segments: int) -> Part:
+    """Return a sphere round the origin."""
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, segments // 2 + 1)
+    return lathe(radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), segments)
+
+
 def rounded(points: Sequence[tuple[float, float]], steps: int) -> NDArray[np.float64]:
     """Return a smooth profile through [points, 2] (Catmull-Rom), `steps` pieces for each gap."""
     given = np.array(points, dtype=np.float64)

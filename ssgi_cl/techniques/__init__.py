@@ -1,9 +1,9 @@
-"""Techniques: one module each, and the list by which the command line finds them."""
+"""Techniques: one module each, and the list by which the command line and tuning find them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from ssgi_cl.params import Params
@@ -18,11 +18,32 @@ class Entry:
         function: called with a G-buffer, `runtime` and the parameters.
         params: the dataclass that declares them.
         channel: name of the result in a file.
+        quantity: what the result is, a method of the benchmark's `Context` that gives its truth.
+        tunable: parameters that are worth tuning: a tuple (low, high), or a list of values.
     """
 
     function: Callable[..., Any]
     params: type[Params]
     channel: str
+    quantity: str = "occlusion"
+    tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
 
 
-TECHNIQUES: dict[str, Entry] = {"ssao": Entry(ssao, SsaoParams, "ao")}
+TECHNIQUES: dict[str, Entry] = {
+    "ssao": Entry(
+        ssao,
+        SsaoParams,
+        "ao",
+        tunable={
+            "samples": [4, 6, 8, 12, 16, 24, 32, 48, 64, 96],
+            "length_power": (0.15, 1.2),
+            "full": (0.0, 4.0),
+            "none": (0.25, 8.0),
+            "power": [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6],  # 1 is faster by a third
+            "bias": (0.0, 0.1),
+            "contrast": (1.0, 6.0),
+            "resolution": ["full", "half"],
+            "blur_radius": (0, 6),
+        },
+    )
+}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl import check
+from ssgi_cl import check, presets
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
@@ -26,7 +26,7 @@ SSAO = Struct(
         *floats("radius_0", "radius_1", "radius_2", "radius_3"),
         *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
         *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
-        *floats("border_depth"),
+        *floats("contrast", "border_depth"),
         *(
             (name, "int")
             for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")
@@ -75,6 +75,10 @@ class SsaoParams(Params):
     bias: float = param(
         0.02, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
         unit="radii",
+    )
+    contrast: float = param(
+        1.0, "exponent of A before the blur; points find less occlusion than rays do, so that more "
+        "than 1 comes closer to the truth", low=0.1, high=10.0,
     )
     outside: str | float = param(
         "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
@@ -129,6 +133,21 @@ class SsaoParams(Params):
             raise ValueError(
                 f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
             )
+
+    @classmethod
+    def preset(cls, name: str, **overrides: Any) -> Self:
+        """Return parameters that tuning found: "low", "medium", "high" or "ultra".
+
+        `ssgi_cl.presets.record("ssao")` tells what they were tuned on, their time and error.
+
+        Args:
+            name: of the preset.
+            **overrides: fields that have another value; the radius, which is the scene's, is one.
+
+        Raises:
+            TypeError, ValueError: there is no such preset, or a field is wrong.
+        """
+        return cls(**{**presets.parameters("ssao", name), **overrides})
 
 
 def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
@@ -277,6 +296,7 @@ class Ssao:
                 "power": params.power,
                 "curve_end": params.falloff_end,
                 "curve_scale": (curve_size - 1) / params.falloff_end,
+                "contrast": params.contrast,
                 "border_depth": params.outside
                 if isinstance(params.outside, float) else math.inf,
                 "margin_left": source.margin[1],
@@ -290,8 +310,9 @@ class Ssao:
 def ssao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: ArrayLike = 0.5,
-    samples: int = 16,
+    samples: int | None = None,
     *,
+    preset: str | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -301,7 +322,9 @@ def ssao(
         gbuffer: depth, and normals if there are any; with a margin, samples reach into it.
         radius: of the ball in scene units, > 0; up to 4 values, of which the greatest occlusion
             counts in each pixel.
-        samples: points per pixel, 1 to 256.
+        samples: points per pixel, 1 to 256; by default 16, or the preset's.
+        preset: "low", "medium", "high" or "ultra": where the fields that are not given come from;
+            see `SsaoParams.preset`. By default the defaults of `SsaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsaoParams`.
 
@@ -315,7 +338,10 @@ def ssao(
     radii = np.asarray(radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
-    chosen = SsaoParams(radius=tuple(radii.ravel().tolist()), samples=samples, **params)
+    params["radius"] = tuple(radii.ravel().tolist())
+    if samples is not None:
+        params["samples"] = samples
+    chosen = SsaoParams(**params) if preset is None else SsaoParams.preset(preset, **params)
     device = on_device(gbuffer, runtime)
     technique: Ssao = device.runtime.prepared(
         (Ssao, device.size, device.margin, chosen),

@@ -83,6 +83,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "radii": {"radius": (0.2, 0.6, 1.5), "max_radius_px": 9.0},
     "more samples near the eye": {"near_px": 5.0, "max_samples": 40, "bias": 0.1},
+    "contrast": {"contrast": 2.7, "samples": 5},
 }
 
 
@@ -205,6 +206,19 @@ def test_falloff_weighs_occluders_by_its_formula(runtime: Runtime, name: str) ->
               for y in range(6, 10)]
     # Depths of 5 are rounded to 2^-22, which is 6e-7 radii; the steepest falloff is 4.4 a radius.
     np.testing.assert_allclose(a[6:10, 6:10], wanted, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("contrast", [0.3, 2.5, 10.0])
+def test_contrast_raises_the_result_to_its_power_and_leaves_the_open_open(
+    form_runtime: Runtime, rng: np.random.Generator, contrast: float
+) -> None:
+    gbuffer = scene("bumpy", camera(size=(31, 39)), rng)
+    a = ssao(gbuffer, RADIUS, blur_radius=0, runtime=form_runtime)
+    deeper = ssao(gbuffer, RADIUS, blur_radius=0, contrast=contrast, runtime=form_runtime)
+    # v_pow's bound; 1 stays exactly 1.
+    np.testing.assert_allclose(deeper, a.astype(np.float64) ** contrast, rtol=0, atol=3e-7)
+    assert (a == 1.0).any()
+    np.testing.assert_array_equal(deeper[a == 1.0], 1.0)
 
 
 @pytest.mark.parametrize("outside", ["unknown", "open", 4.8])

@@ -1,0 +1,150 @@
+"""Time and error of a technique with given parameters, over several views at once."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl import metrics
+from ssgi_cl.techniques import Entry
+
+from .calibration import GatherLoad
+from .case import Subject
+from .context import Context
+from .measure import Stopwatch
+
+METRICS: dict[str, Callable[..., float]] = {
+    "rmse": metrics.rmse,
+    "mrse": metrics.mrse,
+    "p99": metrics.p99,
+    "flip": metrics.flip,
+}
+"""Errors that may be minimised; of several views their root mean square counts."""
+
+RUNS = 3
+"""Repetitions of a first, rough time."""
+CAREFUL_RUNS = 16
+"""Repetitions where a time decides."""
+REFERENCE_RUNS = 50
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of some parameters.
+
+    Attributes:
+        parameters: those that were varied.
+        ms: device time of a picture, mean over the views, milliseconds.
+        error: root mean square over the views; None where the time alone ruled it out.
+    """
+
+    parameters: Mapping[str, Any]
+    ms: float
+    error: float | None
+
+
+class Trials:
+    """A technique on some views, each parameter set measured once.
+
+    Args:
+        entry: the technique.
+        contexts: the views, all of one device and size.
+        fixed: parameters that are the same in every trial; `radius` is the view's without.
+        metric: key in `METRICS`.
+    """
+
+    def __init__(
+        self, entry: Entry, contexts: Sequence[Context], fixed: Mapping[str, Any], metric: str
+    ) -> None:
+        self._entry = entry
+        self._contexts = contexts
+        self._fixed = dict(fixed)
+        self._metric = METRICS[metric]
+        self._runtime = contexts[0].runtime
+        self._takes_radius = "radius" in entry.params.__dataclass_fields__  # type: ignore[attr-defined]
+        self._stopwatch = Stopwatch(self._runtime, runs=CAREFUL_RUNS)
+        self._reference = GatherLoad(self._runtime)
+        # Ratios to the reference become milliseconds by its least time: what else the machine
+        # does only slows it down.
+        self._reference_ms = min(
+            self._device_ms(self._reference.run) for _ in range(REFERENCE_RUNS)
+        )
+        self._kept: dict[tuple[tuple[str, Any], ...], Trial] = {}
+
+    def prepare(self) -> None:
+        """Make G-buffers and truths of all views."""
+        for context in self._contexts:
+            self._truth(context)
+
+    @property
+    def tried(self) -> list[Trial]:
+        """All trials, in the order in which they were first made."""
+        return list(self._kept.values())
+
+    def measure(self, parameters: Mapping[str, Any], limit_ms: float = math.inf) -> Trial:
+        """Return time, roughly, and error; no error beyond `limit_ms`."""
+        key = tuple(sorted(parameters.items()))
+        kept = self._kept.get(key)
+        if kept is not None and (kept.error is not None or kept.ms > limit_ms):
+            return kept
+        images = self.images(parameters)  # the first run, which compiles, is not timed
+        ms = self._rough_ms(parameters) if kept is None else kept.ms
+        error = self._error(images) if ms <= limit_ms else None
+        trial = self._kept[key] = Trial(dict(parameters), ms, error)
+        return trial
+
+    def confirm(self, trial: Trial) -> Trial:
+        """Return a trial with its time measured again, longer, which replaces the first."""
+        timing = self._stopwatch.time(Subject(run=lambda: self.images(trial.parameters)))
+        confirmed = Trial(trial.parameters, self._ms(timing.ratio.median), trial.error)
+        self._kept[tuple(sorted(trial.parameters.items()))] = confirmed
+        return confirmed
+
+    def images(self, parameters: Mapping[str, Any]) -> list[NDArray[np.float32]]:
+        """Return the technique's result on each view."""
+        results = []
+        for context in self._contexts:
+            values = {**self._fixed, **parameters}
+            if self._takes_radius:
+                values.setdefault("radius", context.radius)
+            results.append(
+                self._entry.function(context.gbuffer, runtime=self._runtime, **values)
+            )
+        return results
+
+    def error(self, parameters: Mapping[str, Any]) -> float:
+        """Return the root mean square over the views of the error against the world truth."""
+        return self._error(self.images(parameters))
+
+    def _error(self, images: Sequence[NDArray[np.float32]]) -> float:
+        errors = [
+            self._metric(image, self._truth(context), context.seen)
+            for image, context in zip(images, self._contexts, strict=True)
+        ]
+        return math.sqrt(sum(error**2 for error in errors) / len(errors))
+
+    def _truth(self, context: Context) -> NDArray[np.float32]:
+        truth: NDArray[np.float32] = getattr(context, self._entry.quantity)().mean
+        return truth
+
+    def _rough_ms(self, parameters: Mapping[str, Any]) -> float:
+        ratios = []
+        for _ in range(RUNS):
+            beside = self._device_ms(self._reference.run)
+            ratios.append(self._device_ms(lambda: self.images(parameters)) / beside)
+        return self._ms(statistics.median(ratios))
+
+    def _device_ms(self, run: Callable[[], object]) -> float:
+        with self._runtime.frame():
+            run()
+            return sum(entry.ms for entry in self._runtime.times())
+
+    def _ms(self, ratio: float) -> float:
+        """Return the milliseconds of a picture from the ratio of all views to the reference."""
+        return ratio * self._reference_ms / len(self._contexts)

@@ -1,0 +1,375 @@
+"""Tuning: bounds, records and bad input on a technique whose time and error are formulas, and SSAO
+on a small scene."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.bench import tune as module
+from ssgi_cl.bench.presets import BUDGETS, record_presets
+from ssgi_cl.bench.trials import Trial
+from ssgi_cl.bench.tunables import axis_of, views_of
+from ssgi_cl.bench.tune import Session
+from ssgi_cl.bench.tuning import TuneError, Tuning
+from ssgi_cl.lights import Environment
+from ssgi_cl.presets import NAMES
+from ssgi_cl.rasterize.parts import assemble
+from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, BuiltinScene, cornell_box
+from ssgi_cl.rasterize.scenes.shapes import box, moved
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.ssao import SsaoParams
+
+VARIED = {"samples": [4, 8, 16, 32, 64], "bias": (0.0, 0.1), "resolution": ["full", "half"]}
+
+
+def time_of(parameters: Mapping[str, Any]) -> float:
+    """0.1 ms a sample, at half resolution a quarter of that."""
+    return 0.1 * parameters["samples"] * (0.25 if parameters["resolution"] == "half" else 1.0)
+
+
+def error_of(parameters: Mapping[str, Any]) -> float:
+    """Less with samples, least at bias 0.03, worse at half resolution."""
+    worse = 0.15 if parameters["resolution"] == "half" else 0.0
+    return worse + 1.0 / parameters["samples"] + 10.0 * (parameters["bias"] - 0.03) ** 2
+
+
+class Formulas:
+    """Stands in for `Trials`: what it measures is given by the formulas above."""
+
+    def __init__(self, entry: Any, contexts: Any, fixed: Any, metric: str) -> None:
+        self.entry = entry
+        self.kept: dict[Any, Trial] = {}
+        self.errors = 0
+        self.noise = 1.0
+
+    def prepare(self) -> None:
+        pass
+
+    @property
+    def tried(self) -> list[Trial]:
+        return list(self.kept.values())
+
+    def measure(self, parameters: Mapping[str, Any], limit_ms: float = math.inf) -> Trial:
+        key = tuple(sorted(parameters.items()))
+        kept = self.kept.get(key)
+        if kept is None or (kept.error is None and kept.ms <= limit_ms):
+            ms = time_of(parameters)
+            self.errors += ms <= limit_ms
+            self.kept[key] = Trial(
+                dict(parameters), ms, error_of(parameters) if ms <= limit_ms else None
+            )
+        return self.kept[key]
+
+    def confirm(self, trial: Trial) -> Trial:
+        return Trial(trial.parameters, trial.ms * self.noise, trial.error)
+
+
+def little_scene() -> BuiltinScene:
+    """Boxes on a floor, 40 triangles, two views."""
+    parts = [box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0))]
+    parts += [moved(box((-0.3, 0.0, -0.3), (0.3, h, 0.3)), x, 0.0, z)
+              for x, z, h in ((0.0, 0.0, 0.8), (0.7, 0.2, 0.4), (-0.5, 0.9, 0.3))]
+    return BuiltinScene(
+        name="little", scene=assemble(parts, (), (), crease_angle=0.5), eye=(1.6, 1.4, 2.2),
+        target=(0.0, 0.2, 0.2), yfov=0.8, lights=(Environment(1.0),), ao_radius=0.4,
+        more_views=(((-1.8, 1.0, 1.6), (0.0, 0.2, 0.0)),),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def formulas(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "Trials", Formulas)
+
+
+@pytest.fixture
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
+
+
+def tuned(runtime: Runtime, **options: Any) -> Tuning:
+    return gi.tune("ssao", parameters=VARIED, scenes=[little_scene()], runtime=runtime, **options)
+
+
+@pytest.mark.usefixtures("formulas")
+def test_budget_gives_the_least_error_within_the_time(runtime: Runtime) -> None:
+    tuning = tuned(runtime, budget_ms=1.7)
+    # 16 samples take 1.6 ms; 64 at half resolution do as well, but are 0.15 worse.
+    assert tuning.parameters["samples"] == 16
+    assert tuning.parameters["resolution"] == "full"
+    # The last steps along an axis are a 64th of its range.
+    assert tuning.parameters["bias"] == pytest.approx(0.03, abs=0.1 / 64)
+    assert tuning.ms == pytest.approx(1.6)
+    assert tuning.error == pytest.approx(1 / 16, abs=1e-4)
+    assert isinstance(tuning.best, SsaoParams)
+    assert tuning.best.samples == 16
+
+
+@pytest.mark.usefixtures("formulas")
+def test_error_bound_gives_the_least_time_within_the_error(runtime: Runtime) -> None:
+    tuning = tuned(runtime, max_error=0.04)
+    # 32 samples have 1/32 where the bias is nearly right; 16 are at best 1/16.
+    assert tuning.parameters["samples"] == 32
+    assert tuning.ms == pytest.approx(3.2)
+    assert tuning.error <= 0.04
+
+
+@pytest.mark.usefixtures("formulas")
+def test_result_is_never_worse_than_the_defaults_that_keep_the_bound(runtime: Runtime) -> None:
+    defaults = {"samples": 16, "bias": 0.02, "resolution": "full"}
+    tuning = tuned(runtime, budget_ms=time_of(defaults), rounds=1)
+    assert tuning.error <= error_of(defaults)
+    assert defaults in [trial.parameters for trial in tuning.tried]
+
+
+@pytest.mark.usefixtures("formulas")
+def test_front_holds_what_no_other_beats_in_time_and_error(runtime: Runtime) -> None:
+    tuning = tuned(runtime, budget_ms=10.0)
+    front = tuning.front()
+    assert len(front) >= 4
+    assert [trial.ms for trial in front] == sorted(trial.ms for trial in front)
+    for point in front:
+        assert point.error is not None
+        assert not any(
+            other.error is not None and other.ms <= point.ms and other.error < point.error
+            for other in tuning.tried
+        )
+    # The best within a budget lies on it.
+    assert tuning.parameters in [trial.parameters for trial in front]
+
+
+@pytest.mark.usefixtures("formulas")
+def test_error_of_what_is_far_too_slow_is_not_computed(runtime: Runtime) -> None:
+    tuning = tuned(runtime, budget_ms=0.9)
+    slow = [trial for trial in tuning.tried if trial.ms > 0.9 * module.SLACK]
+    assert len(slow) > 5
+    assert all(trial.error is None for trial in slow)
+
+
+@pytest.mark.usefixtures("formulas")
+def test_budget_that_nothing_keeps_is_an_error_that_says_what_was_reached(
+    runtime: Runtime,
+) -> None:
+    with pytest.raises(TuneError, match=r"budget_ms is 0.05: .* takes 0.1 ms"):
+        tuned(runtime, budget_ms=0.05)
+    with pytest.raises(TuneError, match=r"max_error is 0.001: .* has rmse 0.0156"):
+        tuned(runtime, max_error=0.001)
+    assert issubclass(TuneError, ValueError)
+
+
+@pytest.mark.usefixtures("formulas")
+def test_best_that_fails_when_timed_again_gives_way_to_the_next(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def confirm(self: Formulas, trial: Trial) -> Trial:
+        late = trial.parameters["samples"] == 16
+        return Trial(trial.parameters, trial.ms * (1.2 if late else 1.0), trial.error)
+
+    monkeypatch.setattr(Formulas, "confirm", confirm)
+    assert tuned(runtime, budget_ms=1.7).parameters["samples"] == 8
+
+
+@pytest.mark.usefixtures("formulas")
+def test_parameters_that_rule_each_other_out_are_skipped(runtime: Runtime) -> None:
+    def full_below_none(trial: Trial) -> bool:
+        return bool(trial.parameters["full"] < trial.parameters["none"])
+
+    varied = {"full": (0.0, 4.0), "none": (0.5, 4.5), **VARIED}
+    tuning = gi.tune("ssao", budget_ms=5.0, parameters=varied, scenes=[little_scene()],
+                     runtime=runtime)
+    assert len(tuning.tried) > 20
+    assert all(full_below_none(trial) for trial in tuning.tried)
+
+
+@pytest.mark.usefixtures("formulas")
+def test_same_arguments_give_the_same_tuning(runtime: Runtime) -> None:
+    first, second = tuned(runtime, budget_ms=2.0), tuned(runtime, budget_ms=2.0)
+    assert first.tried == second.tried
+    assert first.best == second.best
+    assert tuned(runtime, budget_ms=2.0, seed=7).tried != first.tried
+
+
+@pytest.mark.usefixtures("formulas")
+def test_progress_grows_to_at_most_1(runtime: Runtime) -> None:
+    shares = []
+    tuned(runtime, budget_ms=2.0, progress=lambda text, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert 0.5 < shares[-1] <= 1.0
+
+
+@pytest.mark.usefixtures("formulas")
+def test_saved_tuning_tells_all_it_depends_on(runtime: Runtime, tmp_path: Path) -> None:
+    tuning = tuned(runtime, budget_ms=2.0)
+    tuning.save(tmp_path / "tuning.json")
+    document = json.loads((tmp_path / "tuning.json").read_text())
+    assert document["format"] == "ssgi-tuning 1"
+    assert document["parameters"] == dict(tuning.parameters)
+    assert len(document["tried"]) == len(tuning.tried)
+    (scene,) = document["scenes"]
+    assert scene["name"] == "little"
+    assert scene["radius"] == 0.4
+    assert [view["eye"] for view in scene["views"]] == [[1.6, 1.4, 2.2], [-1.8, 1.0, 1.6]]
+    assert len(scene["digest"]) == 32
+    assert document["size"] == [300, 400]
+    assert document["device"] == runtime.info.label
+    assert document["truth"]["rays"] >= 256
+    assert document["version"] == gi.__version__
+
+
+@pytest.mark.usefixtures("formulas")
+def test_tuning_that_cannot_be_saved_leaves_nothing(runtime: Runtime, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="cannot write the file"):
+        tuned(runtime, budget_ms=2.0).save(tmp_path / "no" / "tuning.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("formulas")
+def test_recorded_presets_keep_their_budgets_and_grow_better(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def measure(self: Formulas, parameters: Mapping[str, Any], limit_ms: float = math.inf) -> Trial:
+        usual = {"samples": 16, "bias": 0.02, "resolution": "full"}
+        return plain(self, {**usual, **parameters}, limit_ms)
+
+    plain = Formulas.measure
+    monkeypatch.setattr(Formulas, "measure", measure)
+    document = record_presets("ssao", runtime=runtime, scenes=[little_scene()], parameters=VARIED)
+    assert document["format"] == "ssgi-presets 1"
+    assert document["default"]["ms"] == pytest.approx(1.6)
+    assert tuple(document["presets"]) == NAMES == tuple(BUDGETS)
+    for name, preset in document["presets"].items():
+        assert preset["ms"] <= BUDGETS[name] * 1.6
+    errors = [preset["error"] for preset in document["presets"].values()]
+    assert errors == sorted(errors, reverse=True)
+
+
+@pytest.mark.usefixtures("cache")
+def test_ssao_on_a_small_scene_is_tuned_to_less_error_than_its_worst(runtime: Runtime) -> None:
+    pytest.importorskip("embreex")
+    tuning = gi.tune(
+        "ssao", budget_ms=1e3, parameters={"samples": [4, 8], "contrast": [0.1, 1.0, 2.5]},
+        scenes=[little_scene()], size=(30, 40), runtime=runtime,
+    )
+    assert len(tuning.tried) == 6
+    errors = [trial.error for trial in tuning.tried]
+    assert all(error is not None and 0.0 < error < 1.0 for error in errors)
+    assert all(trial.ms > 0.0 for trial in tuning.tried)
+    # Measured: from 0.086 at the best to 0.14 where nearly all contrast is lost.
+    assert tuning.error == min(errors)
+    assert tuning.error < 0.8 * max(errors)
+    assert isinstance(tuning.best, SsaoParams)
+    assert tuning.best.contrast == tuning.parameters["contrast"]
+
+
+@pytest.mark.usefixtures("cache")
+def test_error_is_the_root_mean_square_over_the_views(runtime: Runtime) -> None:
+    pytest.importorskip("embreex")
+    scene = little_scene()
+    session = Session(TECHNIQUES["ssao"], scene.views(), size=(30, 40), runtime=runtime)
+    trial = session.trials.measure({"samples": 4})
+    squares = []
+    for view in scene.views():
+        camera = view.camera(40, 30)
+        gbuffer = gi.rasterize.gbuffer(scene.scene, camera, runtime=runtime)
+        truth = gi.truth.ambient_occlusion(scene.scene, camera, 0.4, 512, gbuffer=gbuffer).mean
+        image = gi.ssao(gbuffer, 0.4, 4, runtime=runtime)
+        squares.append(gi.metrics.rmse(image, truth, np.isfinite(gbuffer.depth)) ** 2)
+    # Normals went to the host and back, which may turn a sample or two of 1200 pixels round.
+    assert trial.error == pytest.approx(math.sqrt(np.mean(squares)), rel=2e-3)
+
+
+@pytest.mark.usefixtures("cache")
+def test_radius_is_the_views_unless_it_is_fixed(runtime: Runtime) -> None:
+    pytest.importorskip("embreex")
+    scene = [little_scene()]
+    entry = TECHNIQUES["ssao"]
+    own = Session(entry, scene, size=(30, 40), runtime=runtime).trials.error({})
+    same = Session(entry, scene, size=(30, 40), fixed={"radius": 0.4}, runtime=runtime)
+    other = Session(entry, scene, size=(30, 40), fixed={"radius": 0.1}, runtime=runtime)
+    assert same.trials.error({}) == own
+    assert other.trials.error({}) != own
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, r"budget_ms is None and max_error is None: expected exactly one"),
+        ({"budget_ms": 1.0, "max_error": 0.1}, r"expected exactly one"),
+        ({"budget_ms": 0.0}, r"budget_ms is 0.0: expected .*> 0"),
+        ({"max_error": math.nan}, r"max_error is nan"),
+        ({"budget_ms": 1.0, "rounds": 0}, r"rounds is 0"),
+        ({"budget_ms": 1.0, "metric": "beauty"}, r"metric is 'beauty': expected one of 'rmse'"),
+        ({"budget_ms": 1.0, "scenes": ["attic"]}, r"scene is 'attic': expected one of"),
+        ({"budget_ms": 1.0, "scenes": []}, r"scenes is empty"),
+        ({"budget_ms": 1.0, "parameters": {}}, r"parameters is empty"),
+        ({"budget_ms": 1.0, "parameters": {"sample": [1]}}, r"parameters has 'sample': .*samples"),
+        ({"budget_ms": 1.0, "parameters": {"radius": (0.1, 1)}}, r"parameters has 'radius'"),
+        ({"budget_ms": 1.0, "parameters": {"bias": (0.1, 0.0)}}, r"low < high"),
+        ({"budget_ms": 1.0, "parameters": {"bias": (0.0, 9.0)}}, r"range within \[0, 1\]"),
+        ({"budget_ms": 1.0, "parameters": {"samples": []}}, r"samples is \[\]: expected"),
+        ({"budget_ms": 1.0, "fixed": {"bias": 2.0}}, r"bias is 2.0"),
+        ({"budget_ms": 1.0, "fixed": {"bias": 0.1}, "parameters": {"bias": (0.0, 0.1)}},
+         r"bias is in parameters and in fixed"),
+        ({"budget_ms": 1.0, "size": (0, 40)}, r"size\[0\] is 0"),
+        ({"budget_ms": 1.0, "parameters": {"samples": [300, 999]}}, r"samples is (300|999): .*256"),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("formulas")
+def test_wrong_arguments_are_named(
+    runtime: Runtime, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        gi.tune("ssao", **{"scenes": [little_scene()], "runtime": runtime, **options})
+
+
+def test_unknown_technique_is_refused_with_those_that_exist() -> None:
+    with pytest.raises(ValueError, match=r"technique is 'magic': expected one of 'ssao'"):
+        gi.tune("magic", budget_ms=1.0)
+
+
+@pytest.mark.parametrize("name", REPORTED)
+def test_scene_that_errors_are_reported_on_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"scene is '{name}', on which errors are reported"):
+        gi.tune("ssao", budget_ms=1.0, scenes=[name])
+
+
+def test_scene_itself_is_taken_whatever_its_name() -> None:
+    (view,) = views_of([cornell_box()])
+    assert view.name == "cornell_box"
+
+
+def test_scenes_without_a_list_are_refused() -> None:
+    with pytest.raises(TypeError, match="expected a list of names or scenes"):
+        views_of("workshop")
+
+
+def test_default_scenes_give_at_least_four_views() -> None:
+    views = views_of(None)
+    assert {view.name for view in views} == set(TUNED_ON)
+    assert len({(view.name, view.eye) for view in views}) == len(views) >= 4
+
+
+def test_axes_follow_the_declared_types() -> None:
+    assert axis_of(SsaoParams, "blur_radius", (0, 6)).whole
+    assert not axis_of(SsaoParams, "bias", (0, 1)).whole
+    assert axis_of(SsaoParams, "samples", [64, 4, 16]).values == (4, 16, 64)
+    assert axis_of(SsaoParams, "hemisphere", [True, False]).values == (True, False)
+    assert axis_of(SsaoParams, "hemisphere", (True, False)).values == (True, False)
+
+
+def test_what_the_entries_call_tunable_is_allowed() -> None:
+    for entry in TECHNIQUES.values():
+        for name, values in entry.tunable.items():
+            axis = axis_of(entry.params, name, values)
+            for u in (0.0, 0.5, 1.0):
+                # Each value alone is in range; `none` must exceed `full`.
+                rest = {"none": 1e3} if name == "full" else {"full": 0.0} if name == "none" else {}
+                entry.params(**{name: axis.at(u), **rest})

@@ -22,7 +22,7 @@ from .tunables import entry_of, views_of
 from .tune import Session
 from .tuning import Tuning
 
-BUDGETS = {"low": 0.8, "medium": 1.0, "high": 2.0, "ultra": 5.0}
+BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
 """Time of each preset over that of the technique's default parameters, at most."""
 
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ssgi_cl.sampling import r_points
+
 Values = dict[str, Any]
 Cost = tuple[float, ...]
 
@@ -81,12 +83,8 @@ class Axis:
 def spread(count: int, dimensions: int, seed: int) -> np.ndarray:
     """Return [count, dimensions] evenly spread points of the unit cube (R sequence, Roberts 2018).
     """
-    root = 2.0
-    for _ in range(64):  # of g^(d+1) = g + 1
-        root = (1.0 + root) ** (1.0 / (dimensions + 1))
-    steps = root ** -np.arange(1.0, dimensions + 1.0)
-    start = np.mod(0.5 + seed * 0.6180339887498949 * np.arange(1, dimensions + 1), 1.0)
-    return np.asarray(np.mod(start + np.outer(np.arange(count), steps), 1.0))
+    start = 0.5 + seed * 0.6180339887498949 * np.arange(1, dimensions + 1)
+    return np.asarray(np.mod(start + r_points(0, count, dimensions), 1.0))
 
 
 class Narrowing:

@@ -71,7 +71,8 @@ class Subject:
             for a pass without a result of its own.
         on_device: whether the work is done by the runtime's device, whose clock then counts.
         quantity: one of `QUANTITIES`, or empty where there is no truth.
-        samples: scattered reads or rays of a run, over all pixels; 0 where that says nothing.
+        samples: scattered reads or rays of a run, over all pixels that show something; 0 where
+            that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.
         truths: "world" and "assumption" -> what to call for that truth.
         note: what the time leaves out or includes, in a few words.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -163,7 +164,8 @@ def truth_command(
 ) -> None:
     """Make the truths that the benchmark's cases are held to, and keep them.
 
-    Takes cases as `ssgi bench` does. A run that is interrupted goes on where it stopped.
+    Takes cases as `ssgi bench` does. A run that is interrupted goes on where it stopped. Exit
+    status 1 if any could not be made.
     """
     with _human_errors():
         if clear:
@@ -178,9 +180,13 @@ def truth_command(
                     suite.select(patterns, list(views), sizes), views, runtime, settings,
                     report=step,
                 )
-            for text in wrong:
-                click.echo(text, err=True)
+        else:
+            wrong = []
         _list_truths(as_json)
+        for text in wrong:
+            click.echo(text, err=True)
+        if wrong:
+            sys.exit(1)
 
 
 def _list_truths(as_json: bool) -> None:
@@ -192,10 +198,16 @@ def _list_truths(as_json: bool) -> None:
         ], indent=1))
         return
     for entry in entries:
-        what = "unreadable" if entry.description is None else ""
-        click.echo(f"{entry.path.name}  {entry.bytes / 2**20:.1f} MiB  {what}".rstrip())
+        click.echo(f"{entry.path.name}  {entry.bytes / 2**20:.1f} MiB  {_size_text(entry)}")
     total = sum(entry.bytes for entry in entries)
     click.echo(f"{len(entries)} files, {total / 2**20:.1f} MiB in {store.truth_folder()}")
+
+
+def _size_text(entry: store.Stored) -> str:
+    if entry.description is None:
+        return "unreadable"
+    rows, columns = entry.description["camera"]["size"]
+    return f"{columns} x {rows}{', not finished' if '.partial' in entry.path.suffixes else ''}"
 
 
 def _truth_settings(options: dict[str, Any], *, rebuild: bool = False) -> TruthSettings:
@@ -224,8 +236,15 @@ def _check_output(path: Path | None, suffix: str) -> None:
 
 @contextmanager
 def _human_errors() -> Iterator[None]:
+    """Show errors and warnings as a line each, without the place in the code."""
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        click.echo(f"warning: {' '.join(str(message).split())}", err=True)
+
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = show
+            yield
     except (SsgiError, ValueError, OSError) as error:
         raise click.ClickException(" ".join(str(error).split())) from error
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import truth
+from ssgi_cl import metrics, truth
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
@@ -92,6 +92,11 @@ class Context:
         """[rows, columns]: where a surface is."""
         mask: NDArray[np.bool_] = np.isfinite(np.asarray(self.host_gbuffer.depth))
         return mask
+
+    @cached_property
+    def regions(self) -> dict[str, NDArray[np.bool_]]:
+        """Where errors may sit; see `metrics.regions`."""
+        return metrics.regions(self.host_gbuffer)
 
     @property
     def lamps(self) -> tuple[Lamp, ...]:

@@ -71,7 +71,7 @@ def write(
             f'<section id="group-{index}"><h2>{escape(title(key))}</h2>'
             f"{_plot(key, results, look)}<p>{escape(verdict(results))}</p>"
             f"{_table(results, document['calibration'])}"
-            f"{viewer.html(index, key[0], results, pictures, album)}{_regions(results)}"
+            f"{viewer.html(index, results, pictures, album)}{_regions(results)}"
             f"{_passes(results)}</section>"
         )
     parts.append(_skipped(document["skipped"]))

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import metrics
-from ssgi_cl.errors import MissingExtraError, SsgiError
+from ssgi_cl.errors import MissingExtraError, SsgiError, TruthError
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.runtime import Runtime
@@ -54,7 +53,7 @@ def select(
     sizes: Sequence[Size],
     families: Mapping[str, Family] = FAMILIES,
 ) -> list[Case]:
-    """Return the cases that any pattern fits; all of them without patterns.
+    """Return the cases that any pattern fits, by scene and size; all of them without patterns.
 
     Args:
         patterns: names of cases in which * and ? stand for any characters, and of which later
@@ -76,7 +75,7 @@ def select(
         return usual
     chosen: dict[Case, None] = {}
     for pattern in patterns:
-        fitting = [case for case in usual if fnmatch.fnmatchcase(case.name, _whole(pattern))]
+        fitting = [case for case in usual if _fits(case.name, pattern)]
         if not fitting:
             fitting = _unusual(pattern, scenes, sizes, families)
         if not fitting:
@@ -85,7 +84,9 @@ def select(
                 f"{', '.join(scenes)}, and a name is family.setting.scene.COLUMNSxROWS"
             )
         chosen.update(dict.fromkeys(fitting))
-    return list(chosen)
+    # Together what shares a scene and a size, as `_in_context` keeps one context at a time.
+    places = list(dict.fromkeys((case.scene, case.size) for case in chosen))
+    return sorted(chosen, key=lambda case: places.index((case.scene, case.size)))
 
 
 def _unusual(
@@ -106,9 +107,9 @@ def _unusual(
     ]
 
 
-def _whole(pattern: str) -> str:
-    """Return a pattern of four parts: `ssao` and `ssao.16` mean all that begin so."""
-    return pattern + ".*" if pattern.count(".") < 3 else pattern
+def _fits(name: str, pattern: str) -> bool:
+    """Return whether a pattern fits a name, or its first parts: `ssao` means all that begin so."""
+    return fnmatch.fnmatchcase(name, pattern) or fnmatch.fnmatchcase(name, pattern + ".*")
 
 
 def measure(
@@ -238,13 +239,13 @@ def _one(
         for name, make in subject.truths.items():
             try:
                 truth = make()
-            except MissingExtraError as error:  # the time is worth having without it
+            except (MissingExtraError, TruthError) as error:  # the time is worth having without it
                 what = f"{name} truth of {case.name}"
                 found.skipped.append({"name": what, "reason": _line(error)})
                 continue
             means[name] = truth.mean
             errors[name] = errors_of(
-                image, truth, context.seen, metrics.regions(context.host_gbuffer),
+                image, truth, context.seen, context.regions,
                 light=subject.quantity in ("direct", "bounce"),
             )
         found.pictures[case.name] = Pictures(

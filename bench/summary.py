@@ -62,7 +62,7 @@ def write(
         "",
         f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads. "
         f"Revision {revision(document)}. "
-        f"{calibration_line(document['calibration']).capitalize()}. "
+        f"C{calibration_line(document['calibration'])[1:]}. "
         f"Reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms.",
         "",
         _LEGEND,

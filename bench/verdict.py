@@ -66,8 +66,13 @@ def verdict(results: Sequence[Mapping[str, Any]]) -> str:
         )
     error, time, name = ahead[0]
     rays = rays_ms(results, error)
-    instead = f"rays need {number(rays)} ms" if rays is not None else "no rays measured reach it"
+    if rays is None:
+        return (
+            f"No rays measured reach an RMSE of {number(error)}, which {name} has in "
+            f"{number(time)} ms: from where on they are the better choice can't be told."
+        )
     return (
         f"Rays against the mesh are the better choice below an RMSE of {number(error)}, which "
-        f"{name} has in {number(time)} ms ({instead}), the building of their tree not counted."
+        f"{name} has in {number(time)} ms (rays need {number(rays)} ms), the building of their "
+        "tree not counted."
     )

@@ -51,7 +51,6 @@ class Album:
 
 def html(
     index: int,
-    quantity: str,
     results: list[dict[str, Any]],
     pictures: Mapping[str, Pictures],
     album: Album,
@@ -62,7 +61,6 @@ def html(
 
     Args:
         index: of the group, unique on the page.
-        quantity: of the group.
         results: of the group; the first is shown first.
         pictures: by the name of the case.
         album: gets the pictures.
@@ -72,8 +70,9 @@ def html(
     if not shown:
         return ""
     exposure = 1.0
-    if shown[0][1].result.ndim == 3:
-        first = shown[0][1]
+    first = shown[0][1]
+    light = first.result.ndim == 3
+    if light:
         exposure = exposure_of(next(iter(_truths(first).values())), first.seen)
     options: list[str] = []
     sides: set[str] = set()
@@ -107,7 +106,7 @@ def html(
         '<span class="tag other"></span></div>'
         '<input type="range" min="0" max="100" step="0.5" value="50" '
         'aria-label="How much of the width shows the result, per cent"></div>'
-        f"{_scale(quantity)}<figcaption>{_shown_how(quantity, exposure)}</figcaption></figure>"
+        f"{_scale(light)}<figcaption>{_shown_how(light, exposure)}</figcaption></figure>"
     )
 
 
@@ -116,9 +115,8 @@ def _truths(of: Pictures) -> dict[str, Any]:
     return {name: truth for name, truth in both.items() if truth is not None}
 
 
-def _scale(quantity: str) -> str:
-    light = f"{100 * LIGHT_RANGE:g} %"
-    end = f"{OCCLUSION_RANGE:g}" if quantity == "occlusion" else light
+def _scale(light: bool) -> str:
+    end = f"{100 * LIGHT_RANGE:g} %" if light else f"{OCCLUSION_RANGE:g}"
     colors = "".join(f'<i style="background:rgb({r},{g},{b})"></i>' for r, g, b in scale())
     return (
         f'<div class="scale" hidden><span>too dark, -{end} or less</span>'
@@ -127,8 +125,8 @@ def _scale(quantity: str) -> str:
     )
 
 
-def _shown_how(quantity: str, exposure: float) -> str:
-    if quantity == "occlusion":
+def _shown_how(light: bool, exposure: float) -> str:
+    if not light:
         return (
             "Black is 0 and white is 1, without gamma. Errors are result minus truth; grey is not "
             "compared."

@@ -15,7 +15,7 @@ _QUANTITIES = {
     "occlusion": "Ambient occlusion",
     "direct": "Direct light",
     "bounce": "One bounce of light",
-    "": "Passes without a truth",
+    "": "Passes without a world truth",
 }
 _UNITS = {"direct": "W/m²", "bounce": "W/m²"}
 

@@ -42,7 +42,6 @@ class Blur:
         return Subject(
             run=lambda: blur.run(value, context.gbuffer),
             image=lambda: blur.run(value, context.gbuffer).download()[0],
-            samples=pixels * 2 * (2 * params.radius + 1),
             moved=pixels * PIXEL_BYTES,
             truths={"assumption": twin},
             note="the blur alone",

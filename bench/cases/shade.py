@@ -54,7 +54,7 @@ class Direct:
             run=image,
             image=image,
             quantity="direct",
-            samples=25.0 * len(maps) * context.size[0] * context.size[1],
+            samples=25.0 * len(maps) * np.count_nonzero(context.seen),
             truths={"world": context.direct},
             note="without drawing the shadow maps; the wall clock's time includes copies",
         )

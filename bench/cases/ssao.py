@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ssgi_cl.techniques.ssao import RESOLUTIONS, Ssao, SsaoParams
 from ssgi_cl.truth import assumption
 
@@ -62,13 +64,13 @@ def ssao_subject(context: Context, params: SsaoParams) -> Subject:
     """Return SSAO with any parameters as a subject."""
     technique = Ssao(context.runtime, context.size, params)
     gbuffer = context.gbuffer
-    pixels = context.size[0] * context.size[1]
+    pixels, seen = context.size[0] * context.size[1], float(np.count_nonzero(context.seen))
     model = replace(params, blur_radius=0, resolution="full", samples=16, max_samples=0)
     return Subject(
         run=lambda: technique.run(gbuffer),
         image=lambda: technique(gbuffer),
         quantity="occlusion",
-        samples=pixels / RESOLUTIONS[params.resolution] ** 2 * params.samples,
+        samples=seen / RESOLUTIONS[params.resolution] ** 2 * params.samples,
         moved=pixels * PIXEL_BYTES,
         truths={
             "world": context.occlusion,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
@@ -103,5 +104,7 @@ def _description(gbuffer: GBuffer, params: SsaoParams) -> dict[str, object]:
         "radius": radius,
         "points": PASS_POINTS,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
-        "source": source_digest(model, ssgi_cl.reference.gbuffer, technique, ssgi_cl.camera),
+        "source": source_digest(
+            sys.modules[__name__], model, ssgi_cl.reference.gbuffer, technique, ssgi_cl.camera
+        ),
     }

@@ -17,7 +17,7 @@ from ssgi_cl.atomic import replacement
 from ssgi_cl.errors import TruthError
 from ssgi_cl.truth.digests import canonical
 
-REMEDY = "delete it, or run ssgi truth --rebuild"
+REMEDY = "delete it, or run ssgi truth --rebuild with the options that it was made with"
 
 
 @dataclass

@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+import ssgi_cl.camera
+import ssgi_cl.rasterize.textures
+import ssgi_cl.sampling
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -142,7 +145,10 @@ def _truth(
         "paths of a pass": per_pass,
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
-        "source": digests.source_digest(sys.modules[__name__], path_tracer, mitsuba_scene),
+        "source": digests.source_digest(
+            sys.modules[__name__], path_tracer, mitsuba_scene, ssgi_cl.camera, ssgi_cl.sampling,
+            ssgi_cl.rasterize.textures,
+        ),
     }
     made: list[PathTracer] = []  # only if something has to be computed
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -76,7 +77,7 @@ def ambient_occlusion(
         "gbuffer": _gbuffer_digest(gbuffer, camera),
         "embreex": version,
         "source": source_digest(
-            estimator, ssgi_cl.raycast, ssgi_cl.sampling, ssgi_cl.camera
+            sys.modules[__name__], estimator, ssgi_cl.raycast, ssgi_cl.sampling, ssgi_cl.camera
         ),
     }
 

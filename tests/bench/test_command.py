@@ -108,11 +108,34 @@ def test_truths_are_made_once_listed_and_cleared(own_store: Path) -> None:
     assert list((own_store / "truth").iterdir()) == []
 
 
+def test_kept_truths_are_listed_with_their_size_and_damaged_ones_as_unreadable(
+    own_store: Path,
+) -> None:
+    ssgi("truth", "ssao.4", *QUICK)
+    next((own_store / "truth").iterdir()).write_bytes(b"nothing")
+    lines = ssgi("truth", "--list").output.splitlines()
+    assert sorted(line.partition("MiB")[2].strip() for line in lines[:2]) == [
+        "40 x 30", "unreadable"
+    ]
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_store_that_cannot_be_written_is_a_warning_in_one_line(own_store: Path) -> None:
+    own_store.mkdir()
+    (own_store / "truth").touch()  # a file where the folder is to be
+    lines = ssgi("truth", "ssao.4", *QUICK).stderr.splitlines()
+    assert lines
+    assert all(line.startswith("warning: the truth is not kept") for line in lines)
+
+
 def test_a_damaged_truth_is_named_with_the_remedy(own_store: Path) -> None:
     ssgi("truth", "ssao.4", *QUICK)
     for path in (own_store / "truth").iterdir():
         path.write_bytes(path.read_bytes()[:100])
-    shown = bench("ssao.4").output
-    assert "ssgi truth --rebuild" in " ".join(shown.split())
+    shown = " ".join(bench("ssao.4").output.split())
+    assert "ssgi truth --rebuild" in shown
+    assert "skipped world truth of ssao.4" in shown  # but the time is there
+    assert "nothing was measured" not in shown
+    assert "ssgi truth --rebuild" in ssgi("truth", "ssao.4", *QUICK, status=1).output
     ssgi("truth", "ssao.4", "--rebuild", *QUICK)
     assert "RMSE" in bench("ssao.4").output

@@ -123,6 +123,16 @@ def test_report_has_plot_table_viewer_and_regions_of_each_group(
     assert "vtk None" not in page.text
 
 
+def test_shares_without_a_world_truth_are_not_called_light(
+    tmp_path: Path, truth: np.ndarray
+) -> None:
+    blur = entry("blur.2.hall.8x6", 2.0, quantity="", errors={})
+    text, _ = written(tmp_path, whole(blur), {blur["name"]: shown_as(truth, None, truth)})
+    assert "white is 1, without gamma" in text
+    assert "too dark, -0.25 or less" in text
+    assert "filmic" not in text.partition("<figcaption>")[2].partition("</figcaption>")[0]
+
+
 def test_report_fetches_nothing(tmp_path: Path, truth: np.ndarray) -> None:
     text, page = written(tmp_path, *full(truth))
     assert "://" not in text

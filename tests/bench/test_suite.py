@@ -41,6 +41,13 @@ def test_a_pattern_may_stop_early_and_hold_wildcards() -> None:
         "ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"
     ]
     assert names("*.7.a.40x30", "blur.7.a") == ["blur.7.a.40x30"]  # each once
+    assert names("*") == names("*.a.*", "*40x30") == names()
+
+
+def test_cases_of_a_scene_and_size_are_together_whatever_the_order_of_patterns() -> None:
+    chosen = suite.select(["ssao.4", "blur.2"], ["a", "b"], [SMALL, (60, 80)], OWN)
+    places = [(case.scene, case.size) for case in chosen]
+    assert places == [place for place in dict.fromkeys(places) for _ in range(2)]
 
 
 def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
@@ -90,6 +97,8 @@ def test_measured_cases_make_a_document_that_can_be_read_again(
     # The blur's kernel is its float64 twin but for roundings, about 1e-6 of A.
     assert blur["errors"]["assumption"]["rmse"] < 1e-5
     assert set(found.pictures) == {ssao["name"], blur["name"]}
+    # The blur reads along rows and columns: a rate of scattered reads would exceed their ceiling.
+    assert blur["samples_g_s"] is None
     # 16 reads of 1200 pixels cannot be faster than all reads of the machine, with room for noise.
     assert ssao["samples_g_s"] < 3.0 * again["calibration"]["gathers_g_s"]
 

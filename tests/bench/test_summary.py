@@ -30,6 +30,7 @@ def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
     assert len(rows) == 3
     assert re.search(r"\| \\\* \| ssao\.4 \| 1\.00 \|", text)
     assert "](page-occlusion-hall-8x6.svg)" in text
+    assert "Ceilings: memory 31.0 GB/s" in text
     assert "Rays against the mesh" in text
 
 

@@ -16,9 +16,6 @@ from ssgi_cl.truth import Truth
 if TYPE_CHECKING:
     from .context import Context
 
-QUANTITIES = ("occlusion", "direct", "bounce")
-"""What a result may be: A in [0, 1]; irradiance by direct light or by one bounce, W/m^2."""
-
 _WORD = r"[A-Za-z0-9_-]+"
 _NAME = re.compile(rf"({_WORD})\.({_WORD})\.({_WORD})\.([1-9]\d*)x([1-9]\d*)")
 
@@ -70,7 +67,8 @@ class Subject:
         image: the result of the latest run, [rows, columns] or [rows, columns, 3] float32; None
             for a pass without a result of its own.
         on_device: whether the work is done by the runtime's device, whose clock then counts.
-        quantity: one of `QUANTITIES`, or empty where there is no truth.
+        quantity: what the result is: "occlusion" (A in [0, 1]), "direct" or "bounce" (irradiance
+            by direct light or one bounce, W/m^2), or empty where the world has no truth for it.
         samples: scattered reads or rays of a run, over all pixels that show something; 0 where
             that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.
@@ -100,6 +98,14 @@ class Family(Protocol):
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make one setting ready; raise ValueError if there is no such setting."""
+
+
+class Own:
+    """Base of this library's families."""
+
+    def missing(self) -> str:
+        """Return "": they run wherever OpenCL does."""
+        return ""
 
 
 def count_of(setting: str, meaning: str, low: int, high: int) -> int:

@@ -13,7 +13,8 @@ def mark(results: list[dict[str, Any]]) -> None:
 
     A result is on the front if none of its group (quantity, scene, size) has both no greater
     median time and no greater RMSE against the world's truth, with one of the two less. Of results
-    that are equal in both, all are on it. A result without quantity or error never is.
+    that are equal in both, all are on it. A result without quantity or error, or
+    that is unsteady, never is.
     """
     for result in results:
         result["front"] = False
@@ -23,7 +24,7 @@ def mark(results: list[dict[str, Any]]) -> None:
         points = []
         for result in group:
             rmse = metric(result, "world", "rmse")
-            if rmse is not None:
+            if rmse is not None and not result["unsteady"]:
                 points.append((clock(result)["median"], rmse, result))
         points.sort(key=lambda point: point[:2])
         latest = (math.nan, math.inf)

@@ -14,10 +14,14 @@ from .case import Subject
 
 STEADY = 0.1
 """Two halves of a measurement agree if their ratios to the reference differ by at most this."""
+BUSY = 1.3
+"""Times its fastest: if the reference is slower, something else keeps the machine busy."""
 TRIES = 3
 """Measurements of a subject before it is called unsteady."""
 FEWEST, MOST = 6, 60
 """Repetitions; as many of them as fit into the time that is given, both even."""
+MOST_REPEATS = 32
+"""Of a short subject, in one of the repetitions."""
 WARM_UP = 2
 
 
@@ -72,57 +76,65 @@ class Stopwatch:
         self._runtime = runtime
         self._seconds = seconds
         self._runs = runs
-        self._reference = GatherLoad(runtime)
+        self._reference = Subject(run=GatherLoad(runtime).run)
         self.reference_ms: list[float] = []
+        for _ in range(WARM_UP + FEWEST):
+            self.reference_ms.append(self._once(self._reference)[0])
 
     def time(self, subject: Subject) -> Timing:
-        """Return what a subject takes; measured again, up to 3 times, if it is unsteady."""
+        """Return what a subject takes; measured again, up to 3 times, if it is unsteady.
+
+        A short one is repeated until it takes about as long as the reference: what interrupts
+        either now and then then slows both alike.
+        """
         for _ in range(WARM_UP):
-            start = time.perf_counter()
-            self._once(subject)
-            took = time.perf_counter() - start
+            _, took, _, _ = self._once(subject)
+        repeats = min(MOST_REPEATS, max(1, round(min(self.reference_ms) / took)))
+        took = 1e-3 * (took * repeats + min(self.reference_ms))
         runs = self._runs or min(MOST, max(FEWEST, 2 * int(0.5 * self._seconds / took)))
         for _ in range(TRIES):
-            timing = self._measure(subject, runs)
+            timing = self._measure(subject, runs, repeats)
             if not timing.unsteady:
                 break
         return timing
 
-    def _once(self, subject: Subject) -> tuple[float, float, dict[str, float], dict[str, str]]:
-        """Return milliseconds of the device and the wall clock, passes and skips of one run."""
+    def _once(
+        self, subject: Subject, repeats: int = 1
+    ) -> tuple[float, float, dict[str, float], dict[str, str]]:
+        """Return milliseconds of device and wall clock, passes and skips: of one of the repeats."""
         with self._runtime.frame():
             start = time.perf_counter()
-            subject.run()
+            for _ in range(repeats):
+                subject.run()
             self._runtime.finish()
-            wall = 1e3 * (time.perf_counter() - start)
+            wall = 1e3 * (time.perf_counter() - start) / repeats
             times = self._runtime.times()
         passes: dict[str, float] = {}
         for entry in times:
             if not entry.skipped:
-                passes[entry.name] = passes.get(entry.name, 0.0) + entry.ms
+                passes[entry.name] = passes.get(entry.name, 0.0) + entry.ms / repeats
         skipped = {entry.name: entry.skipped for entry in times if entry.skipped}
         return sum(passes.values()), wall, passes, skipped
 
-    def _measure(self, subject: Subject, runs: int) -> Timing:
-        reference = Subject(run=self._reference.run)
-        device, wall, ratio = [], [], []
+    def _measure(self, subject: Subject, runs: int, repeats: int) -> Timing:
+        device, wall, ratio, beside = [], [], [], []
         passes: dict[str, list[float]] = {}
         skipped: dict[str, str] = {}
         for _ in range(runs):
-            beside, _, _, _ = self._once(reference)
-            on_device, on_wall, parts, skipped = self._once(subject)
+            beside.append(self._once(self._reference)[0])
+            on_device, on_wall, parts, skipped = self._once(subject, repeats)
             device.append(on_device)
             wall.append(on_wall)
-            ratio.append((on_device if subject.on_device else on_wall) / beside)
-            self.reference_ms.append(beside)
+            ratio.append((on_device if subject.on_device else on_wall) / beside[-1])
             for name, ms in parts.items():
                 passes.setdefault(name, []).append(ms)
+        self.reference_ms += beside
         return Timing(
             device_ms=Spread.of(device) if subject.on_device else None,
             wall_ms=Spread.of(wall),
             ratio=Spread.of(ratio),
             runs=runs,
-            unsteady=disagreement(ratio),
+            unsteady=disagreement(ratio) or busyness(beside, min(self.reference_ms)),
             passes={name: statistics.median(values) for name, values in passes.items()},
             skipped=skipped,
         )
@@ -136,6 +148,14 @@ def disagreement(ratios: Sequence[float]) -> str:
     if apart <= STEADY:
         return ""
     return f"its two halves differ by {100.0 * apart:.0f} % in the ratio to the reference"
+
+
+def busyness(reference_ms: Sequence[float], fastest_ms: float) -> str:
+    """Return how much slower than its fastest the reference was; empty if hardly."""
+    slower = statistics.median(reference_ms) / fastest_ms
+    if slower <= BUSY:
+        return ""
+    return f"the machine was busy: the reference took {slower:.1f} times its fastest time"
 
 
 def median_ms(runtime: Runtime, run: Callable[[], object], runs: int = 5) -> float:

@@ -36,10 +36,10 @@ class Axis:
 
     @classmethod
     def over(cls, values: Sequence[float], start: float, end: float) -> Axis:
-        """Return an axis that holds all values > 0 with room at the ends: a factor of 5 or more."""
+        """Return an axis that holds all values > 0 with room at the ends: a factor of 3 or more."""
         positive = [value for value in values if value > 0.0] or [1.0]
         low, high = math.log10(min(positive)), math.log10(max(positive))
-        room = max(0.5 * (0.7 - (high - low)), 0.07 * (high - low))
+        room = max(0.5 * (0.48 - (high - low)), 0.07 * (high - low))
         return cls(low - room, high + room, start, end)
 
     def at(self, value: float) -> float:

@@ -81,7 +81,8 @@ def select(
         if not fitting:
             raise ValueError(
                 f"case is {pattern!r}: fits none; families are {', '.join(families)}, scenes "
-                f"{', '.join(scenes)}, and a name is family.setting.scene.COLUMNSxROWS"
+                f"{', '.join(scenes)} (--scene asks for others), and a name is "
+                "family.setting.scene.COLUMNSxROWS"
             )
         chosen.update(dict.fromkeys(fitting))
     # Together what shares a scene and a size, as `_in_context` keeps one context at a time.

@@ -44,8 +44,10 @@ def rays_ms(results: Sequence[Mapping[str, Any]], rmse: float) -> float | None:
 def verdict(results: Sequence[Mapping[str, Any]]) -> str:
     """Return from which error on rays are the better choice, in a sentence.
 
-    "" where a group has no rays, or nothing of this library, to compare.
+    "" where a group has no rays, or nothing of this library, to compare; unsteady results don't
+    count.
     """
+    results = [result for result in results if not result["unsteady"]]
     mine = [
         (error, clock(result)["median"], short_name(result))
         for result in results

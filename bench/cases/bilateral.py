@@ -9,21 +9,17 @@ from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.truth import Truth
 
-from ..case import Family, Subject, count_of
+from ..case import Family, Own, Subject, count_of
 from ..context import Context, exact
 
 PIXEL_BYTES = 2 * 4 * (1 + 1 + 3 + 1)
 """Of both passes: value, depth and normal read, value written."""
 
 
-class Blur:
+class Blur(Own):
     """One application of the blur; the setting is its radius in pixels."""
 
     SETTINGS = ("2", "4", "7", "16")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the blur ready."""

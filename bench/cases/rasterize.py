@@ -8,18 +8,14 @@ from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene
 
-from ..case import Family, Subject, count_of
+from ..case import Family, Own, Subject, count_of
 from ..context import Context
 
 
-class GBuffers:
+class GBuffers(Own):
     """A G-buffer with view normals; the setting is the number of depth layers."""
 
     SETTINGS = ("1", "4")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the rasteriser ready."""
@@ -34,14 +30,10 @@ class GBuffers:
         return Subject(run=run)
 
 
-class ShadowMaps:
+class ShadowMaps(Own):
     """The reflective shadow map of the first lamp; the setting is its size in texels."""
 
     SETTINGS = ("512", "1024")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the light's renderer ready."""

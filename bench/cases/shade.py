@@ -14,18 +14,14 @@ from ssgi_cl.rasterize import rsm
 from ssgi_cl.render import render
 from ssgi_cl.techniques.shade import shade
 
-from ..case import Family, Subject, count_of
+from ..case import Family, Own, Subject, count_of
 from ..context import Context
 
 
-class Direct:
+class Direct(Own):
     """Irradiance by the lamps; the setting is the size of the shadow maps in texels."""
 
     SETTINGS = ("512", "1024", "2048")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make shadow maps and shading ready."""
@@ -60,14 +56,10 @@ class Direct:
         )
 
 
-class WholeFrame:
+class WholeFrame(Own):
     """Scene to picture: G-buffer, shadow maps, SSAO, shading, tone curve."""
 
     SETTINGS = ("16",)
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the pipeline ready; the setting is the number of SSAO's samples."""

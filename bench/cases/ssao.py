@@ -10,7 +10,7 @@ import numpy as np
 from ssgi_cl.techniques.ssao import RESOLUTIONS, Ssao, SsaoParams
 from ssgi_cl.truth import assumption
 
-from ..case import Family, Subject, count_of
+from ..case import Family, Own, Subject, count_of
 from ..context import Context
 
 PIXEL_BYTES = 4 * (1 + 3 + 1)
@@ -18,7 +18,7 @@ PIXEL_BYTES = 4 * (1 + 3 + 1)
 
 
 @dataclass(frozen=True)
-class SsaoFamily:
+class SsaoFamily(Own):
     """SSAO with the parameters' defaults but for these.
 
     Attributes:
@@ -29,10 +29,6 @@ class SsaoFamily:
     blur_radius: int = 0
     resolution: str = "full"
     SETTINGS: tuple[str, ...] = ("4", "8", "16", "32", "64", "128")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make SSAO with as many samples as the setting says ready."""
@@ -46,14 +42,10 @@ class SsaoFamily:
         )
 
 
-class SsaoPresets:
+class SsaoPresets(Own):
     """SSAO by the name of its preset."""
 
     SETTINGS = ("low", "medium", "high", "ultra")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make SSAO with a preset ready."""

@@ -9,21 +9,17 @@ import numpy as np
 from ssgi_cl.reference.upsample import upsample_reference
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
 
-from ..case import Family, Subject
+from ..case import Family, Own, Subject
 from ..context import Context, exact
 
 PIXEL_BYTES = 4 * (1 + 3 + 1)
 """Depth and normal read, value written; what is read at reduced size is little."""
 
 
-class Upsampling:
+class Upsampling(Own):
     """The step from reduced to full size; the setting is 2 or 4."""
 
     SETTINGS = ("2", "4")
-
-    def missing(self) -> str:
-        """Return "": it runs wherever OpenCL does."""
-        return ""
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the upsampling ready."""

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from importlib import import_module
 
+PACKAGES = {"vtkmodules": "vtk"}
+"""Module -> what it is installed as, where the names differ."""
+
 
 def missing_package(module: str, extra: str) -> str:
     """Return why `module` can't be imported, with the extra that brings it; "" if it can."""
@@ -13,7 +16,7 @@ def missing_package(module: str, extra: str) -> str:
         package = module.partition(".")[0]
         reason = " ".join(str(error).split())
         why = "is not installed" if _absent(error, package) else f"does not load ({reason})"
-        return f"{package} {why}: pip install 'ssgi-cl[{extra}]'"
+        return f"{PACKAGES.get(package, package)} {why}: pip install 'ssgi-cl[{extra}]'"
     return ""
 
 

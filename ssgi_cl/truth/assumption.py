@@ -20,14 +20,16 @@ from ssgi_cl.techniques.ssao import SsaoParams, sample_points
 from ssgi_cl.truth.digests import camera_description, digest, source_digest
 from ssgi_cl.truth.store import Truth, accumulated
 
-PASS_POINTS = 256
+PASS_POINTS = 128
 """Of a pass: within it, points that fall outside the image change what the others weigh."""
 MOST_POINTS = 1 << 20
 
 NOT_OF_THE_MODEL = (
-    "radius", "samples", "max_samples", "near_px", "resolution", "blur_radius", "blur_passes"
+    "radius", "samples", "max_samples", "near_px", "resolution", "blur_radius", "blur_passes",
+    "contrast",
 )
-"""Parameters that say how well occlusion is sampled, not what it is; the radius is told apart."""
+"""Parameters that say how well occlusion is sampled, not what it is; radius and contrast are told
+apart."""
 
 
 def ssao(
@@ -46,13 +48,13 @@ def ssao(
     Args:
         gbuffer: depth, and normals if there are any.
         params: the occlusion model; numbers of samples, resolution and blur do not matter.
-        points: per pixel and radius, 1 to 2^20; rounded up to a multiple of 256.
+        points: per pixel and radius, 1 to 2^20; rounded up to a multiple of 128.
         rebuild: make it anew, whatever is kept.
         progress: called with the share that is done, which grows to 1.
 
     Returns:
         Mean A [rows, columns] float32 in [0, 1] and its standard error, infinite from a single
-        pass of 256 points; 1 where nothing is. In the hall, 400 x 300 pixels, 1024 points are off
+        pass of 128 points; 1 where nothing is. In the hall, 400 x 300 pixels, 1024 points are off
         by 0.004 (RMS), as they say.
 
     Raises:
@@ -69,7 +71,8 @@ def ssao(
     view = SurfaceView.of(gbuffer)
     found = []
     for index, radius in enumerate(radii):
-        single = replace(params, radius=(radius,))
+        # A power of a mean is not the mean of powers: contrast comes last.
+        single = replace(params, radius=(radius,), contrast=1.0)
         found.append(accumulated(
             _description(gbuffer, single),
             passes,
@@ -80,7 +83,19 @@ def ssao(
             progress=progress
             and (lambda done, index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
         ))
-    return found[0] if len(found) == 1 else _darkest(found)
+    return _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
+
+
+def _contrasted(truth: Truth, exponent: float) -> Truth:
+    """Return a truth whose mean is raised to a power."""
+    if exponent == 1.0:
+        return truth
+    mean = (truth.mean**exponent).astype(np.float32)
+    # Where A is 0, an exponent below 1 has no finite slope; and nowhere is A off by more than 1.
+    slope = exponent * np.maximum(truth.mean, np.float32(1e-6)) ** (exponent - 1.0)
+    known = np.isfinite(truth.error)
+    error = np.where(known, np.minimum(truth.error * slope, 1.0), np.inf).astype(np.float32)
+    return Truth(mean, error, truth.passes, digest(truth.key, exponent))
 
 
 def _darkest(truths: list[Truth]) -> Truth:

@@ -62,3 +62,10 @@ def test_wall_time_counts_where_the_device_does_nothing() -> None:
 def test_old_marks_go_and_exact_results_count() -> None:
     assert marked([case("a", 1.0, 0.0), case("b", 2.0, 0.0, front=True)]) == ["a"]
     assert marked([]) == []
+
+
+def test_what_is_unsteady_is_not_on_it_and_keeps_nothing_else_off() -> None:
+    results = [
+        case("lucky", 1.0, 0.1, unsteady="the machine was busy"), case("sure", 2.0, 0.2),
+    ]
+    assert marked(results) == ["sure"]

@@ -11,7 +11,7 @@ import pytest
 from ssgi_cl.bench import measure
 from ssgi_cl.bench.calibration import GatherLoad
 from ssgi_cl.bench.case import Subject
-from ssgi_cl.bench.measure import Spread, Stopwatch, disagreement
+from ssgi_cl.bench.measure import Spread, Stopwatch, busyness, disagreement
 from ssgi_cl.runtime import Runtime
 
 
@@ -23,6 +23,26 @@ def test_halves_that_agree_are_steady_and_others_say_by_how_much_they_differ() -
     assert disagreement([1.0, 1.05, 1.1, 1.05]) == ""
     assert "21 %" in disagreement([1.0, 1.0, 1.21, 1.21])
     assert "100 %" in disagreement([2.0, 2.0, 1.0, 1.0])
+
+
+def test_a_reference_far_above_its_fastest_tells_of_a_busy_machine() -> None:
+    assert busyness([1.0, 1.2, 1.29], 1.0) == ""
+    assert "1.8 times" in busyness([1.0, 1.8, 9.0], 1.0)
+
+
+def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(
+    runtime: Runtime,
+) -> None:
+    calls = []
+
+    def run() -> None:
+        calls.append(1)
+        time.sleep(0.0002)
+
+    timing = Stopwatch(runtime, runs=4).time(Subject(run=run, on_device=False))
+    # A sleep is never shorter; on a busy machine the reference is longer, and so there are more.
+    assert timing.wall_ms.low >= 0.2
+    assert len(calls) > measure.WARM_UP + measure.TRIES * 4
 
 
 def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtime) -> None:
@@ -66,7 +86,9 @@ def test_what_drifts_is_measured_again_and_then_called_unsteady(
 ) -> None:
     growing = itertools.count(1.0)
 
-    def once(self: Stopwatch, subject: Subject) -> tuple[float, float, dict[str, float], object]:
+    def once(
+        self: Stopwatch, subject: Subject, repeats: int = 1
+    ) -> tuple[float, float, dict[str, float], object]:
         # The reference takes 1 ms each time, the subject a millisecond more from run to run.
         took = 1.0 if subject.on_device else next(growing)
         return took, took, {}, {}

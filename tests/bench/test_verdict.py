@@ -46,3 +46,9 @@ def test_without_rays_or_without_ours_nothing_is_said() -> None:
     assert verdict(RAYS) == ""
     assert verdict([entry("ssao.4.hall.8x6")]) == ""
     assert verdict([*RAYS, entry("ssao.4.hall.8x6", rmse=None)]) == ""
+
+
+def test_unsteady_results_do_not_count() -> None:
+    lucky = entry("ssao.4.hall.8x6", 1.0, 0.11, unsteady="the machine was busy")
+    assert verdict([*RAYS, lucky]) == ""
+    assert "below an RMSE of 0.300" in verdict([*RAYS, lucky, entry("ssao.16.hall.8x6", 5.0, 0.3)])

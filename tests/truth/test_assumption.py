@@ -45,6 +45,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "exponential": {"falloff": "exponential", "rate": 2.0, "outside": "open"},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "limited radius": {"max_radius_px": 9.0, "bias": 0.1, "length_power": 1 / 3},
+    "contrast": {"contrast": 2.5},
 }
 
 
@@ -91,10 +92,10 @@ def test_passes_are_stretches_of_one_list() -> None:
     params = SsaoParams(radius=RADIUS, outside="open")
     truth = assumption.ssao(gbuffer, params, 512)
     points = sample_points(512, params.length_power)
-    # Every point counts (what is outside is open), so that the mean of two passes is that of all.
+    # Every point counts (what is outside is open), so that the mean of passes is that of all.
     expected = model.openness(SurfaceView.of(gbuffer), params, points)
     np.testing.assert_allclose(truth.mean, expected, atol=1e-7)  # a rounding of float32
-    assert truth.passes == 2
+    assert truth.passes == 512 // assumption.PASS_POINTS
 
 
 def test_greatest_occlusion_of_several_radii_counts() -> None:
@@ -154,7 +155,11 @@ def test_interrupted_truth_goes_on_and_gives_the_same_bits() -> None:
     again = assumption.ssao(gbuffer, params, 1024, progress=told.append)
     np.testing.assert_array_equal(again.mean, whole.mean)
     np.testing.assert_array_equal(again.error, whole.error)
-    assert told == [0.5, 0.875, 1.0]
+    # The first radius is kept; of the second, only what was not done is done.
+    assert told[0] == 0.5
+    assert told[1] > 0.7
+    assert told[1:] == sorted(told[1:])
+    assert told[-1] == 1.0
 
 
 def test_bad_argument_is_named() -> None:
@@ -162,3 +167,22 @@ def test_bad_argument_is_named() -> None:
         assumption.ssao("depth.exr")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="points is 0: expected an integer >= 1"):
         assumption.ssao(corner(), SsaoParams(), 0)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 2.5])
+def test_contrast_is_a_power_of_what_it_tends_to_without(exponent: float) -> None:
+    gbuffer = corner("bumpy")
+    plain = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 256)
+    powered = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS, contrast=exponent), 256)
+    np.testing.assert_allclose(powered.mean, plain.mean**exponent, rtol=1e-6)
+    assert powered.key != plain.key
+    assert np.isfinite(powered.error).all()
+    # The slope of the power, where A is far from 0 and the slope from its bound.
+    open_ = plain.mean > 0.2
+    slope = exponent * plain.mean[open_] ** (exponent - 1.0)
+    np.testing.assert_allclose(powered.error[open_], plain.error[open_] * slope, rtol=1e-5)
+
+
+def test_of_a_single_pass_the_error_is_unknown_with_contrast_too() -> None:
+    truth = assumption.ssao(corner(), SsaoParams(radius=RADIUS, contrast=2.0), 64)
+    assert np.isinf(truth.error).all()

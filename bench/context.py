@@ -17,7 +17,7 @@ from ssgi_cl.lights import Environment
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.rasterize.view import device_scene, downloaded
+from ssgi_cl.rasterize.view import device_scene, downloaded, margin_of
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.shade import Lamp
 from ssgi_cl.truth import Truth
@@ -75,7 +75,13 @@ class Context:
     @cached_property
     def gbuffer(self) -> DeviceGBuffer:
         """What the camera sees, in device memory."""
-        rasterizer = Rasterizer(self.runtime, self.size)
+        return self.layered(1, 0.0)
+
+    def layered(self, layers: int, overscan: float) -> DeviceGBuffer:
+        """Return a G-buffer with depth layers and overscan, drawn now, in device memory."""
+        rasterizer = Rasterizer(
+            self.runtime, self.size, layers=layers, margin=margin_of(self.camera, overscan)
+        )
         with self.runtime.frame():
             target = rasterizer.render(device_scene(self.view.scene, self.runtime), self.camera)
             target.derive()

@@ -19,6 +19,9 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, Spo
 from ssgi_cl.render import Frame, Renderer, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
 from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
 from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
@@ -29,6 +32,8 @@ from ssgi_cl.version import __version__
 __all__ = [
     "Bilateral",
     "BilateralParams",
+    "BitmaskAo",
+    "BitmaskParams",
     "Camera",
     "DeviceError",
     "DeviceGBuffer",
@@ -37,6 +42,10 @@ __all__ = [
     "Form",
     "Frame",
     "GBuffer",
+    "Gtao",
+    "GtaoParams",
+    "Hbao",
+    "HbaoParams",
     "KernelBuildError",
     "KernelSourceError",
     "Light",
@@ -60,6 +69,9 @@ __all__ = [
     "Upsample",
     "__version__",
     "bilateral_blur",
+    "bitmask_ao",
+    "gtao",
+    "hbao",
     "metrics",
     "rasterize",
     "ray_ao",

@@ -19,6 +19,7 @@ from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.structs import CAMERA, Struct
 from ssgi_cl.techniques.bilateral import BLUR
 from ssgi_cl.techniques.shade import COMBINE, LIGHT
+from ssgi_cl.techniques.slices import SLICES
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
@@ -60,10 +61,17 @@ def combine(*switches: int) -> dict[str, int]:
     return {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
 
 
+def slices(layers: int, **switches: int) -> dict[str, int]:
+    return {"SLICES_COUNT": 3, "SLICES_TAPS": 6, "SLICES_LAYERS": layers, **switches}
+
+
 USES = {
     "bilateral/bilateral_blur.cl": Use(
         (CAMERA, BLUR),
         [{"BLUR_RADIUS": 2, "BLUR_COUNT": 3, "BLUR_SHAPE": shape} for shape in (0, 1, 2)],
+    ),
+    "bitmask_ao/bitmask_ao.cl": Use(
+        (CAMERA, SLICES), [slices(1, BITMASK_ANGLE=0), slices(2, BITMASK_ANGLE=1)]
     ),
     "calibrate/calibrate_copy.cl": Use(),
     "calibrate/calibrate_gather.cl": Use(
@@ -74,6 +82,10 @@ USES = {
         (CAMERA, ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
     ),
     "gbuffer/gbuffer_reduce.cl": Use((), [{"REDUCE_COUNT": 3}]),
+    "gtao/gtao.cl": Use((CAMERA, SLICES), [slices(1, GTAO_FALLOFF=0), slices(2, GTAO_FALLOFF=1)]),
+    "hbao/hbao.cl": Use(
+        (CAMERA, SLICES), [slices(1, HBAO_ATTENUATION=0), slices(2, HBAO_ATTENUATION=1)]
+    ),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
         rasterizer.STRUCTS, [attributes(0, 0, 0, 0), attributes(1, 0, 0, 0), attributes(1, 1, 1, 1)]
@@ -93,6 +105,7 @@ USES = {
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
+    "slices/slices_near.cl": Use((CAMERA,), [{"NEAR_LAYERS": 2}]),
     "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
     "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
     "upsample/upsample_joint.cl": Use((CAMERA, UPSAMPLE), [{"UPSAMPLE_COUNT": 3}]),

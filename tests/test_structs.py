@@ -12,11 +12,13 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.techniques.bilateral import BLUR
 from ssgi_cl.techniques.shade import COMBINE, LIGHT
+from ssgi_cl.techniques.slices import SLICES
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
 STRUCTS = (
-    CAMERA, ROTATION, BLUR, SSAO, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW, shadow_map.FLUX
+    CAMERA, ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW,
+    shadow_map.FLUX,
 )
 
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 from ..case import Family
 from ..peers import PEERS
-from . import bilateral, rasterize, shade, ssao, upsample
+from . import bilateral, rasterize, shade, slices, ssao, upsample
 
 OWN: Mapping[str, Family] = {
     **ssao.FAMILIES,
+    **slices.FAMILIES,
     **bilateral.FAMILIES,
     **upsample.FAMILIES,
     **shade.FAMILIES,

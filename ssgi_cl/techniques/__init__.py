@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ssgi_cl.params import Params
+from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.gtao import GtaoParams, gtao
+from ssgi_cl.techniques.hbao import HbaoParams, hbao
 from ssgi_cl.techniques.ssao import SsaoParams, ssao
 
 
@@ -29,6 +32,15 @@ class Entry:
     tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
 
 
+_SLICES: dict[str, Sequence[Any]] = {
+    "slices": [1, 2, 3, 4, 6, 8],
+    "taps": [2, 3, 4, 6, 9, 12, 16],
+    "tap_power": (0.8, 3.0),
+    "contrast": (0.7, 3.0),
+    "resolution": ["full", "half"],
+    "blur_radius": (0, 6),
+}
+
 TECHNIQUES: dict[str, Entry] = {
     "ssao": Entry(
         ssao,
@@ -45,5 +57,10 @@ TECHNIQUES: dict[str, Entry] = {
             "resolution": ["full", "half"],
             "blur_radius": (0, 6),
         },
-    )
+    ),
+    "hbao": Entry(hbao, HbaoParams, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)}),
+    "gtao": Entry(gtao, GtaoParams, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}),
+    "bitmask_ao": Entry(
+        bitmask_ao, BitmaskParams, "ao", tunable={**_SLICES, "thickness": (0.05, 2.0)}
+    ),
 }

@@ -65,6 +65,9 @@ def test_a_result_compared_with_itself_is_no_worse_and_a_slower_one_fails(tmp_pa
     ssgi("bench", "--compare", str(before), str(before))
     document = json.loads(before.read_text())
     for result in document["results"]:
+        result["unsteady"] = ""  # as on a quiet machine
+    before.write_text(json.dumps(document))
+    for result in document["results"]:
         for name in ("device_ms", "wall_ms", "ratio"):
             result[name] = {key: 3.0 * value for key, value in result[name].items()}
     after.write_text(json.dumps(document))

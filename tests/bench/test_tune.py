@@ -331,7 +331,7 @@ def test_wrong_arguments_are_named(
 
 
 def test_unknown_technique_is_refused_with_those_that_exist() -> None:
-    with pytest.raises(ValueError, match=r"technique is 'magic': expected one of 'ssao'"):
+    with pytest.raises(ValueError, match=r"technique is 'magic': expected one of .*'ssao'"):
         gi.tune("magic", budget_ms=1.0)
 
 

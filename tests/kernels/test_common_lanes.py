@@ -375,6 +375,55 @@ def test_pow_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Gen
     assert np.abs(result - np.exp2(power))[x <= 1].max() < 2e-7
 
 
+def test_quick_root_is_as_accurate_as_it_says(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    x = np.exp2(rng.uniform(-125, 127, 4096)).astype(np.float32)
+    a = run_expression(form_runtime, LANES, "v_rsqrt_quick(x)", x=x)
+    assert np.abs(a * np.sqrt(x.astype(np.float64)) - 1.0).max() < 2e-6
+
+
+def test_acos_is_as_accurate_as_it_says(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    ends = np.array([-1.0, -0.0, 0.0, 1.0, np.nextafter(np.float32(1), np.float32(0))])
+    x = np.concatenate([ends, rng.uniform(-1, 1, 4000), 1 - 10.0 ** rng.uniform(-7, 0, 500)])
+    x = x.astype(np.float32)
+    a = run_expression(form_runtime, LANES, "v_acos(x)", x=x)
+    assert np.abs(a - np.arccos(x.astype(np.float64))).max() < 5e-7
+    assert a[3] == 0.0
+
+
+def test_whole_numbers_are_rounded_to_and_ties_go_to_even(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    x = np.concatenate([np.arange(-4, 4.5, 0.5), rng.uniform(-2.0**21, 2.0**21, 500)])
+    x = x.astype(np.float32)
+    a = run_expression(form_runtime, LANES, "v_round(x)", x=x)
+    np.testing.assert_array_equal(a, np.rint(x))
+
+
+def test_bits_are_shifted_and_counted(form_runtime: Runtime) -> None:
+    x, by = pairs(SOME_INTS)
+    by = by & 31
+    unsigned = x.view(np.uint32)
+    results = run_expressions(
+        form_runtime, LANES, {"right": "v_shift_right(x, by)", "count": "v_count_bits(x)"},
+        returns="vint", x=x, by=by,
+    )
+    right = (unsigned >> by.astype(np.uint32)).view(np.int32)
+    np.testing.assert_array_equal(results["right"], right)
+    counts = [int(value).bit_count() for value in unsigned]
+    np.testing.assert_array_equal(results["count"], counts)
+
+
+@pytest.mark.parametrize("count", [1, 7, 65536, 2**31 - 1])
+def test_within_is_from_0_to_below_the_count(form_runtime: Runtime, count: int) -> None:
+    a = run_expression(
+        form_runtime, LANES, f"v_within(x, {count})", returns="vint", x=SOME_INTS
+    )
+    inside = (SOME_INTS >= 0) & (count > SOME_INTS)
+    np.testing.assert_array_equal(a, np.where(inside, TRUE, FALSE))
+
+
 def test_arguments_beyond_the_range_are_clamped(form_runtime: Runtime) -> None:
     x = np.array([-np.inf, -1e30, -127.0, 127.0, 1e30, np.inf], np.float32)
     result = run_expressions(

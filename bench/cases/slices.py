@@ -1,0 +1,92 @@
+"""HBAO, GTAO and the visibility bitmask, by slices, taps and depth layers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.gtao import Gtao, GtaoParams
+from ssgi_cl.techniques.hbao import Hbao, HbaoParams
+from ssgi_cl.techniques.slices import SliceParams
+
+from ..case import Family, Own, Subject
+from ..context import Context
+
+OVERSCAN = 0.1
+"""Share of the image round it that a G-buffer of several layers has."""
+
+_SETTING = re.compile(r"([1-9]\d?)x([1-9]\d?)(?:-([1-9]\d?))?")
+
+
+@dataclass(frozen=True)
+class Slices(Own):
+    """A technique that scans slices; the setting is SLICESxTAPS, or SLICESxTAPS-LAYERS.
+
+    Taps count per side. Several layers come with overscan; the time to draw them is not counted.
+
+    Attributes:
+        make, params: the technique.
+    """
+
+    make: Any
+    params: type[SliceParams]
+    SETTINGS: tuple[str, ...] = ("1x4", "1x9", "2x4", "2x9", "4x12", "2x9-2", "2x9-4")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the technique and its G-buffer ready."""
+        match = _SETTING.fullmatch(setting)
+        if match is None:
+            raise ValueError(
+                f"setting is {setting!r}: expected SLICESxTAPS or SLICESxTAPS-LAYERS, such as 2x9-4"
+            )
+        slices, taps, layers = int(match[1]), int(match[2]), int(match[3] or 1)
+        params = self.params(slices=slices, taps=taps, radius=context.radius)
+        gbuffer = context.gbuffer if layers == 1 else context.layered(layers, OVERSCAN)
+        technique = self.make(context.runtime, context.size, params, gbuffer.margin, layers=layers)
+        pixels = context.size[0] * context.size[1]
+        return Subject(
+            run=lambda: technique.run(gbuffer),
+            image=lambda: technique(gbuffer),
+            quantity="occlusion",
+            samples=2.0 * slices * taps * layers * context.seen.sum(),
+            moved=pixels * 4 * (layers + 3 + 1),
+            truths={"world": context.occlusion},
+            note="" if layers == 1 else "several depth layers, and a tenth of overscan",
+        )
+
+
+XEGTAO_HIGH = {"tap_power": 2.0, "falloff": 0.615, "contrast": 2.2}
+"""With 3 slices, 3 taps a side and 1.457 times the radius: XeGTAO's High setting (Intel 2021)."""
+
+
+class XegtaoHigh(Own):
+    """XeGTAO's High setting as parameters of GTAO, with this library's blur."""
+
+    SETTINGS = ("high",)
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make it ready."""
+        if setting != "high":
+            raise ValueError(f"setting is {setting!r}: expected 'high'")
+        values: dict[str, Any] = dict(XEGTAO_HIGH)
+        params = GtaoParams(slices=3, taps=3, radius=1.457 * context.radius, **values)
+        technique = Gtao(context.runtime, context.size, params)
+        return Subject(
+            run=lambda: technique.run(context.gbuffer),
+            image=lambda: technique(context.gbuffer),
+            quantity="occlusion",
+            samples=18.0 * context.seen.sum(),
+            truths={"world": context.occlusion},
+            note="3 slices, 3 taps a side, radius times 1.457, falloff .615, contrast 2.2",
+        )
+
+
+FAMILIES: Mapping[str, Family] = {
+    "hbao": Slices(Hbao, HbaoParams),
+    "gtao": Slices(Gtao, GtaoParams),
+    "bitmask_ao": Slices(BitmaskAo, BitmaskParams),
+    "xegtao": XegtaoHigh(),
+}

@@ -1,0 +1,36 @@
+"""HBAO in float64, direction by direction as defined in `ssgi_cl.techniques.hbao`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import Doubles
+from ssgi_cl.reference.slices import Scan, finished
+from ssgi_cl.techniques.hbao import HbaoParams
+
+
+def hbao_reference(gbuffer: GBuffer, params: HbaoParams | None = None) -> NDArray[np.float64]:
+    """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
+    params = params or HbaoParams()
+    return finished(gbuffer, params, lambda scan: openness(scan, params))
+
+
+def openness(scan: Scan, params: HbaoParams) -> Doubles:
+    """Return A before blur: 1 - what the horizons hide, over what they could."""
+    hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
+    for plane in scan.slices():
+        for side in (1, -1):
+            tangent = np.arctan(side * plane.edge)
+            horizon = np.sin(np.minimum(tangent + params.angle_bias, 0.5 * np.pi))
+            whole += plane.weight * (1.0 - horizon)
+            for index in range(params.taps):
+                for tap in scan.taps(plane, side, index):
+                    elevation = np.sin(np.arctan(tap.cot))
+                    raises = tap.counts & (elevation > horizon)
+                    gain = (1.0 - params.attenuation * tap.distance**2) * (elevation - horizon)
+                    hidden += plane.weight * np.where(raises, gain, 0.0)
+                    horizon = np.where(raises, elevation, horizon)
+    a: Doubles = 1.0 - hidden / whole
+    return a

@@ -1,0 +1,75 @@
+"""Ambient occlusion with a visibility bitmask: surfaces have a thickness, light passes behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.params import param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
+
+SECTORS = ("cosine", "angle")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BitmaskParams(SliceParams):
+    """Parameters of the visibility bitmask (Therrien et al. 2023)."""
+
+    thickness: float = param(
+        0.5, "of surfaces, along the line of sight", low=0.0, high=1e3, unit="radii"
+    )
+    sectors: str = param(
+        "cosine", "the 32 sectors of a slice are equal parts of the cosine-weighted measure, or "
+        "equal angles as published, all directions of a slice weighing the same", choices=SECTORS
+    )
+
+
+class BitmaskAo(SliceTechnique[BitmaskParams]):
+    """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments."""
+
+    name = "bitmask_ao"
+    defaults = BitmaskParams
+
+    def _macros(self) -> Mapping[str, int]:
+        return {"BITMASK_ANGLE": SECTORS.index(self.params.sectors)}
+
+    def _values(self) -> Mapping[str, float]:
+        return {"thickness": self.params.thickness}
+
+
+def bitmask_ao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = 0.5,
+    slices: int = 2,
+    taps: int = 9,
+    *,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from the sectors of slices that surfaces of some thickness cover.
+
+    Args:
+        gbuffer: depth, and normals if there are any; taps reach into its margin, and each covers
+            sectors with every depth layer.
+        radius: distance up to which surfaces occlude, scene units, > 0.
+        slices: planes through the line of sight, 1 to 32.
+        taps: depths read on either side of a slice, 1 to 64.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `BitmaskParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    chosen = BitmaskParams(radius=radius, slices=slices, taps=taps, **params)
+    return prepared(BitmaskAo, gbuffer, runtime, chosen)

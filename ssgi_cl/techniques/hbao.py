@@ -1,0 +1,80 @@
+"""Horizon-based ambient occlusion: all directions weigh the same, nearby occluders the most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.params import param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
+
+
+@dataclass(frozen=True, kw_only=True)
+class HbaoParams(SliceParams):
+    """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions."""
+
+    attenuation: float = param(
+        1.0, "how much less an occluder at the radius hides than one nearby: by the square of its "
+        "distance; 0 for a sharp end", low=0.0, high=1.0,
+    )
+    angle_bias: float = param(
+        0.0, "elevation above the tangent plane up to which nothing occludes", low=0.0,
+        high=1.5, unit="radians",
+    )
+
+
+class Hbao(SliceTechnique[HbaoParams]):
+    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments."""
+
+    name = "hbao"
+    defaults = HbaoParams
+
+    def _macros(self) -> Mapping[str, int]:
+        return {"HBAO_ATTENUATION": int(self.params.attenuation > 0.0)}
+
+    def _values(self) -> Mapping[str, float]:
+        params = self.params
+        return {
+            "attenuation": params.attenuation,
+            "bias_cos": math.cos(params.angle_bias),
+            "bias_sin": math.sin(params.angle_bias),
+        }
+
+
+def hbao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = 0.5,
+    slices: int = 2,
+    taps: int = 9,
+    *,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
+
+    Args:
+        gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
+            depth layers: a deeper one counts where those before it are out of the radius.
+        radius: distance up to which surfaces occlude, scene units, > 0.
+        slices: pairs of opposite directions, 1 to 32.
+        taps: depths read in each direction, 1 to 64.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `HbaoParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    chosen = HbaoParams(radius=radius, slices=slices, taps=taps, **params)
+    return prepared(Hbao, gbuffer, runtime, chosen)

@@ -1,0 +1,300 @@
+"""What HBAO, GTAO and the visibility bitmask share: a scan of the depth in slices round a pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.params import Params, param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.ssao import RESOLUTIONS, TILE_ORDER
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size
+
+SLICES = Struct(
+    "SliceParams",
+    (
+        *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
+        *floats("thickness", "falloff_scale", "thin", "attenuation", "bias_cos", "bias_sin"),
+        *(
+            (name, "int")
+            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")
+        ),
+    ),
+)
+
+TILE = 4
+"""Rows and columns after which the pattern of slices repeats; the blur is made for it."""
+
+NEAREST_TAP = 1.3
+"""Distance of the nearest tap, px: at any angle it lies in another pixel than the receiver."""
+
+DEPTH_BIAS = 4e-6
+"""Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
+
+LEAST_FACING = 0.0017
+"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliceParams(Params):
+    """Parameters of every technique that scans slices.
+
+    Two slices of nine taps a side find occlusion better than three of six, and taps almost evenly
+    spread better than taps that crowd round the receiver: blurred, on the built-in scenes with
+    0.5 to 2.5 times their own radii, GTAO's RMSE is .082 with the defaults, .095 with three slices
+    of six taps and a power of 2.
+    """
+
+    radius: float = param(
+        0.5, "distance up to which surfaces occlude", low=0.0, high=1e30, above=True,
+        unit="scene units",
+    )
+    slices: int = param(2, "planes through the line of sight, each with two sides", low=1, high=32)
+    taps: int = param(9, "depths read on either side of a slice", low=1, high=64)
+    tap_power: float = param(
+        1.2, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
+    )
+    bias: float = param(
+        0.0, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
+        unit="radii",
+    )
+    contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
+    max_radius_px: float = param(
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
+        unit="px",
+    )
+    resolution: str = param(
+        "full", "size at which occlusion is computed", choices=("full", "half", "quarter")
+    )
+    blur_radius: int = param(
+        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
+        unit="px",
+    )
+    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Where the pixels of a tile scan.
+
+    Attributes:
+        angle: [4, 4, slices] of each slice from +columns towards +rows, radians, in [0, pi).
+        share: [4, 4, slices, taps] distance of each tap, in parts of the radius, rising.
+        dither: [4, 4, slices] in [0, 1), for roundings that are right on average.
+    """
+
+    angle: NDArray[np.float64]
+    share: NDArray[np.float64]
+    dither: NDArray[np.float64]
+
+
+def pattern(params: SliceParams) -> Pattern:
+    """Return the deterministic pattern of a tile: Hammersley's points in Bayer's order.
+
+    The 16 pixels turn their slices by 16 even steps and shift their taps by 16 others. On the
+    built-in scenes, blurred, GTAO's RMSE is 2 % (4 % with one slice) below that of the R2 sequence
+    along a Hilbert curve, 16 points of which crowd.
+    """
+    slices, taps = params.slices, params.taps
+    number = np.arange(slices)
+    bits = [((TILE_ORDER >> bit) & 1) << (3 - bit) for bit in range(4)]
+    reversed_bits = np.sum(bits, axis=0)
+    turn = (TILE_ORDER[..., None] + 0.5) / TILE**2
+    jitter = np.mod((reversed_bits[..., None] + 0.5) / TILE**2 + number / slices, 1.0)
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    return Pattern(
+        angle=np.pi * (number + turn) / slices,
+        share=((np.arange(taps) + jitter[..., None]) / taps) ** params.tap_power,
+        dither=np.mod(0.5 + golden * (TILE_ORDER[..., None] + TILE**2 * number), 1.0),
+    )
+
+
+def table(params: SliceParams) -> NDArray[np.float32]:
+    """Return the pattern as kernels read it: [4 rows, slices, 3 + taps, 16 columns]."""
+    made = pattern(params)
+    rows = np.concatenate(
+        [
+            np.stack([np.cos(made.angle), np.sin(made.angle), made.dither], axis=-1),
+            made.share,
+        ],
+        axis=-1,
+    )  # row, column, slice, number
+    return np.tile(rows.transpose(0, 2, 3, 1), 4).astype(np.float32)
+
+
+P = TypeVar("P", bound=SliceParams)
+
+
+class SliceTechnique(Generic[P]):
+    """A technique that scans slices, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: of the technique.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+        layers: depth layers of the G-buffers.
+    """
+
+    name: ClassVar[str]
+    """Of the kernel and of its pass."""
+    defaults: ClassVar[type[SliceParams]]
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: P | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.margin = margin
+        self.layers = layers
+        chosen: Any = params or self.defaults()
+        self.params: P = chosen
+        self._step = step = RESOLUTIONS[chosen.resolution]
+        self._kernel = runtime.kernel(
+            f"{self.name}/{self.name}.cl",
+            {
+                "SLICES_COUNT": chosen.slices,
+                "SLICES_TAPS": chosen.taps,
+                "SLICES_LAYERS": layers,
+                **self._macros(),
+            },
+            (CAMERA, SLICES),
+        )
+        self._measure = runtime.kernel(
+            "slices/slices_near.cl", {"NEAR_LAYERS": layers}, (CAMERA,)
+        )
+        self._table = runtime.array(table(chosen))
+        coarse = coarse_size(size, step)
+        reduced_margin = (margin[0] // step, margin[1] // step)
+        self._whole = (coarse[0] + 2 * reduced_margin[0], coarse[1] + 2 * reduced_margin[1])
+        # Of a perspective and of an orthographic camera: what lies outside differs.
+        self._near: dict[bool, Plane] = {}
+        self._openness = runtime.plane(1, coarse, 1.0)
+        self._reduced: ReducedGBuffer | None = None
+        blur = BilateralParams(radius=chosen.blur_radius, passes=chosen.blur_passes)
+        self._blur = Bilateral(runtime, coarse, blur)
+        self._upsample = Upsample(runtime, size, step, background=1.0) if step > 1 else None
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+        given = (gbuffer.size, gbuffer.margin, gbuffer.layers)
+        if given != (self.size, self.margin, self.layers):
+            raise ValueError(
+                f"the G-buffer's size, margin and layers are {gbuffer.size}, {gbuffer.margin} and "
+                f"{gbuffer.layers}: expected {self.size}, {self.margin} and {self.layers}"
+            )
+        source: Any = gbuffer
+        if self._upsample is not None:
+            if self._reduced is None:
+                self._reduced = ReducedGBuffer(gbuffer, self._step)
+            self._reduced.update(gbuffer)
+            source = self._reduced
+        near = self._measured(gbuffer)
+        self._kernel.run(
+            self.name,
+            self._openness.size,
+            reads=[near, source.normal, self._table],
+            writes=[self._openness],
+            values=[source.camera_struct, self._packed(source)],
+        )
+        result = self._blur.run(self._openness, source)
+        if self._upsample is not None and self._reduced is not None:
+            result = self._upsample.run(result, self._reduced, gbuffer)
+        return result
+
+    def __call__(
+        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download(None if out is None else out[None])
+        a: NDArray[np.float32] = result[0]
+        return a
+
+    def _measured(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the pass that brings all layers into the measure and the size of the scan."""
+        perspective = bool(gbuffer.camera_struct["perspective"])
+        if perspective not in self._near:
+            outside = 0.0 if perspective else math.inf
+            self._near[perspective] = self.runtime.plane(self.layers, self._whole, outside)
+        near = self._near[perspective]
+        rows, columns = gbuffer.whole
+        first = (gbuffer.margin[0] % self._step, gbuffer.margin[1] % self._step)
+        self._measure.run(
+            "near",
+            self._whole,
+            reads=[gbuffer.depth],
+            writes=[near],
+            values=[
+                np.array([columns, rows], np.int32), np.int32(self._step), np.int32(first[1]),
+                np.int32(first[0]), np.float32(_ortho_unit(gbuffer.camera_struct, self._step)),
+                gbuffer.camera_struct,
+            ],
+        )
+        return near
+
+    def _macros(self) -> Mapping[str, int]:
+        """Return the technique's own switches."""
+        return {}
+
+    def _values(self) -> Mapping[str, float]:
+        """Return the technique's own members of the struct."""
+        return {}
+
+    def _packed(self, source: Any) -> Any:
+        params = self.params
+        camera = source.camera_struct
+        unit = _ortho_unit(camera, 1)
+        pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
+        rows, columns = self._openness.size
+        values = {
+            "radius": params.radius,
+            "ortho_unit": unit,
+            "unit_px": pixels / (1.0 if camera["perspective"] else unit),
+            "most_px": params.max_radius_px / self._step,
+            "bias": params.bias,
+            "depth_bias": DEPTH_BIAS,
+            "contrast": params.contrast,
+            "margin_left": source.margin[1],
+            "margin_right": source.whole[1] - columns - source.margin[1],
+            "margin_top": source.margin[0],
+            "margin_bottom": source.whole[0] - rows - source.margin[0],
+        }
+        return SLICES.pack({**dict.fromkeys(SLICES.dtype.names or (), 0.0), **values,
+                            **self._values()})
+
+
+def _ortho_unit(camera: Any, step: int) -> float:
+    """Return 1 / the width of every `step`-th of a camera's pixels, per scene unit."""
+    return abs(float(camera["from_x"])) / step
+
+
+def prepared(
+    technique: type[SliceTechnique[Any]],
+    gbuffer: GBuffer | DeviceGBuffer,
+    runtime: Runtime | None,
+    params: SliceParams,
+) -> NDArray[np.float32]:
+    """Return A of a G-buffer by a technique, prepared unless it was before."""
+    device = on_device(gbuffer, runtime)
+    made: SliceTechnique[Any] = device.runtime.prepared(
+        (technique, device.size, device.margin, device.layers, params),
+        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
+    )
+    return made(device)

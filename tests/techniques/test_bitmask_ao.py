@@ -1,0 +1,77 @@
+"""Bitmask AO: against GTAO, and its own parameters. What both share: test_slices.py."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssgi_cl.reference.bitmask_ao import turn
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.gtao import gtao
+
+from ..closed_forms import hidden_by_wall
+from .analytic import camera, scene
+from .walls import wall_and_floor
+
+
+def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
+    angle = np.linspace(0.0, np.pi, 2001)
+    c = np.cos(angle)
+    exact = c * np.sin(angle) + np.arcsin(c)
+    assert np.abs(turn(c) - exact).max() < 1.1e-3
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
+    gbuffer = scene("bumpy", camera(kind), rng)
+    a = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime)
+    b = bitmask_ao(gbuffer, 0.6, thickness=1e3, blur_radius=0, runtime=runtime)
+    # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
+    # (the polynomial's error is 1/50 of a sector).
+    assert np.abs(a - b).max() < 1 / 32 + 1e-3
+    assert abs(float(np.mean(a - b))) < 1e-3
+
+
+def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runtime) -> None:
+    gbuffer, distance = wall_and_floor("perspective")
+    a = bitmask_ao(gbuffer, 1.0, 16, 48, blur_radius=0, runtime=runtime)
+    for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (1.02, 1.2)):
+        there = (distance > near) & (distance < far)
+        wanted = [1.0 - hidden_by_wall(min(c, 1.0), "cosine", "none") for c in distance[there]]
+        # The highest point within the radius lies up to a tap, a 50th of the radius, beyond the
+        # highest tap: .0066 at most, half of it with twice the taps.
+        assert np.mean(a[there]) == pytest.approx(np.mean(wanted), abs=8e-3)
+
+
+@pytest.mark.parametrize("sectors", ["cosine", "angle"])
+def test_thinner_surfaces_let_more_light_pass(
+    runtime: Runtime, rng: np.random.Generator, sectors: str
+) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    images = [
+        bitmask_ao(gbuffer, 0.6, thickness=t, sectors=sectors, blur_radius=0, runtime=runtime)
+        for t in (0.0, 0.05, 0.3, 2.0)
+    ]
+    for thin, thick in pairwise(images):
+        assert np.all(thick <= thin)  # of the same sectors, more are covered
+        assert np.mean(thin - thick) > 1e-3
+    # A surface without thickness covers no sector but by rounding, and that of both ends alike.
+    assert float(images[0].mean()) > 0.999
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"thickness": -0.1}, r"thickness is -0.1: expected a number >= 0.*radii"),
+        ({"sectors": "equal"}, r"sectors is 'equal': expected one of 'cosine', 'angle'"),
+    ],
+)
+def test_bad_parameter_is_refused(
+    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        bitmask_ao(scene("corner", camera(size=(4, 4)), rng), runtime=runtime, **params)

@@ -81,22 +81,36 @@ class Stopwatch:
         for _ in range(WARM_UP + FEWEST):
             self.reference_ms.append(self._once(self._reference)[0])
 
-    def time(self, subject: Subject) -> Timing:
+    def time(self, subject: Subject, again: Callable[[], Subject] | None = None) -> Timing:
         """Return what a subject takes; measured again, up to 3 times, if it is unsteady.
 
         A short one is repeated until it takes about as long as the reference: what interrupts
         either now and then then slows both alike.
+
+        Args:
+            subject: what is run.
+            again: makes the same anew, which the second half of the runs then takes: where its
+                memory happens to lie may matter, and then the halves differ.
         """
-        for _ in range(WARM_UP):
-            _, took, _, _ = self._once(subject)
+        took = self._warmed_up(subject)
         repeats = min(MOST_REPEATS, max(1, round(min(self.reference_ms) / took)))
         took = 1e-3 * (took * repeats + min(self.reference_ms))
         runs = self._runs or min(MOST, max(FEWEST, 2 * int(0.5 * self._seconds / took)))
         for _ in range(TRIES):
-            timing = self._measure(subject, runs, repeats)
+            other = subject
+            if again is not None:
+                other = again()
+                self._warmed_up(other)
+            timing = self._measure((subject, other), runs, repeats)
             if not timing.unsteady:
                 break
         return timing
+
+    def _warmed_up(self, subject: Subject) -> float:
+        """Run a subject some times; return the wall clock's milliseconds of the last one."""
+        for _ in range(WARM_UP):
+            _, took, _, _ = self._once(subject)
+        return took
 
     def _once(
         self, subject: Subject, repeats: int = 1
@@ -116,11 +130,12 @@ class Stopwatch:
         skipped = {entry.name: entry.skipped for entry in times if entry.skipped}
         return sum(passes.values()), wall, passes, skipped
 
-    def _measure(self, subject: Subject, runs: int, repeats: int) -> Timing:
+    def _measure(self, halves: tuple[Subject, Subject], runs: int, repeats: int) -> Timing:
         device, wall, ratio, beside = [], [], [], []
         passes: dict[str, list[float]] = {}
         skipped: dict[str, str] = {}
-        for _ in range(runs):
+        for index in range(runs):
+            subject = halves[2 * index // runs]
             beside.append(self._once(self._reference)[0])
             on_device, on_wall, parts, skipped = self._once(subject, repeats)
             device.append(on_device)

@@ -232,7 +232,7 @@ def _one(
     with_errors: bool,
 ) -> None:
     subject = family.prepare(context, case.setting)
-    timing = watch.time(subject)
+    timing = watch.time(subject, lambda: family.prepare(context, case.setting))
     errors: dict[str, Any] = {}
     if with_errors and subject.image is not None and subject.truths and context.seen.any():
         image = subject.image()

@@ -100,6 +100,29 @@ def test_what_drifts_is_measured_again_and_then_called_unsteady(
     assert next(growing) == 1.0 + measure.WARM_UP + 4 * measure.TRIES
 
 
+def test_the_second_half_of_the_runs_takes_what_is_made_anew(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = Subject(run=lambda: None, on_device=False, note="first")
+    second = Subject(run=lambda: None, on_device=False, note="second")
+    ran = []
+
+    def once(
+        self: Stopwatch, subject: Subject, repeats: int = 1
+    ) -> tuple[float, float, dict[str, float], object]:
+        if not subject.on_device:
+            ran.append(subject.note)
+        took = 2.0 if subject.note == "second" else 1.0
+        return took, took, {}, {}
+
+    monkeypatch.setattr(Stopwatch, "_once", once)
+    timing = Stopwatch(runtime, runs=6).time(first, lambda: second)
+    warm_up = measure.WARM_UP
+    once_through = ["second"] * warm_up + ["first"] * 3 + ["second"] * 3
+    assert ran == ["first"] * warm_up + once_through * measure.TRIES
+    assert "100 %" in timing.unsteady
+
+
 def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime) -> None:
     slow = Stopwatch(runtime, seconds=0.01).time(
         Subject(run=lambda: time.sleep(0.02), on_device=False)

@@ -14,6 +14,7 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.errors import MissingExtraError
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.sight import depths_in_sphere, lines_of_sight
 
 Doubles = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -81,14 +82,16 @@ class RayCaster:
 
     def spots(self, camera: Camera, rows: slice, gbuffer: GBuffer | None) -> Spots:
         """Return what the camera sees through the pixel centres of some rows."""
-        start, along = _sight(camera, rows, self._origin, self.scale)
+        start, along = lines_of_sight(camera, rows, self._origin, self.scale)
         pixel = np.arange(rows.start * camera.width, rows.stop * camera.width)
         length = np.linalg.norm(along, axis=-1)
+        near: NDArray[np.floating]
+        far: NDArray[np.floating]
+        depth: NDArray[np.floating]
         if gbuffer is None:
-            # A ray starts and ends at the sphere round the scene: far from it float32 is coarse.
-            depth = np.sum((self._middle - start) * along, axis=-1) / length**2
-            near = np.maximum(camera.near * self.scale, depth - self._reach / length)
-            far = np.minimum(camera.far * self.scale, depth + self._reach / length)
+            near, far, depth = depths_in_sphere(
+                camera, start, along, self._middle, self._reach, self.scale
+            )
         else:
             depth = _first(gbuffer, "depth")[rows].ravel() * self.scale
             near, far = depth * (1.0 - SAME_SURFACE), depth * (1.0 + SAME_SURFACE)
@@ -190,27 +193,6 @@ def _inner_normal(
     if gbuffer.normal is None:
         return np.zeros(shape)
     return _first(gbuffer, "normal")[rows].reshape(-1, 3)[seen].astype(np.float64)
-
-
-def _sight(
-    camera: Camera, rows: slice, origin: Doubles, scale: float
-) -> tuple[Doubles, Doubles]:
-    """Return [n, 3] where lines of sight start, and [n, 3] by what they advance per unit depth.
-
-    World space relative to `origin`, times `scale`; pixel centres of some rows, row by row.
-    """
-    sx, sy, ox, oy = camera.pixel_to_view
-    column, row = np.arange(camera.width) + 0.5, np.arange(rows.start, rows.stop) + 0.5
-    x, y = np.meshgrid(sx * column + ox, sy * row + oy)
-    across = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=-1)
-    ahead = np.array([0.0, 0.0, -1.0])
-    turn = camera.view[:3, :3]
-    eye = (-(camera.view[:3, 3] + turn @ origin) * scale) @ turn
-    if camera.is_orthographic:
-        start = eye + scale * (across @ turn)
-        return start, np.broadcast_to(ahead @ turn, start.shape).copy()
-    along = (across + ahead) @ turn
-    return np.broadcast_to(eye, along.shape).copy(), along
 
 
 def embree_version() -> str:

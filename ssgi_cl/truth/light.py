@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import ssgi_cl.camera
 import ssgi_cl.rasterize.textures
 import ssgi_cl.sampling
+import ssgi_cl.sight
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -147,7 +148,7 @@ def _truth(
         "mitsuba": mitsuba_scene.mitsuba().__version__,
         "source": digests.source_digest(
             sys.modules[__name__], path_tracer, mitsuba_scene, ssgi_cl.camera, ssgi_cl.sampling,
-            ssgi_cl.rasterize.textures,
+            ssgi_cl.sight, ssgi_cl.rasterize.textures,
         ),
     }
     made: list[PathTracer] = []  # only if something has to be computed

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import ssgi_cl.camera
 import ssgi_cl.raycast
 import ssgi_cl.sampling
+import ssgi_cl.sight
 import ssgi_cl.techniques.ray_ao as estimator
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
@@ -77,7 +78,8 @@ def ambient_occlusion(
         "gbuffer": _gbuffer_digest(gbuffer, camera),
         "embreex": version,
         "source": source_digest(
-            sys.modules[__name__], estimator, ssgi_cl.raycast, ssgi_cl.sampling, ssgi_cl.camera
+            sys.modules[__name__], estimator, ssgi_cl.raycast, ssgi_cl.sight, ssgi_cl.sampling,
+            ssgi_cl.camera,
         ),
     }
 

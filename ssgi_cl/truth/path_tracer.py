@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.lights import Light
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.sampling import r_points
+from ssgi_cl.sight import depths_in_sphere, lines_of_sight
 from ssgi_cl.truth.mitsuba_scene import HOLE, SIZE, MitsubaScene
 
 Doubles = NDArray[np.float64]
@@ -56,7 +58,7 @@ class Surface(NamedTuple):
         return self.point - self.normal * self.offset
 
 
-class PathTracer:
+class PathTracer(ABC):
     """Estimates one quantity: with all pixels in a vector, or in a scalar variant one by one.
 
     It is made and used `within` the variant.
@@ -79,9 +81,9 @@ class PathTracer:
         low, high = scene.bounds - scene.origin
         self._middle, self._reach = 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
 
+    @abstractmethod
     def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
         """Return what one path finds out about the irradiance of what is seen."""
-        raise NotImplementedError
 
     # ---- images
 
@@ -109,21 +111,12 @@ class PathTracer:
     def sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
 
-        They start and end near the sphere round the scene: far from it float32 is coarse. Those
-        that can't meet it have a negative length.
+        They start and end near the sphere round the scene; those that can't meet it have a negative
+        length.
         """
-        sx, sy, ox, oy = camera.pixel_to_view
-        column, row = np.arange(camera.width) + 0.5, np.arange(rows.start, rows.stop) + 0.5
-        x, y = np.meshgrid(sx * column + ox, sy * row + oy)
-        ends = np.stack([x.ravel(), y.ravel(), np.full(x.size, -1.0)], axis=-1)  # at depth 1
-        starts = ends * [1.0, 1.0, 0.0] if camera.is_orthographic else np.zeros_like(ends)
-        turn = camera.view[:3, :3]
-        eye = -(camera.view[:3, 3] + turn @ self._world.origin)
-        start, along = (starts + eye) @ turn, (ends - starts) @ turn
+        start, along = lines_of_sight(camera, rows, self._world.origin)
+        near, far, _ = depths_in_sphere(camera, start, along, self._middle, self._reach)
         speed = np.linalg.norm(along, axis=-1)
-        depth = np.sum((self._middle - start) * along, axis=-1) / speed**2
-        near = np.maximum(camera.near, depth - self._reach / speed)
-        far = np.minimum(camera.far, depth + self._reach / speed)
         way, length = along / speed[:, None], (far - near) * speed
         start = start + near[:, None] * along
         return start.T.astype(np.float32), way.T.astype(np.float32), length.astype(np.float32)

@@ -7,10 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique
 
 from ..case import Family, Own, Subject
 from ..context import Context
@@ -46,16 +49,23 @@ class Slices(Own):
         params = self.params(slices=slices, taps=taps, radius=context.radius)
         gbuffer = context.gbuffer if layers == 1 else context.layered(layers, OVERSCAN)
         technique = self.make(context.runtime, context.size, params, gbuffer.margin, layers=layers)
-        pixels = context.size[0] * context.size[1]
-        return Subject(
-            run=lambda: technique.run(gbuffer),
-            image=lambda: technique(gbuffer),
-            quantity="occlusion",
-            samples=2.0 * slices * taps * layers * context.seen.sum(),
-            moved=pixels * 4 * (layers + 3 + 1),
-            truths={"world": context.occlusion},
-            note="" if layers == 1 else "several depth layers, and a tenth of overscan",
-        )
+        note = "" if layers == 1 else "several depth layers, and a tenth of overscan"
+        return _subject(context, technique, gbuffer, note)
+
+
+def _subject(
+    context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer, note: str
+) -> Subject:
+    params, layers = technique.params, technique.layers
+    return Subject(
+        run=lambda: technique.run(gbuffer),
+        image=lambda: technique(gbuffer),
+        quantity="occlusion",
+        samples=2.0 * params.slices * params.taps * layers * np.count_nonzero(context.seen),
+        moved=context.size[0] * context.size[1] * 4 * (layers + 3 + 1),
+        truths={"world": context.occlusion},
+        note=note,
+    )
 
 
 XEGTAO_HIGH = {"tap_power": 2.0, "falloff": 0.615, "contrast": 2.2}
@@ -73,15 +83,9 @@ class XegtaoHigh(Own):
             raise ValueError(f"setting is {setting!r}: expected 'high'")
         values: dict[str, Any] = dict(XEGTAO_HIGH)
         params = GtaoParams(slices=3, taps=3, radius=1.457 * context.radius, **values)
+        note = "3 slices, 3 taps a side, radius times 1.457, falloff .615, contrast 2.2"
         technique = Gtao(context.runtime, context.size, params)
-        return Subject(
-            run=lambda: technique.run(context.gbuffer),
-            image=lambda: technique(context.gbuffer),
-            quantity="occlusion",
-            samples=18.0 * context.seen.sum(),
-            truths={"world": context.occlusion},
-            note="3 slices, 3 taps a side, radius times 1.457, falloff .615, contrast 2.2",
-        )
+        return _subject(context, technique, context.gbuffer, note)
 
 
 FAMILIES: Mapping[str, Family] = {

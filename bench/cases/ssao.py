@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssgi_cl.techniques.ssao import RESOLUTIONS, Ssao, SsaoParams
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.truth import assumption
 
 from ..case import Family, Own, Subject, count_of

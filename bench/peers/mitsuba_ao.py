@@ -15,7 +15,7 @@ from ssgi_cl.truth.path_tracer import PathTracer, Surface
 
 from ..case import Subject, count_of
 from ..context import Context
-from . import mitsuba_rays, oidn
+from . import mitsuba_rays
 from .mitsuba_rays import VARIANT, Estimator
 
 Floats = NDArray[np.float32]
@@ -58,7 +58,7 @@ class MitsubaAo:
 
     def missing(self) -> str:
         """Return what to install where Mitsuba, LLVM or the denoiser is missing."""
-        return mitsuba_rays.missing() or (oidn.missing() if self.denoised else "")
+        return mitsuba_rays.missing(denoised=self.denoised)
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Build the search tree and find the visible points."""
@@ -69,18 +69,8 @@ class MitsubaAo:
         def cast() -> Floats:
             return np.float32(1.0) - estimator.mean(rays)[..., 0]
 
-        run: Callable[[], Floats] = cast
-        also = ""
-        if self.denoised:
-            run, also = oidn.denoised(context, cast), ", with the denoiser"
-        return Subject(
-            run=run,
-            image=run,
-            on_device=False,
-            quantity="occlusion",
-            samples=float(rays) * np.count_nonzero(context.seen),
-            truths={"world": context.occlusion},
-            note=f"without search tree and primary visibility{also}",
+        return mitsuba_rays.subject(
+            context, cast, rays, "occlusion", context.occlusion, denoised=self.denoised
         )
 
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ssgi_cl.truth.light import MOST_PATHS
 from ssgi_cl.truth.mitsuba_scene import within
@@ -14,7 +10,7 @@ from ssgi_cl.truth.path_tracer import OneBounce
 
 from ..case import Subject, count_of
 from ..context import Context
-from . import mitsuba_rays, oidn
+from . import mitsuba_rays
 from .mitsuba_rays import VARIANT, Estimator
 
 
@@ -31,7 +27,7 @@ class MitsubaPath:
 
     def missing(self) -> str:
         """Return what to install where Mitsuba, LLVM or the denoiser is missing."""
-        return mitsuba_rays.missing() or (oidn.missing() if self.denoised else "")
+        return mitsuba_rays.missing(denoised=self.denoised)
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Build the search tree and find the visible points."""
@@ -41,18 +37,9 @@ class MitsubaPath:
             raise ValueError(f"{view.name} has no lamp: expected at least one")
         with within(VARIANT):
             estimator = Estimator(context, OneBounce(view.scene, context.lamps, VARIANT))
-        run: Callable[[], NDArray[np.float32]] = lambda: estimator.mean(paths)  # noqa: E731
-        also = ""
-        if self.denoised:
-            run, also = oidn.denoised(context, run), ", with the denoiser"
-        return Subject(
-            run=run,
-            image=run,
-            on_device=False,
-            quantity="bounce",
-            samples=float(paths) * np.count_nonzero(context.seen),
-            truths={"world": context.bounce},
-            note=f"without search tree and primary visibility{also}",
+        return mitsuba_rays.subject(
+            context, lambda: estimator.mean(paths), paths, "bounce", context.bounce,
+            denoised=self.denoised,
         )
 
 

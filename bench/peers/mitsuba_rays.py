@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.sampling import r_points
+from ssgi_cl.truth import Truth
 from ssgi_cl.truth.mitsuba_scene import best_variant, within
 from ssgi_cl.truth.path_tracer import PathTracer
 
+from ..case import Subject
 from ..context import Context
+from . import oidn
 from .extras import missing_package
 
 VARIANT = "llvm_ad_rgb"
 SEED = 20
 
 
-def missing() -> str:
-    """Return why Mitsuba can't run vectorised on the CPU here; "" if it can."""
+def missing(*, denoised: bool = False) -> str:
+    """Return why Mitsuba can't run vectorised on the CPU here, or the denoiser; "" if they can."""
     why = missing_package("mitsuba", "truth")
     if not why and best_variant() != VARIANT:
         why = "mitsuba finds no libLLVM of version 17 or later (Debian: libllvm19)"
-    return why
+    return why or (oidn.missing() if denoised else "")
 
 
 class Estimator:
@@ -75,3 +79,25 @@ class Estimator:
             _, total = dr.while_loop(start, lambda done, total: done < last, another)
             image = np.array(total, np.float32).T / np.float32(paths)
         return image.reshape(*self._size, 3)
+
+
+def subject(
+    context: Context,
+    image: Callable[[], NDArray[np.float32]],
+    count: int,
+    quantity: str,
+    world: Callable[[], Truth],
+    *,
+    denoised: bool,
+) -> Subject:
+    """Return what averages `count` rays or paths a pixel into an image, denoised if asked for."""
+    run, also = (oidn.denoised(context, image), ", with the denoiser") if denoised else (image, "")
+    return Subject(
+        run=run,
+        image=run,
+        on_device=False,
+        quantity=quantity,
+        samples=float(count) * np.count_nonzero(context.seen),
+        truths={"world": world},
+        note=f"without search tree and primary visibility{also}",
+    )

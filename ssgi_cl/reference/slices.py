@@ -13,6 +13,7 @@ from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.upsample import upsample_reference
 from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.slices import (
     DEPTH_BIAS,
     LEAST_FACING,
@@ -21,7 +22,6 @@ from ssgi_cl.techniques.slices import (
     SliceParams,
     pattern,
 )
-from ssgi_cl.techniques.ssao import RESOLUTIONS
 
 
 @dataclass(frozen=True, eq=False)

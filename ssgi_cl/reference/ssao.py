@@ -10,7 +10,8 @@ from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.upsample import upsample_reference
 from ssgi_cl.techniques.bilateral import BilateralParams
-from ssgi_cl.techniques.ssao import DEPTH_BIAS, RESOLUTIONS, SsaoParams, reflected_points
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ssao import DEPTH_BIAS, SsaoParams, reflected_points
 
 ONSET = 0.02  # radii
 NEAREST_SAMPLE = 1e-3

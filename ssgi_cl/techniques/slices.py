@@ -16,9 +16,8 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.ssao import RESOLUTIONS, TILE_ORDER
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size
+from ssgi_cl.techniques.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.ssao import TILE_ORDER
 
 SLICES = Struct(
     "SliceParams",
@@ -135,7 +134,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
 P = TypeVar("P", bound=SliceParams)
 
 
-class SliceTechnique(Generic[P]):
+class SliceTechnique(OcclusionTechnique, Generic[P]):
     """A technique that scans slices, prepared for images of one size.
 
     Args:
@@ -158,13 +157,10 @@ class SliceTechnique(Generic[P]):
         margin: Size = (0, 0),
         layers: int = 1,
     ) -> None:
-        self.runtime = runtime
-        self.size = size
-        self.margin = margin
-        self.layers = layers
         chosen: Any = params or self.defaults()
+        super().__init__(runtime, size, margin, chosen)
         self.params: P = chosen
-        self._step = step = RESOLUTIONS[chosen.resolution]
+        self.layers = layers
         self._kernel = runtime.kernel(
             f"{self.name}/{self.name}.cl",
             {
@@ -179,31 +175,21 @@ class SliceTechnique(Generic[P]):
             "slices/slices_near.cl", {"NEAR_LAYERS": layers}, (CAMERA,)
         )
         self._table = runtime.array(table(chosen))
-        coarse = coarse_size(size, step)
-        reduced_margin = (margin[0] // step, margin[1] // step)
+        coarse = self._openness.size
+        reduced_margin = (margin[0] // self._step, margin[1] // self._step)
         self._whole = (coarse[0] + 2 * reduced_margin[0], coarse[1] + 2 * reduced_margin[1])
         # Of a perspective and of an orthographic camera: what lies outside differs.
         self._near: dict[bool, Plane] = {}
-        self._openness = runtime.plane(1, coarse, 1.0)
-        self._reduced: ReducedGBuffer | None = None
-        blur = BilateralParams(radius=chosen.blur_radius, passes=chosen.blur_passes)
-        self._blur = Bilateral(runtime, coarse, blur)
-        self._upsample = Upsample(runtime, size, step, background=1.0) if step > 1 else None
 
-    def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers)
         if given != (self.size, self.margin, self.layers):
             raise ValueError(
                 f"the G-buffer's size, margin and layers are {gbuffer.size}, {gbuffer.margin} and "
                 f"{gbuffer.layers}: expected {self.size}, {self.margin} and {self.layers}"
             )
-        source: Any = gbuffer
-        if self._upsample is not None:
-            if self._reduced is None:
-                self._reduced = ReducedGBuffer(gbuffer, self._step)
-            self._reduced.update(gbuffer)
-            source = self._reduced
+
+    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
         near = self._measured(gbuffer)
         self._kernel.run(
             self.name,
@@ -212,20 +198,6 @@ class SliceTechnique(Generic[P]):
             writes=[self._openness],
             values=[source.camera_struct, self._packed(source)],
         )
-        result = self._blur.run(self._openness, source)
-        if self._upsample is not None and self._reduced is not None:
-            result = self._upsample.run(result, self._reduced, gbuffer)
-        return result
-
-    def __call__(
-        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
-        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
-        device = on_device(gbuffer, self.runtime)
-        with self.runtime.frame():
-            result = self.run(device).download(None if out is None else out[None])
-        a: NDArray[np.float32] = result[0]
-        return a
 
     def _measured(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass that brings all layers into the measure and the size of the scan."""
@@ -262,7 +234,6 @@ class SliceTechnique(Generic[P]):
         camera = source.camera_struct
         unit = _ortho_unit(camera, 1)
         pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
-        rows, columns = self._openness.size
         values = {
             "radius": params.radius,
             "ortho_unit": unit,
@@ -271,10 +242,7 @@ class SliceTechnique(Generic[P]):
             "bias": params.bias,
             "depth_bias": DEPTH_BIAS,
             "contrast": params.contrast,
-            "margin_left": source.margin[1],
-            "margin_right": source.whole[1] - columns - source.margin[1],
-            "margin_top": source.margin[0],
-            "margin_bottom": source.whole[0] - rows - source.margin[0],
+            **self._margins(source),
         }
         return SLICES.pack({**dict.fromkeys(SLICES.dtype.names or (), 0.0), **values,
                             **self._values()})

@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl import check, presets
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+from ssgi_cl.techniques.occlusion import OcclusionTechnique
 
 SSAO = Struct(
     "SsaoParams",
@@ -41,8 +40,6 @@ TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13,
 """Bayer's order of the pixels of a tile: those close in number lie far apart."""
 
 FALLOFFS = ("exponential", "ramp")
-
-RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +187,7 @@ def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
     return reflected
 
 
-class Ssao:
+class Ssao(OcclusionTechnique):
     """SSAO, prepared for images of one size.
 
     Args:
@@ -207,11 +204,8 @@ class Ssao:
         params: SsaoParams | None = None,
         margin: Size = (0, 0),
     ) -> None:
-        self.runtime = runtime
-        self.size = size
-        self.margin = margin
         self.params = params = params or SsaoParams()
-        self._step = RESOLUTIONS[params.resolution]
+        super().__init__(runtime, size, margin, params)
         most = max(params.samples, params.max_samples)
         curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
         self._kernel = runtime.kernel(
@@ -232,28 +226,15 @@ class Ssao:
         table = np.tile(points.transpose(0, 2, 3, 1), 4)  # row, point, axis, 16 columns
         self._points = runtime.array(table.astype(np.float32))
         self._curve = runtime.array(curve.astype(np.float32))
-        self._reduced: ReducedGBuffer | None = None
-        coarse = (-(-size[0] // self._step), -(-size[1] // self._step))
-        self._openness = runtime.plane(1, coarse, 1.0)
-        blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
-        self._blur = Bilateral(runtime, coarse, blur)
-        self._upsample = (
-            Upsample(runtime, size, self._step, background=1.0) if self._step > 1 else None
-        )
 
-    def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
         if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
             raise ValueError(
                 f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
                 f"expected {self.size} and {self.margin}"
             )
-        source: Any = gbuffer
-        if self._upsample is not None:
-            if self._reduced is None:
-                self._reduced = ReducedGBuffer(gbuffer, self._step)
-            self._reduced.update(gbuffer)
-            source = self._reduced
+
+    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
         self._kernel.run(
             "ssao",
             self._openness.size,
@@ -261,25 +242,10 @@ class Ssao:
             writes=[self._openness],
             values=[source.camera_struct, self._packed(source)],
         )
-        result = self._blur.run(self._openness, source)
-        if self._upsample is not None and self._reduced is not None:
-            result = self._upsample.run(result, self._reduced, gbuffer)
-        return result
-
-    def __call__(
-        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
-        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
-        device = on_device(gbuffer, self.runtime)
-        with self.runtime.frame():
-            result = self.run(device).download(None if out is None else out[None])
-        a: NDArray[np.float32] = result[0]
-        return a
 
     def _packed(self, source: Any) -> Any:
         params = self.params
         radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
-        rows, columns = self._openness.size
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
         return SSAO.pack(
             {
@@ -299,10 +265,7 @@ class Ssao:
                 "contrast": params.contrast,
                 "border_depth": params.outside
                 if isinstance(params.outside, float) else math.inf,
-                "margin_left": source.margin[1],
-                "margin_right": source.whole[1] - columns - source.margin[1],
-                "margin_top": source.margin[0],
-                "margin_bottom": source.whole[0] - rows - source.margin[0],
+                **self._margins(source),
             }
         )
 

@@ -1,0 +1,84 @@
+"""What techniques of ambient occlusion share: reduce, occlude, blur, bring back to full size."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size
+
+RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+
+
+class OcclusionTechnique(ABC):
+    """A technique of ambient occlusion, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+        params: with the fields `resolution`, `blur_radius` and `blur_passes`.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size, margin: Size, params: Any) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.margin = margin
+        self._step = step = RESOLUTIONS[params.resolution]
+        coarse = coarse_size(size, step)
+        self._openness = runtime.plane(1, coarse, 1.0)
+        self._reduced: ReducedGBuffer | None = None
+        blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+        self._blur = Bilateral(runtime, coarse, blur)
+        self._upsample = Upsample(runtime, size, step, background=1.0) if step > 1 else None
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+        self._check(gbuffer)
+        source: Any = gbuffer
+        if self._upsample is not None:
+            if self._reduced is None:
+                self._reduced = ReducedGBuffer(gbuffer, self._step)
+            self._reduced.update(gbuffer)
+            source = self._reduced
+        self._occlude(gbuffer, source)
+        result = self._blur.run(self._openness, source)
+        if self._upsample is not None and self._reduced is not None:
+            result = self._upsample.run(result, self._reduced, gbuffer)
+        return result
+
+    def __call__(
+        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download(None if out is None else out[None])
+        a: NDArray[np.float32] = result[0]
+        return a
+
+    @abstractmethod
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
+        """Raise ValueError if this was prepared for other G-buffers."""
+
+    @abstractmethod
+    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
+        """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced."""
+
+    def _margins(self, source: Any) -> dict[str, int]:
+        """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""
+        rows, columns = self._openness.size
+        return {
+            "margin_left": source.margin[1],
+            "margin_right": source.whole[1] - columns - source.margin[1],
+            "margin_top": source.margin[0],
+            "margin_bottom": source.whole[0] - rows - source.margin[0],
+        }

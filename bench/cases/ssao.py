@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ssgi_cl.presets.choose import choose
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.truth import assumption
@@ -50,7 +51,8 @@ class SsaoPresets(Own):
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make SSAO with a preset ready."""
-        return ssao_subject(context, SsaoParams.preset(setting, radius=context.radius))
+        chosen = choose("ssao", context.size, preset=setting, radius=context.radius)
+        return ssao_subject(context, chosen.params)
 
 
 def ssao_subject(context: Context, params: SsaoParams) -> Subject:

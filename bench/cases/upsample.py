@@ -1,4 +1,4 @@
-"""Joint-bilateral upsampling by its step."""
+"""Joint-bilateral upsampling by its step, alone and with a 15 x 15 blur in one."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ssgi_cl.reference.upsample import upsample_reference
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
+from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur
+from ssgi_cl.truth import Truth
 
 from ..case import Family, Own, Subject
 from ..context import Context, exact
@@ -16,10 +18,16 @@ PIXEL_BYTES = 4 * (1 + 3 + 1)
 """Depth and normal read, value written; what is read at reduced size is little."""
 
 
+BLUR = BilateralParams(radius=7)
+
+
 class Upsampling(Own):
     """The step from reduced to full size; the setting is 2 or 4."""
 
     SETTINGS = ("2", "4")
+
+    def __init__(self, *, blurred: bool = False) -> None:
+        self._blurred = blurred
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the upsampling ready."""
@@ -34,22 +42,29 @@ class Upsampling(Own):
         ramp = np.add.outer(np.arange(rows) / rows, np.arange(columns) / columns) / 2.0
         coarse = context.runtime.plane(1, reduced.size)
         coarse.upload(ramp[None].astype(np.float32))
-        upsample = Upsample(context.runtime, context.size, step)
+        upsample = (
+            UpsampleBlur(context.runtime, context.size, step, BLUR)
+            if self._blurred else Upsample(context.runtime, context.size, step)
+        )
         pixels = context.size[0] * context.size[1]
+
+        def twin() -> Truth:
+            given, host = ramp.astype(np.float32), context.host_gbuffer
+            if self._blurred:
+                return exact(upsample_blur_reference(given, host, BLUR, step=step))
+            return exact(upsample_reference(given, host, step=step))
+
         return Subject(
             run=lambda: upsample.run(coarse, reduced, context.gbuffer),
             image=lambda: upsample.run(coarse, reduced, context.gbuffer).download()[0],
-            samples=4 * pixels,
             moved=pixels * PIXEL_BYTES,
-            truths={
-                "assumption": lambda: exact(
-                    upsample_reference(
-                        ramp.astype(np.float32), context.host_gbuffer, step=step
-                    )
-                )
-            },
-            note="the upsampling alone, of a ramp",
+            truths={"assumption": twin},
+            note="upsampling and a 15 x 15 blur in one, of a ramp" if self._blurred
+            else "the upsampling alone, of a ramp",
         )
 
 
-FAMILIES: Mapping[str, Family] = {"upsample": Upsampling()}
+FAMILIES: Mapping[str, Family] = {
+    "upsample": Upsampling(),
+    "upsample-blur": Upsampling(blurred=True),
+}

@@ -3,90 +3,137 @@
 // (OpenCL C has a built-in function called upsample, so no kernel can be.)
 //
 // Method:  Kopf et al. 2007, "Joint Bilateral Upsampling", with the 2 x 2 nearest coarse pixels,
-//          weighted by distance, by how far each lies off the pixel's tangent plane and by normal.
-//          No weight is cut to 0: where none fits well, the best one decides.
+//          weighted by distance and by how well each fits the pixel's surface.
+// Departs: a pixel that none of those fits takes the value of the one that fits best. Without
+//          exponentials: see common/surface.clh.
 // Reads:   coarse         UPSAMPLE_COUNT x [rows, columns] of the coarse result
 //          coarse_linear  [rows, columns] with coarse margin, see common/surface.clh
 //          coarse_normal  3 x [rows, columns] with coarse margin, view space
 //          linear, normal likewise at full size with margin
 // Writes:  fine   UPSAMPLE_COUNT x [rows, columns] without margin
-// Macros:  UPSAMPLE_COUNT (1..4)
-// Launch:  SSGI_LANES pixels of a row per work-item
+// Macros:  UPSAMPLE_COUNT (1..4), UPSAMPLE_STEP (1, 2 or 4)
+// Launch:  SSGI_LANES coarse columns, and their fine pixels of one row, per work-item
 
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
+#include "upsample/flag.clh"
+#include "upsample/phases.clh"
 
-#ifndef UPSAMPLE_COUNT
-#error "UPSAMPLE_COUNT must be defined by the host"
+#if !defined(UPSAMPLE_COUNT) || !defined(UPSAMPLE_STEP)
+#error "UPSAMPLE_COUNT and UPSAMPLE_STEP must be defined by the host"
 #endif
+
+
+// Four coarse pixels: of this column and row, the next column, the next row, and both.
+typedef struct {
+    vfloat u[4], nx[4], ny[4], nz[4];
+} UpsampleCorners;
+
+// How well a corner fits a pixel that is `phase` columns right of and `rest` rows below the first.
+static inline vfloat upsample_fit(const SsgiFit fit, const UpsampleCorners *corners,
+                                  const int corner, const int phase, const int rest)
+{
+    const float dx = (float)((corner & 1) * UPSAMPLE_STEP - phase);
+    const float dy = (float)((corner >> 1) * UPSAMPLE_STEP - rest);
+    const vfloat off =
+        v_fma(v_splat(dx), fit.off_x, v_fma(v_splat(dy), fit.off_y, fit.off));
+    return ssgi_fit(fit, off, corners->u[corner], corners->nx[corner], corners->ny[corner],
+                    corners->nz[corner]);
+}
 
 __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
                              ssgi_plane coarse_normal, ssgi_plane linear, ssgi_plane normal,
                              __global float *restrict fine, const int2 size, // of the fine result
                              const SsgiCamera camera, const UpsampleParams params)
 {
+    const int step = UPSAMPLE_STEP;
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
-    if (x >= size.x || y >= size.y) {
+    const int2 small = (int2)((size.x + step - 1) / step, (size.y + step - 1) / step);
+    if (x >= small.x || y >= size.y) {
         return;
     }
-    const int step = params.step;
     const int2 whole =
         (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
-    const int2 small = (int2)((size.x + step - 1) / step, (size.y + step - 1) / step);
     const int2 small_whole = (int2)(params.coarse_columns, params.coarse_rows);
-    const int small_left = params.margin_columns / step;
-    const int small_top = params.margin_rows / step;
-    const int at_x = x + params.margin_columns;
+    const int at_x = x * step + params.margin_columns;
     const int at_y = y + params.margin_rows;
-    const vfloat own = ssgi_load(linear, whole, 0, at_x, at_y);
-    const vmask there = v_lt(own, v_splat(INFINITY));
-    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
-    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
-    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
-    const SsgiPlane plane = ssgi_tangent_plane(
-        camera, v_to_float(v_iota() + at_x) + 0.5f, v_splat((float)at_y + 0.5f),
-        ssgi_linear(camera, v_select(v_splat(1.0f), own, there)), nx, ny, nz);
-
-    const vint lane = v_iota() + x;
-    const vint left = v_imin(lane / step, v_splat_int(small.x - 1));
-    const int top = min(y / step, small.y - 1);
-    const float inverse_step = 1.0f / (float)step;
-    const vfloat zero = v_splat(0.0f);
-    vfloat sum[UPSAMPLE_COUNT];
-    for (int c = 0; c < UPSAMPLE_COUNT; ++c) {
-        sum[c] = zero;
-    }
-    vfloat total = zero;
+    const int row = y / step;
+    const int rest = y - row * step;
+    // What is beside the image is nothing, even where the G-buffer has a margin.
+    const vmask right = v_within(v_iota() + (x + 1), small.x);
+    UpsampleCorners corners;
+#pragma unroll
     for (int corner = 0; corner < 4; ++corner) {
-        const vint cx = v_imin(left + (corner & 1), v_splat_int(small.x - 1));
-        const int row = min(top + (corner >> 1), small.y - 1);
-        const vint cy = v_splat_int(row);
-        const vfloat dx = v_to_float(cx * step - lane);
-        const vfloat dy = v_splat((float)(row * step - y));
-        const vfloat near_x = v_max(1.0f - v_abs(dx) * inverse_step, zero) + 1e-3f;
-        const vfloat near_y = v_max(1.0f - v_abs(dy) * inverse_step, zero) + 1e-3f;
-        const vfloat tap =
-            ssgi_gather(coarse_linear, small_whole, 0, cx + small_left, cy + small_top);
-        const vfloat mx =
-            ssgi_gather(coarse_normal, small_whole, 0, cx + small_left, cy + small_top);
-        const vfloat my =
-            ssgi_gather(coarse_normal, small_whole, 1, cx + small_left, cy + small_top);
-        const vfloat mz =
-            ssgi_gather(coarse_normal, small_whole, 2, cx + small_left, cy + small_top);
-        const vfloat cosine = v_fma(nx, mx, v_fma(ny, my, nz * mz));
-        // An empty coarse pixel is as far off as can be; 40 halvings leave it the last choice.
-        const vfloat far = v_min(ssgi_off_plane(plane, dx, dy, tap) * params.depth_scale,
-                                 v_splat(5.0f));
-        const vfloat turned = v_min((1.0f - cosine) * params.normal_scale, v_splat(15.0f));
-        const vfloat weight = near_x * near_y * v_exp2_weight(-v_fma(far, far, turned));
-        for (int c = 0; c < UPSAMPLE_COUNT; ++c) {
-            sum[c] = v_fma(weight, ssgi_gather(coarse, small, c, cx, cy), sum[c]);
+        const int from_x = x + (corner & 1) + params.margin_columns / step;
+        const int from_y = min(row + (corner >> 1), small.y - 1) + params.margin_rows / step;
+        const vfloat u = ssgi_load(coarse_linear, small_whole, 0, from_x, from_y);
+        corners.nx[corner] = ssgi_load(coarse_normal, small_whole, 0, from_x, from_y);
+        corners.ny[corner] = ssgi_load(coarse_normal, small_whole, 1, from_x, from_y);
+        corners.nz[corner] = ssgi_load(coarse_normal, small_whole, 2, from_x, from_y);
+        const bool below = (corner >> 1) != 0 && row + 1 == small.y;
+        corners.u[corner] = below ? v_splat(INFINITY)
+                                  : (corner & 1) != 0 ? v_select(v_splat(INFINITY), u, right) : u;
+    }
+    vfloat own[UPSAMPLE_STEP], nx[UPSAMPLE_STEP], ny[UPSAMPLE_STEP], nz[UPSAMPLE_STEP];
+    ssgi_load_phases(linear, whole, 0, at_x, at_y, own);
+    ssgi_load_phases(normal, whole, 0, at_x, at_y, nx);
+    ssgi_load_phases(normal, whole, 1, at_x, at_y, ny);
+    ssgi_load_phases(normal, whole, 2, at_x, at_y, nz);
+
+    vfloat weight[UPSAMPLE_STEP][4], total[UPSAMPLE_STEP];
+#pragma unroll
+    for (int p = 0; p < UPSAMPLE_STEP; ++p) {
+        const vmask there = v_lt(own[p], v_splat(INFINITY));
+        const SsgiFit fit =
+            ssgi_fit_of(camera, v_to_float(v_iota() * step + (at_x + p)) + 0.5f,
+                        v_splat((float)at_y + 0.5f), v_select(v_splat(1.0f), own[p], there),
+                        nx[p], ny[p], nz[p], params.depth_scale, params.normal_scale);
+        total[p] = v_splat(0.0f);
+#pragma unroll
+        for (int corner = 0; corner < 4; ++corner) {
+            const int near = (step - (int)abs((corner & 1) * step - p)) *
+                             (step - (int)abs((corner >> 1) * step - rest));
+            weight[p][corner] = v_splat(0.0f);
+            if (near != 0) {
+                weight[p][corner] =
+                    (float)near * ssgi_fit_weight(upsample_fit(fit, &corners, corner, p, rest));
+                total[p] = total[p] + weight[p][corner];
+            }
         }
-        total = total + weight;
+        vmask lost = there & v_lt(total[p], v_splat(UPSAMPLE_LEAST_WEIGHT));
+        if (v_any(lost)) {
+            total[p] = v_select(total[p], v_splat(1.0f), lost);
+            vfloat fits[4];
+            for (int corner = 0; corner < 4; ++corner) {
+                fits[corner] = upsample_fit(fit, &corners, corner, p, rest);
+            }
+            const vfloat best = v_max(v_max(fits[0], fits[1]), v_max(fits[2], fits[3]));
+            for (int corner = 0; corner < 4; ++corner) {
+                const vmask chosen = lost & v_eq(fits[corner], best);
+                weight[p][corner] = v_select(
+                    v_select(weight[p][corner], v_splat(0.0f), lost), v_splat(1.0f), chosen);
+                lost = lost & ~chosen;
+            }
+        }
     }
     for (int c = 0; c < UPSAMPLE_COUNT; ++c) {
-        ssgi_store(v_select(v_splat(params.background), sum[c] / total, there), fine, size, c, x,
-                   y, 0.0f);
+        vfloat value[4], sum[UPSAMPLE_STEP];
+#pragma unroll
+        for (int corner = 0; corner < 4; ++corner) {
+            value[corner] = ssgi_load(coarse, small, c, x + (corner & 1),
+                                      min(row + (corner >> 1), small.y - 1));
+        }
+#pragma unroll
+        for (int p = 0; p < UPSAMPLE_STEP; ++p) {
+            sum[p] = v_splat(0.0f);
+#pragma unroll
+            for (int corner = 0; corner < 4; ++corner) {
+                sum[p] = v_fma(weight[p][corner], value[corner], sum[p]);
+            }
+            sum[p] = v_select(v_splat(params.background), sum[p] / total[p],
+                              v_lt(own[p], v_splat(INFINITY)));
+        }
+        ssgi_store_phases(sum, fine, size, c, x * step, y, 0.0f);
     }
 }

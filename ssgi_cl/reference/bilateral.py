@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.techniques.bilateral import FIT_POWER, BilateralParams
 
 LEAST_FACING = 0.0017
-"""Cosine between a normal and the line of sight below which a surface counts as no more tilted."""
+"""About the cosine between a normal and the line of sight below which a surface counts as no more
+tilted: exactly so in the middle of the view."""
 
 
 def bilateral_reference(
@@ -55,13 +54,29 @@ def off_plane(
     own_sx, own_sy = view.slopes(own_row, own_column)
     p = 0.0 if view.camera.is_orthographic else 1.0
     facing = -(normal[..., 0] * own_sx * p + normal[..., 1] * own_sy * p - normal[..., 2])
-    facing = np.maximum(facing, LEAST_FACING * np.sqrt(1.0 + p * own_sx**2 + p * own_sy**2))
+    facing = np.maximum(facing, LEAST_FACING * (1.0 + 0.5 * p * (own_sx**2 + own_sy**2)))
     # Where n . (x, y, z) is that of the pixel: depth changes by n . dx / n . forward; 1 / depth by
     # its share of the pixel's own.
     step = normal[..., 0] * (sx - own_sx) + normal[..., 1] * (sy - own_sy)
     own = view.flatness(depth)
     plane = own + step / facing if view.camera.is_orthographic else own - own * step / facing
     return np.abs(view.flatness(other) - plane) / np.abs(own)
+
+
+def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams) -> Doubles:
+    """Return how well pixels fit a surface, 1 at best; the weight is the power of what is > 0.
+
+    Args:
+        off: how far they lie off its tangent plane, relative to the depth.
+        cosine: of the angle between the normals.
+        params: for its two sigmas.
+    """
+    fit: Doubles = (
+        1.0
+        - 0.5 * (off / params.depth_sigma) ** 2 / FIT_POWER
+        - (1.0 - cosine) / params.normal_sigma**2 / FIT_POWER  # angle^2 / 2, for small angles
+    )
+    return fit
 
 
 def _blurred(
@@ -86,16 +101,9 @@ def _blurred(
             (row, column, safe, normal),
         )
         cosine = np.sum(normal * normal[ty, tx], axis=-1)
-        keep = (
-            inside & other_there & (off <= params.depth_threshold)
-            & (cosine >= math.cos(params.normal_threshold))
-        )
-        weight = np.exp(
-            -0.5 * (dx * dx + dy * dy) / sigma**2
-            - 0.5 * (off / params.depth_sigma) ** 2
-            - (1.0 - cosine) / params.normal_sigma**2  # angle^2 / 2, for small angles
-        )
-        weight = np.where(keep, weight, 0.0)
+        fit = np.where(inside & other_there, fit_of(off, cosine, params), 0.0)
+        weight = np.exp(-0.5 * (dx * dx + dy * dy) / sigma**2)
+        weight = weight * np.maximum(fit, 0.0) ** FIT_POWER
         if (dy, dx) == (0, 0):
             weight = np.ones_like(weight)
         total += weight

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.reference.upsample import upsample_reference
-from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.reference.occlusion import finished
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssao import DEPTH_BIAS, SsaoParams, reflected_points
 
@@ -24,10 +22,7 @@ def ssao_reference(gbuffer: GBuffer, params: SsaoParams | None = None) -> NDArra
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
-    open_ = openness(view, params)
-    blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
-    open_ = bilateral_reference(open_, view, blur)
-    return upsample_reference(open_, full, step=step, background=1.0) if step > 1 else open_
+    return finished(openness(view, params), view, full, params)
 
 
 def falloff(d: Doubles, params: SsaoParams) -> Doubles:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bilateral import off_plane
-from ssgi_cl.reference.gbuffer import SurfaceView
+from ssgi_cl.reference.bilateral import fit_of, off_plane
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.techniques.bilateral import FIT_POWER, BilateralParams
 
-FARTHEST, MOST_TURNED = 25.0, 15.0
-"""Halvings of the weight that a distance and an angle cause at most, so that none becomes 0."""
+LEAST_WEIGHT = 1e-6
+"""Of all samples together, below which none of them fits."""
+
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int_]
 
 
 def upsample_reference(
@@ -26,34 +31,109 @@ def upsample_reference(
 ) -> NDArray[np.float64]:
     """Return an image of 1 / step of the size at full size, [rows, columns(, channels)]."""
     view = gbuffer if isinstance(gbuffer, SurfaceView) else SurfaceView.of(gbuffer)
-    coarse = view.reduced(step)
+    params = BilateralParams(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
     value = np.asarray(image, np.float64)
     flat = value.ndim == 2
     value = value[..., None] if flat else value
-    rows, columns = view.size
-    y, x = np.indices((rows, columns))
-    depth, normal = view.inner(view.depth), view.inner(view.normal)
-    coarse_depth, coarse_normal = coarse.inner(coarse.depth), coarse.inner(coarse.normal)
-    there = np.isfinite(depth)
-    row, column = (view.inner(centre) for centre in view.centres())
-    pixel = (row, column, np.where(there, depth, 1.0), normal)
-    total = np.zeros((rows, columns))
-    result = np.zeros((rows, columns, value.shape[-1]))
+    total = np.zeros(view.size)
+    result = np.zeros((*view.size, value.shape[-1]))
+    for weight, _, sample in _corners(value, view, params, step):
+        total += weight
+        result += weight[..., None] * sample
+    lost = total < LEAST_WEIGHT
+    result = np.where(
+        lost[..., None], _best(value, view, params, step),
+        result / np.where(lost, 1.0, total)[..., None],
+    )
+    result = np.where(np.isfinite(view.inner(view.depth))[..., None], result, background)
+    return result[..., 0] if flat else result
+
+
+def _corners(
+    value: Doubles, view: SurfaceView, params: BilateralParams, step: int
+) -> Iterator[tuple[Doubles, Doubles, Doubles]]:
+    """Yield weight, fit and value of each of the four coarse pixels round every pixel."""
+    y, x = np.indices(view.size)
     for down in (0, 1):
         for right in (0, 1):
-            cy = np.minimum(y // step + down, coarse.size[0] - 1)
-            cx = np.minimum(x // step + right, coarse.size[1] - 1)
-            dy, dx = cy * step - y, cx * step - x
-            near = [np.maximum(1.0 - np.abs(d) / step, 0.0) + 1e-3 for d in (dy, dx)]
-            tap = coarse_depth[cy, cx]
-            tap_there = np.isfinite(tap)
-            off = off_plane(view, row + dy, column + dx, np.where(tap_there, tap, 1.0), pixel)
-            apart = 0.5 * (off / depth_sigma) ** 2 / math.log(2.0)
-            apart = np.where(tap_there, np.minimum(apart, FARTHEST), FARTHEST)
-            cosine = np.sum(normal * coarse_normal[cy, cx], axis=-1)
-            turned = (1.0 - cosine) / normal_sigma**2 / math.log(2.0)
-            weight = near[0] * near[1] * 0.5 ** (apart + np.minimum(turned, MOST_TURNED))
-            total += weight
-            result += weight[..., None] * value[cy, cx]
-    result = np.where(there[..., None], result / total[..., None], background)
-    return result[..., 0] if flat else result
+            row, column = (y // step + down) * step, (x // step + right) * step
+            fit, ty, tx = _fit(view, (y, x), (row, column), params)
+            near = (step - np.abs(row - y)) * (step - np.abs(column - x))
+            weight = near * np.maximum(fit, 0.0) ** FIT_POWER
+            yield weight, fit, value[ty // step, tx // step]
+
+
+def _best(value: Doubles, view: SurfaceView, params: BilateralParams, step: int) -> Doubles:
+    """Return the value of the best of the four coarse pixels, the first one where none is there."""
+    _, most, best = next(corners := _corners(value, view, params, step))
+    for _, fit, sample in corners:
+        best = np.where((fit > most)[..., None], sample, best)
+        most = np.maximum(fit, most)
+    return best
+
+
+def upsample_blur_reference(
+    image: ArrayLike,
+    gbuffer: GBuffer | SurfaceView,
+    params: BilateralParams,
+    *,
+    step: int = 2,
+    background: float = 0.0,
+) -> NDArray[np.float64]:
+    """Return an image [rows, columns] of 1 / step of the size, blurred, at full size."""
+    view = gbuffer if isinstance(gbuffer, SurfaceView) else SurfaceView.of(gbuffer)
+    params = replace(params, radius=max(params.radius, step - 1))
+    y, x = np.indices(view.size)
+    wide, fitted = _pass(
+        np.asarray(image, np.float64), np.ones(np.shape(image), bool), view, params, step,
+        y[::step], x[::step], along=1,
+    )
+    fine, fitted = _pass(wide, fitted, view, params, step, y, x, along=0)
+    coarse = np.asarray(image, np.float64)[..., None]
+    fine = np.where(fitted, fine, _best(coarse, view, params, step)[..., 0])
+    return np.where(np.isfinite(view.inner(view.depth)), fine, background)
+
+
+def _pass(
+    value: Doubles, known: Bools, view: SurfaceView, params: BilateralParams, step: int,
+    y: Integers, x: Integers, *, along: int,
+) -> tuple[Doubles, Bools]:
+    """Return the mean of the `known` samples along rows (1) or columns (0), and where any fits.
+
+    `y` and `x` are the pixels to find it for; samples lie `step` pixels apart along the pass, and
+    `value` has them at the places of its other axis that y or x have.
+    """
+    sigma = params.sigma or 0.5 * (params.radius + 1)
+    total, result = np.zeros(y.shape), np.zeros(y.shape)
+    first, last = -(params.radius // step), (params.radius + step - 1) // step
+    for d in range(first, last + 1):
+        at = ((x if along else y) // step + d) * step
+        fit, ty, tx = _fit(view, (y, x), (y, at) if along else (at, x), params)
+        index = (ty // step, tx // step) if along else (ty // step, tx)
+        apart = at - (x if along else y)
+        reach = np.abs(apart) <= params.radius
+        weight = np.exp(-0.5 * (apart / sigma) ** 2) * np.maximum(fit, 0.0) ** FIT_POWER
+        weight = np.where(reach & known[index], weight, 0.0)
+        total += weight
+        result += weight * value[index]
+    fitted = total >= LEAST_WEIGHT
+    return result / np.where(fitted, total, 1.0), fitted
+
+
+def _fit(
+    view: SurfaceView, at: tuple[Integers, Integers], other: tuple[Integers, Integers],
+    params: BilateralParams,
+) -> tuple[Doubles, Integers, Integers]:
+    """Return how well the pixels (rows, columns) `other` fit the surfaces of those `at`.
+
+    It is -inf where they lie outside the image or show nothing. Also returns `other`, kept inside.
+    """
+    depth, normal = view.inner(view.depth), view.inner(view.normal)
+    row, column = (view.inner(centre) for centre in view.centres())
+    pixel = (row[at], column[at], np.where(np.isfinite(depth[at]), depth[at], 1.0), normal[at])
+    y, x = (np.clip(other[i], 0, view.size[i] - 1) for i in (0, 1))
+    there = (y == other[0]) & (x == other[1]) & np.isfinite(depth[y, x])
+    below, right = (other[i].astype(np.float64) + (view.margin[i] + 0.5) for i in (0, 1))
+    off = off_plane(view, below, right, np.where(there, depth[y, x], 1.0), pixel)
+    cosine = np.sum(normal[at] * normal[y, x], axis=-1)
+    return np.where(there, fit_of(off, cosine, params), -np.inf), y, x

@@ -19,11 +19,16 @@ from ssgi_cl.structs import CAMERA, Struct, floats
 BLUR = Struct(
     "BlurParams",
     (
-        *floats("depth_scale", "depth_threshold", "normal_scale", "least_cosine"),
+        *floats("depth_scale", "normal_scale"),
         ("margin_columns", "int"),
         ("margin_rows", "int"),
     ),
 )
+
+FIT_POWER = 4
+"""The weight of a sample is its fit to the surface to this power; see common/surface.clh."""
+
+SHAPES = ("rows", "columns", "square")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,23 +40,33 @@ class BilateralParams(Params):
         0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px"
     )
     depth_sigma: float = param(
-        0.01, "standard deviation of the distance from the tangent plane, relative to depth",
-        low=1e-6, high=10.0,
-    )
-    depth_threshold: float = param(
-        0.03, "samples further off the tangent plane, relative to depth, are tossed",
-        low=1e-6, high=0.9,
+        0.01, "standard deviation of the distance from the tangent plane, relative to depth; "
+        "beyond 2.8 of it samples are tossed", low=1e-6, high=10.0,
     )
     normal_sigma: float = param(
-        0.35, "standard deviation of the angle between normals", low=1e-3, high=10.0,
-        unit="radians",
-    )
-    normal_threshold: float = param(
-        0.8, "samples whose normal differs by more are tossed", low=1e-3, high=math.pi,
+        0.5, "standard deviation of the angle between normals; what is turned by more than about "
+        "twice as much is tossed: at 0.5, what is at right angles", low=1e-3, high=10.0,
         unit="radians",
     )
     passes: int = param(1, "how often the blur is applied", low=0, high=64)
     separable: bool = param(True, "rows, then columns, in place of the full square")
+
+    def weights(self) -> NDArray[np.float64]:
+        """Return the weights in space of distances 0 to `radius`."""
+        sigma = self.sigma or 0.5 * (self.radius + 1)
+        weights: NDArray[np.float64] = np.exp(-0.5 * (np.arange(self.radius + 1) / sigma) ** 2)
+        return weights
+
+    def scales(self) -> dict[str, float]:
+        """Return the scales of a fit, see kernels/common/surface.clh.
+
+        The weight (1 - d^2 / (2 n sigma^2) - (1 - cos) / (n sigma^2))^n is about that of Gaussians
+        of the distance d and of the angle, whose 1 - cos is half its square; n = FIT_POWER.
+        """
+        return {
+            "depth_scale": 1.0 / (math.sqrt(2.0 * FIT_POWER) * self.depth_sigma),
+            "normal_scale": 1.0 / (FIT_POWER * self.normal_sigma**2),
+        }
 
 
 class Bilateral:
@@ -67,18 +82,20 @@ class Bilateral:
         self.active = params.passes > 0 and params.radius > 0
         if not self.active:
             return
-        shapes = (0, 1) if params.separable else (2,)
-        self._kernels = [
-            runtime.kernel(
+        # Rows of a work-item: on a CPU two of them share what they read.
+        self._rows = {0: 1, 1: 2 if runtime.form.lanes > 1 else 1, 2: 1}
+        self._shapes = (0, 1) if params.separable else (2,)
+        self._kernels = {
+            shape: runtime.kernel(
                 "bilateral/bilateral_blur.cl",
-                {"BLUR_RADIUS": params.radius, "BLUR_COUNT": channels, "BLUR_SHAPE": shape},
+                {"BLUR_RADIUS": params.radius, "BLUR_COUNT": channels, "BLUR_SHAPE": shape,
+                 "BLUR_ROWS": self._rows[shape]},
                 (CAMERA, BLUR),
             )
-            for shape in shapes
-        ]
-        sigma = params.sigma or 0.5 * (params.radius + 1)
-        distance = np.arange(params.radius + 1)
-        weights = np.exp(-0.5 * (distance / sigma) ** 2)
+            for shape in self._shapes
+        }
+        weights = np.append(params.weights(), 0.0)
+        weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
         self._weights = runtime.array(weights.astype(np.float32))
         self._planes = [runtime.plane(channels, size) for _ in range(2)]
 
@@ -88,27 +105,24 @@ class Bilateral:
         if not self.active:
             self.runtime.skip(name, "no passes or radius 0")
             return value
-        # Both scales are for 2^-x in place of e^-x; 1 - cos a is a^2 / 2 for small angles.
         packed = BLUR.pack(
             {
-                "depth_scale": math.sqrt(0.5 / math.log(2.0)) / params.depth_sigma,
-                "depth_threshold": params.depth_threshold,
-                "normal_scale": 1.0 / (math.log(2.0) * params.normal_sigma**2),
-                "least_cosine": math.cos(params.normal_threshold),
+                **params.scales(),
                 "margin_columns": gbuffer.margin[1],
                 "margin_rows": gbuffer.margin[0],
             }
         )
         for i in range(params.passes):
-            for j, kernel in enumerate(self._kernels):
+            for shape in self._shapes:
                 out = self._planes[0] if value is not self._planes[0] else self._planes[1]
-                direction = ("rows", "columns")[j] if len(self._kernels) == 2 else "square"
-                kernel.run(
-                    f"{name} {direction}" + (f" {i + 1}" if params.passes > 1 else ""),
+                rows, columns = self.size
+                self._kernels[shape].run(
+                    f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                     self.size,
                     reads=[value, gbuffer.linear, gbuffer.normal, self._weights],
                     writes=[out],
                     values=[gbuffer.camera_struct, packed],
+                    grid=(-(-rows // self._rows[shape]), -(-columns // self.runtime.form.lanes)),
                 )
                 value = out
         return value

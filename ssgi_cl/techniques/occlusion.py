@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+BLUR_RESOLUTIONS = ("own", "full")
+"""Size at which the blur works: that at which occlusion is computed, or the full one."""
 
 
 class OcclusionTechnique(ABC):
@@ -25,7 +28,7 @@ class OcclusionTechnique(ABC):
         runtime: the device.
         size: (rows, columns) of the result.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        params: with the fields `resolution`, `blur_radius` and `blur_passes`.
+        params: with the fields `resolution`, `blur_radius`, `blur_passes` and `blur_resolution`.
     """
 
     def __init__(self, runtime: Runtime, size: Size, margin: Size, params: Any) -> None:
@@ -37,8 +40,14 @@ class OcclusionTechnique(ABC):
         self._openness = runtime.plane(1, coarse, 1.0)
         self._reduced: ReducedGBuffer | None = None
         blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+        self._upsample: Upsample | UpsampleBlur | None = None
         self._blur = Bilateral(runtime, coarse, blur)
-        self._upsample = Upsample(runtime, size, step, background=1.0) if step > 1 else None
+        if step > 1 and self._blur.active and params.blur_resolution == "full":
+            self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0)
+            self._blur = Bilateral(runtime, size, replace(blur, passes=blur.passes - 1))
+        elif step > 1:
+            self._upsample = Upsample(runtime, size, step, background=1.0)
+        self._blur_first = not isinstance(self._upsample, UpsampleBlur)
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
@@ -50,9 +59,13 @@ class OcclusionTechnique(ABC):
             self._reduced.update(gbuffer)
             source = self._reduced
         self._occlude(gbuffer, source)
-        result = self._blur.run(self._openness, source)
+        result = self._openness
+        if self._blur_first:
+            result = self._blur.run(result, source)
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(result, self._reduced, gbuffer)
+        if not self._blur_first and self._blur.active:
+            result = self._blur.run(result, gbuffer)
         return result
 
     def __call__(

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl import check, presets
+from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Size
 from ssgi_cl.params import Params, param
+from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.occlusion import BLUR_RESOLUTIONS, OcclusionTechnique
 
 SSAO = Struct(
     "SsaoParams",
@@ -98,6 +99,10 @@ class SsaoParams(Params):
         unit="px",
     )
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+    blur_resolution: str = param(
+        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
+        choices=BLUR_RESOLUTIONS,
+    )
 
     def __post_init__(self) -> None:
         Params.__post_init__(self)
@@ -130,21 +135,6 @@ class SsaoParams(Params):
             raise ValueError(
                 f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
             )
-
-    @classmethod
-    def preset(cls, name: str, **overrides: Any) -> Self:
-        """Return parameters that tuning found: "low", "medium", "high" or "ultra".
-
-        `ssgi_cl.presets.record("ssao")` tells what they were tuned on, their time and error.
-
-        Args:
-            name: of the preset.
-            **overrides: fields that have another value; the radius, which is the scene's, is one.
-
-        Raises:
-            TypeError, ValueError: there is no such preset, or a field is wrong.
-        """
-        return cls(**{**presets.parameters("ssao", name), **overrides})
 
 
 def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
@@ -276,6 +266,8 @@ def ssao(
     samples: int | None = None,
     *,
     preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -286,8 +278,8 @@ def ssao(
         radius: of the ball in scene units, > 0; up to 4 values, of which the greatest occlusion
             counts in each pixel.
         samples: points per pixel, 1 to 256; by default 16, or the preset's.
-        preset: "low", "medium", "high" or "ultra": where the fields that are not given come from;
-            see `SsaoParams.preset`. By default the defaults of `SsaoParams`.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `SsaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsaoParams`.
 
@@ -301,10 +293,10 @@ def ssao(
     radii = np.asarray(radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
-    params["radius"] = tuple(radii.ravel().tolist())
-    if samples is not None:
-        params["samples"] = samples
-    chosen = SsaoParams(**params) if preset is None else SsaoParams.preset(preset, **params)
+    chosen: SsaoParams = params_for(
+        "ssao", gbuffer, runtime, radius=tuple(radii.ravel().tolist()), samples=samples,
+        preset=preset, error=error, budget_ms=budget_ms, **params,
+    )
     device = on_device(gbuffer, runtime)
     technique: Ssao = device.runtime.prepared(
         (Ssao, device.size, device.margin, chosen),

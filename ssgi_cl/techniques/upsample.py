@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,16 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.bilateral import BilateralParams
 
 UPSAMPLE = Struct(
     "UpsampleParams",
     (
         *(
             (name, "int")
-            for name in ("step", "margin_columns", "margin_rows", "coarse_columns", "coarse_rows")
+            for name in ("margin_columns", "margin_rows", "coarse_columns", "coarse_rows")
         ),
         *floats("depth_scale", "normal_scale", "background"),
     ),
@@ -35,7 +38,7 @@ class ReducedGBuffer:
     """Every step-th pixel of a G-buffer, with a camera whose pixel centres are those pixels'.
 
     Has the attributes of `DeviceGBuffer` that techniques read: runtime, size, margin, whole,
-    depth, linear, normal, camera_struct.
+    depth, linear, normal, camera_struct. Depth is made when it is first asked for.
     """
 
     def __init__(self, gbuffer: DeviceGBuffer, step: int) -> None:
@@ -47,26 +50,23 @@ class ReducedGBuffer:
         self.first = (gbuffer.margin[0] % step, gbuffer.margin[1] % step)
         # The same margin on every side, as techniques expect, though one pixel more may fit.
         self.whole = (self.size[0] + 2 * self.margin[0], self.size[1] + 2 * self.margin[1])
-        self.depth = runtime.plane(1, self.whole, math.inf)
+        self._depth: Plane | None = None
+        self._source: DeviceGBuffer | None = None  # of depth, until that is made
         self.linear = runtime.plane(1, self.whole, math.inf)
         self.normal = runtime.plane(3, self.whole)
         self.camera_struct = gbuffer.camera_struct
         self._kernels = {
-            count: runtime.kernel("gbuffer/gbuffer_reduce.cl", {"REDUCE_COUNT": count})
+            count: runtime.kernel(
+                "gbuffer/gbuffer_reduce.cl", {"REDUCE_COUNT": count, "UPSAMPLE_STEP": step}
+            )
             for count in (1, 3)
         }
 
     def update(self, gbuffer: DeviceGBuffer) -> None:
         """Queue the passes that pick the pixels."""
-        rows, columns = gbuffer.whole
-        values = [_int2(columns, rows), np.int32(self.step), np.int32(self.first[1]),
-                  np.int32(self.first[0])]
-        for name in ("depth", "linear", "normal"):
-            plane: Plane = getattr(self, name)
-            self._kernels[plane.count].run(
-                f"reduce {name}", self.whole, reads=[getattr(gbuffer, name)], writes=[plane],
-                values=[*values, np.float32(plane.outside)],
-            )
+        self._reduce("linear", gbuffer.linear, self.linear)
+        self._reduce("normal", gbuffer.normal, self.normal)
+        self._source = gbuffer
         struct = gbuffer.camera_struct.copy()
         for axis, first in (("x", self.first[1]), ("y", self.first[0])):
             # Centre of coarse pixel i, at i + 0.5, is centre i * step + first + 0.5 of the fine.
@@ -77,6 +77,24 @@ class ReducedGBuffer:
             struct[f"from_{axis}"] = 1.0 / (to * self.step)
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) / (to * self.step)
         self.camera_struct = struct
+
+    @property
+    def depth(self) -> Plane:
+        """Depth of the pixels, scene units; queues the pass that picks it if it is not there."""
+        if self._depth is None:
+            self._depth = self.runtime.plane(1, self.whole, math.inf)
+        if self._source is not None:
+            self._reduce("depth", self._source.depth, self._depth)
+            self._source = None
+        return self._depth
+
+    def _reduce(self, name: str, fine: Plane, coarse: Plane) -> None:
+        rows, columns = fine.size
+        self._kernels[coarse.count].run(
+            f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
+            values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
+                    np.float32(coarse.outside)],
+        )
 
 
 class Upsample:
@@ -96,36 +114,113 @@ class Upsample:
         self.runtime = runtime
         self.size = size
         self.step = step
-        self._background = background
-        self._depth_scale = math.sqrt(0.5 / math.log(2.0)) / depth_sigma
-        self._normal_scale = 1.0 / (math.log(2.0) * normal_sigma**2)
+        fit = BilateralParams(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
+        self._scales = {**fit.scales(), "background": background}
         self._kernel = runtime.kernel(
-            "upsample/upsample_joint.cl", {"UPSAMPLE_COUNT": channels}, (CAMERA, UPSAMPLE)
+            "upsample/upsample_joint.cl",
+            {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": step},
+            (CAMERA, UPSAMPLE),
         )
         self._fine = runtime.plane(channels, size)
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
-        packed = UPSAMPLE.pack(
-            {
-                "step": self.step,
-                "margin_columns": gbuffer.margin[1],
-                "margin_rows": gbuffer.margin[0],
-                "coarse_columns": reduced.whole[1],
-                "coarse_rows": reduced.whole[0],
-                "depth_scale": self._depth_scale,
-                "normal_scale": self._normal_scale,
-                "background": self._background,
-            }
-        )
+        packed = _packed(reduced, gbuffer, self._scales)
         self._kernel.run(
             "upsample",
             self.size,
             reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
             writes=[self._fine],
             values=[gbuffer.camera_struct, packed],
+            grid=(self.size[0], -(-coarse.size[1] // self.runtime.form.lanes)),
         )
         return self._fine
+
+
+class UpsampleBlur:
+    """Upsampling and an edge-aware blur in one, prepared for one full size and step.
+
+    Each pixel of the full size is the blur's weighted mean of the coarse pixels in its window of
+    2 radius + 1 pixels square: what the blur would make of the upsampled result, for a share
+    1 / step^2 of its samples. A first pass goes along the rows that have coarse pixels, a second
+    along all columns.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        step: 1, 2 or 4.
+        blur: its radius, at least step - 1 to join the coarse pixels, and sigmas; in pixels of the
+            result. Applied once, separably.
+        background: the value where nothing is.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        step: int,
+        blur: BilateralParams,
+        *,
+        background: float = 0.0,
+    ) -> None:
+        self.size = size
+        self.step = step
+        self._lanes = runtime.form.lanes
+        blur = replace(blur, radius=max(blur.radius, step - 1))
+        self._scales = {**blur.scales(), "background": background}
+        self._kernels = [
+            runtime.kernel(
+                f"upsample/upsample_blur_{direction}.cl",
+                {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius},
+                (CAMERA, UPSAMPLE),
+            )
+            for direction in ("rows", "columns")
+        ]
+        weights = np.append(blur.weights(), np.zeros(step))
+        self._weights = runtime.array(weights.astype(np.float32))
+        self._rows = runtime.plane(1, (coarse_size(size, step)[0], size[1]))
+        self._fine = runtime.plane(1, size)
+
+    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes and return the plane at full size."""
+        packed = _packed(reduced, gbuffer, self._scales)
+        rows, columns = coarse.size
+        guides: list[Plane | DeviceArray] = [
+            coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal, self._weights
+        ]
+        along_rows, along_columns = self._kernels
+        along_rows.run(
+            "blur rows",
+            self._rows.size,
+            reads=guides,
+            writes=[self._rows],
+            values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
+                    packed],
+            grid=(rows, -(-columns // self._lanes)),
+        )
+        along_columns.run(
+            "blur columns",
+            self.size,
+            reads=[self._rows, *guides],
+            writes=[self._fine],
+            values=[gbuffer.camera_struct, packed],
+            grid=(rows, -(-self.size[1] // self._lanes)),
+        )
+        return self._fine
+
+
+def _packed(
+    reduced: ReducedGBuffer, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
+) -> NDArray[np.void]:
+    return UPSAMPLE.pack(
+        {
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+            "coarse_columns": reduced.whole[1],
+            "coarse_rows": reduced.whole[0],
+            **scales,
+        }
+    )
 
 
 def upsample(
@@ -144,7 +239,7 @@ def upsample(
         image: [ceil(rows / step), ceil(columns / step)] or with 3 channels, float32; its pixel
             (i, j) belongs to the G-buffer's pixel (i * step, j * step).
         gbuffer: at full size.
-        step: 1 to 16.
+        step: 1, 2 or 4.
         background: the value where nothing is.
         depth_sigma: standard deviation of the distance from the tangent plane, relative to depth.
         normal_sigma: standard deviation of the angle between normals, radians.
@@ -156,7 +251,9 @@ def upsample(
     Raises:
         TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
     """
-    step = check.integer("step", step, low=1, high=16)
+    step = check.integer("step", step, low=1, high=4)
+    if step == 3:
+        raise ValueError("step is 3: expected 1, 2 or 4")
     values = np.asarray(image)
     channels = 3 if values.ndim == 3 else 0
     values = check.plane("image", values, channels=channels)

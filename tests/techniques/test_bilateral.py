@@ -18,11 +18,14 @@ from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_b
 
 from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
 
-WEIGHTS = 2e-4
-"""Of a blurred image in [0, 1]: in each of two directions a weight is off by 1e-4, as stated in
-kernels/common/lanes.clh. Measured over all scenes and cameras: 1.5e-4."""
+ROUNDING = 3e-5
+"""Of a blurred image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth,
+that is 1e-5 of the distance at which a weight ends. Measured over all scenes but the noisy one, at
+radii up to 7: 1.1e-5."""
+NOISE = 2e-4
+"""The same where normals rebuilt from noise graze the view: their planes are steep."""
 FLIPS = 1e-3
-"""Share of pixels in which a neighbour may fall to the other side of a threshold."""
+"""Share of pixels in which that is exceeded, for the steepest of planes."""
 
 
 def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> float:
@@ -43,7 +46,8 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     gbuffer = scene(name, camera(kind), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=runtime)
-    assert share_off(blurred, bilateral_reference(image, gbuffer), WEIGHTS) <= FLIPS
+    wanted = bilateral_reference(image, gbuffer)
+    assert share_off(blurred, wanted, NOISE if name == "noisy" else ROUNDING) <= FLIPS
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -53,8 +57,7 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
         {"radius": 1},
         {"radius": 5, "separable": False},
         {"radius": 16, "sigma": 6.0, "passes": 2},
-        {"radius": 3, "depth_sigma": 0.1, "depth_threshold": 0.5, "normal_sigma": 1.0,
-         "normal_threshold": 3.0},
+        {"radius": 3, "depth_sigma": 0.1, "normal_sigma": 1.0},
     ],
     ids=str,
 )
@@ -67,7 +70,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
     blurred = bilateral_blur(image, gbuffer, runtime=form_runtime, **params)
     wanted = bilateral_reference(image, gbuffer, BilateralParams(**params))
     passes = 2 * params.get("passes", 1)
-    assert share_off(blurred, wanted, passes * WEIGHTS) <= FLIPS
+    assert share_off(blurred, wanted, passes * ROUNDING) <= FLIPS
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 5), (17, 31)], ids=str)
@@ -79,8 +82,10 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
     gbuffer = scene("bumpy", camera(size=size), rng, margin=margin)
     image = rng.random(size).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    # Of few pixels each is so wide that planes change by their own depth from one to the next.
+    # Measured: 7e-5.
     np.testing.assert_allclose(
-        blurred, bilateral_reference(image, gbuffer), rtol=0, atol=WEIGHTS
+        blurred, bilateral_reference(image, gbuffer), rtol=0, atol=NOISE
     )
 
 
@@ -127,7 +132,7 @@ def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
     )
     # Off the plane by some 2^-24 of the depth, 1e-5 sigma. Normals rebuilt from depths that are
     # rounded to 2^-24 with pixels of 0.005 radians lean by 1e-5, times the tangent of 80 degrees.
-    np.testing.assert_allclose(leaning, facing, rtol=0, atol=WEIGHTS)
+    np.testing.assert_allclose(leaning, facing, rtol=0, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
@@ -216,7 +221,7 @@ def test_any_depths_give_values_within_those_of_the_image(
         depth = (10.0 ** rng.uniform(-37.0, 37.0, made.size)).astype(np.float32)
         image = rng.random(made.size).astype(np.float32)
         blurred = bilateral_blur(
-            image, GBuffer(camera=made, depth=depth), runtime=form_runtime, normal_threshold=3.0
+            image, GBuffer(camera=made, depth=depth), runtime=form_runtime, normal_sigma=10.0
         )
         assert blurred.min() >= 0.0
         assert blurred.max() <= 1.0
@@ -253,7 +258,6 @@ def test_second_call_allocates_and_builds_nothing(
         ({"radius": 2.0}, TypeError, r"radius is 2.0: expected an integer"),
         ({"sigma": math.nan}, ValueError, r"sigma is nan: expected a number"),
         ({"depth_sigma": 0.0}, ValueError, r"depth_sigma is 0.0: expected a number >= 1e-06"),
-        ({"depth_threshold": 1.0}, ValueError, r"depth_threshold is 1.0: expected .* <= 0.9"),
         ({"normal_sigma": -1.0}, ValueError, r"normal_sigma is -1.0: expected .*radians"),
         ({"passes": 65}, ValueError, r"passes is 65: expected an integer >= 0 and <= 64"),
         ({"separable": 1}, TypeError, r"separable is 1: expected True or False"),

@@ -9,16 +9,50 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.reference.upsample import upsample_reference
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, coarse_size, upsample
+from ssgi_cl.techniques.bilateral import BilateralParams, bilateral_blur
+from ssgi_cl.techniques.upsample import (
+    ReducedGBuffer,
+    Upsample,
+    UpsampleBlur,
+    coarse_size,
+    upsample,
+)
 
 from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
 
-WEIGHTS = 2e-4
-"""Of an image in [0, 1]: a weight is off by 1e-4, as kernels/common/lanes.clh states."""
+ROUNDING = 1e-4
+"""Of an image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth, that is
+2e-5 of the distance at which a weight ends, and by more where normals rebuilt from noise graze the
+view. Measured over all scenes but the noisy one: 2e-5."""
+FLIPS = 0.01
+"""Share of pixels that may exceed it: another sample is the best of bad ones, or, in the noisy
+scene, normals graze the view. Measured, steps 1 to 4: 0.005 without that scene, 0.01 in it."""
 SIZES = ((1, 1), (1, 40), (3, 5), (17, 31), (47, 61), (16, 600))
+
+
+def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Return the share of values that differ by more than rounding (or are not numbers)."""
+    return float(np.mean(~(np.abs(a - b) <= ROUNDING)))
+
+
+def upsample_blurred(
+    image: NDArray[np.floating], gbuffer: GBuffer, runtime: Runtime, step: int,
+    params: BilateralParams, background: float = 0.0,
+) -> NDArray[np.float32]:
+    """Return what `UpsampleBlur` makes of an image."""
+    device = DeviceGBuffer(runtime, gbuffer.size, margin=gbuffer.margin)
+    device.upload(gbuffer)
+    reduced = ReducedGBuffer(device, step)
+    reduced.update(device)
+    plane = runtime.plane(1, reduced.size)
+    plane.upload(image.astype(np.float32)[None])
+    blur = UpsampleBlur(runtime, gbuffer.size, step, params, background=background)
+    return blur.run(plane, reduced, device).download()[0]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -30,12 +64,10 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     fine = upsample(image, gbuffer, runtime=runtime)
     wanted = upsample_reference(image, gbuffer)
-    # Distances that halve a weight 20 times multiply its rounding: 2^-24 / 0.005 a sigma, 20 sigma.
-    # Measured over all scenes and cameras: 2.3e-4.
-    np.testing.assert_allclose(fine, wanted, rtol=0, atol=2.5 * WEIGHTS)
+    assert share_off(fine, wanted) <= FLIPS
 
 
-@pytest.mark.parametrize("step", [1, 2, 3, 4, 16])
+@pytest.mark.parametrize("step", [1, 2, 4])
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
@@ -48,7 +80,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
     options = {"step": step, "background": -1.0, "depth_sigma": 0.02, "normal_sigma": 0.5}
     fine = upsample(image, gbuffer, runtime=form_runtime, **options)
     wanted = upsample_reference(image, gbuffer, **options)
-    np.testing.assert_allclose(fine, wanted, rtol=0, atol=2.5 * WEIGHTS)  # as above
+    assert share_off(fine, wanted) <= FLIPS
 
 
 def test_every_kernel_form_gives_the_same_result(
@@ -78,7 +110,7 @@ def test_constant_stays_constant_at_odd_sizes(
 
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0])
-@pytest.mark.parametrize("step", [2, 3, 4])
+@pytest.mark.parametrize("step", [2, 4])
 def test_ramp_on_a_plane_comes_back_as_a_ramp(
     runtime: Runtime, degrees: float, step: int
 ) -> None:
@@ -88,56 +120,126 @@ def test_ramp_on_a_plane_comes_back_as_a_ramp(
     fine = upsample(ramp[::step, ::step], gbuffer, step=step, runtime=runtime)
     # Beyond the last coarse pixel the image goes on as a constant.
     inner = np.s_[: 48 // step * step + 1, : 60 // step * step + 1]
-    # 0.001 is added to the distance weights so that none is 0: a shift of 0.001 step each.
-    np.testing.assert_allclose(fine[inner], ramp[inner], rtol=0, atol=0.0011 * step)
+    # Weights are those of linear interpolation; the ramp's values up to 15 are rounded by 2^-24.
+    np.testing.assert_allclose(fine[inner], ramp[inner], rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("step", [2, 4])
+@pytest.mark.parametrize("blurred", [False, True])
 def test_silhouette_does_not_leak(
-    form_runtime: Runtime, rng: np.random.Generator, step: int
+    form_runtime: Runtime, rng: np.random.Generator, step: int, blurred: bool
 ) -> None:
     gbuffer = scene("step", camera(size=(49, 61)), rng)
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
     assert 0.1 < near.mean() < 0.9
-    fine = upsample(near[::step, ::step], gbuffer, step=step, runtime=form_runtime)
-    # Both sizes end on a coarse pixel, so that a pixel has one of its own side in reach unless
-    # the slanted edge cuts it off; the wrong side weighs 2^-25 against 1e-6 at least.
+    if blurred:
+        params = BilateralParams(radius=7)
+        fine = upsample_blurred(near[::step, ::step], gbuffer, form_runtime, step, params)
+    else:
+        fine = upsample(near[::step, ::step], gbuffer, step=step, runtime=form_runtime)
+    # Both sizes end on a coarse pixel, so that a pixel has one of its own side in reach unless the
+    # slanted edge cuts it off. What is on the other side weighs exactly 0.
     own = _own_side_in_reach(near, step)
     assert own.mean() > 0.98
-    np.testing.assert_allclose(fine[own], near[own], rtol=0, atol=0.05)
-    close = own & _own_side_is_nearest(near, step)
-    np.testing.assert_allclose(fine[close], near[close], rtol=0, atol=1e-6)
-
-
-def _corners(near: NDArray[np.float32], step: int) -> list[NDArray[np.float32]]:
-    y, x = np.indices(near.shape)
-    last_y, last_x = (near.shape[0] - 1) // step, (near.shape[1] - 1) // step
-    return [
-        near[np.minimum(y // step + dy, last_y) * step, np.minimum(x // step + dx, last_x) * step]
-        for dy in (0, 1) for dx in (0, 1)
-    ]
+    np.testing.assert_allclose(fine[own], near[own], rtol=0, atol=1e-6)
 
 
 def _own_side_in_reach(near: NDArray[np.float32], step: int) -> NDArray[np.bool_]:
-    return np.any([corner == near for corner in _corners(near, step)], axis=0)
-
-
-def _own_side_is_nearest(near: NDArray[np.float32], step: int) -> NDArray[np.bool_]:
     y, x = np.indices(near.shape)
-    # A corner in line with the pixel weighs 1e-3 of one beside it, and in both 1e-6.
-    corners = _corners(near, step)
-    reach = [(y % step != 0) | (dy == 0) for dy in (0, 1) for dx in (0, 1)]
-    reach = [r & ((x % step != 0) | (k % 2 == 0)) for k, r in enumerate(reach)]
-    return np.any([(c == near) & r for c, r in zip(corners, reach, strict=True)], axis=0)
+    last_y, last_x = (near.shape[0] - 1) // step, (near.shape[1] - 1) // step
+    corners = [
+        near[np.minimum(y // step + dy, last_y) * step, np.minimum(x // step + dx, last_x) * step]
+        for dy in (0, 1) for dx in (0, 1)
+    ]
+    return np.any([corner == near for corner in corners], axis=0)
 
 
 def test_step_of_one_returns_the_image(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = trace(made := camera(), [tilted(made, 30.0)])
     image = rng.random(made.size).astype(np.float32)
-    # Neighbours weigh 0.001 in each direction, which is the floor of a distance weight.
+    # The pixel itself is the only one near: a product of its value and a weight over that weight.
     np.testing.assert_allclose(
-        upsample(image, gbuffer, step=1, runtime=runtime), image, rtol=0, atol=0.0021
+        upsample(image, gbuffer, step=1, runtime=runtime), image, rtol=3e-7
     )
+
+
+def test_coarse_pixels_keep_their_values(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("bumpy", camera(size=(33, 71)), rng)
+    image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
+    fine = upsample(image, gbuffer, background=0.0, runtime=form_runtime)
+    there = np.isfinite(np.asarray(gbuffer.depth))[::2, ::2]
+    np.testing.assert_allclose(fine[::2, ::2][there], image[there], rtol=3e-7)  # as above
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
+    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+) -> None:
+    gbuffer = scene(name, camera(kind), rng)
+    image = rng.random(coarse_size(gbuffer.size, 2))
+    params = BilateralParams(radius=7)
+    fine = upsample_blurred(image, gbuffer, runtime, 2, params)
+    wanted = upsample_blur_reference(image, gbuffer, params)
+    assert share_off(fine, wanted) <= FLIPS
+
+
+@pytest.mark.parametrize("step", [1, 2, 4])
+@pytest.mark.parametrize("radius", [1, 6])
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+def test_every_kernel_form_of_blurred_upsampling_agrees_with_numpy_twin(
+    form_runtime: Runtime, rng: np.random.Generator, step: int, radius: int,
+    margin: tuple[int, int],
+) -> None:
+    gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
+    image = rng.random(coarse_size(gbuffer.size, step))
+    params = BilateralParams(radius=radius, depth_sigma=0.02, normal_sigma=0.5)
+    fine = upsample_blurred(image, gbuffer, form_runtime, step, params, background=-1.0)
+    wanted = upsample_blur_reference(image, gbuffer, params, step=step, background=-1.0)
+    assert share_off(fine, wanted) <= FLIPS
+
+
+def test_blurred_upsampling_by_one_is_the_blur(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = trace(made := camera(), [tilted(made, 30.0)])
+    image = rng.random(made.size).astype(np.float32)
+    fine = upsample_blurred(image, gbuffer, runtime, 1, BilateralParams(radius=7))
+    wanted = bilateral_blur(image, gbuffer, radius=7, runtime=runtime)
+    # The last bit of the first pass's values is a flag.
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("step", [2, 4])
+def test_constant_stays_constant_when_blurred_at_odd_sizes(
+    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
+) -> None:
+    gbuffer = scene("noisy", camera(size=size), rng)
+    there = np.isfinite(gbuffer.depth)
+    # Two quotients of 8 products and sums, each rounded by 2^-24; 1, where nothing hides, is exact,
+    # as it is one of equal sums.
+    for value, tolerance in ((0.7, 2e-6), (1.0, 0.0)):
+        image = np.full(coarse_size(size, step), value)
+        params = BilateralParams(radius=7)
+        fine = upsample_blurred(image, gbuffer, form_runtime, step, params, background=-1.0)
+        np.testing.assert_allclose(fine[there], value, rtol=tolerance)
+        np.testing.assert_array_equal(fine[~there], -1.0)
+
+
+@pytest.mark.parametrize("degrees", [45.0, 80.0])
+def test_blurred_upsampling_of_a_tilted_plane_is_that_of_one_that_faces_the_viewer(
+    runtime: Runtime, rng: np.random.Generator, degrees: float
+) -> None:
+    made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.15, width=47, height=33)
+    image = rng.random(coarse_size(made.size, 2))
+    facing, leaning = (
+        upsample_blurred(
+            image, trace(made, [tilted(made, d)]), runtime, 2, BilateralParams(radius=7)
+        )
+        for d in (0.0, degrees)
+    )
+    np.testing.assert_allclose(leaning, facing, rtol=0, atol=ROUNDING)
 
 
 def test_reduced_gbuffer_sees_what_its_camera_says(
@@ -180,7 +282,8 @@ def test_two_runs_give_the_same_bits_and_allocate_nothing(
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"step": 0}, ValueError, r"step is 0: expected an integer >= 1 and <= 16"),
+        ({"step": 0}, ValueError, r"step is 0: expected an integer >= 1 and <= 4"),
+        ({"step": 3}, ValueError, r"step is 3: expected 1, 2 or 4"),
         ({"step": 2.0}, TypeError, r"step is 2.0: expected an integer"),
         ({"background": math.nan}, ValueError, r"background is nan: expected a number"),
         ({"depth_sigma": 0.0}, ValueError, r"depth_sigma is 0.0: expected a number >= 1e-06"),

@@ -74,6 +74,7 @@ class Subject:
         moved: bytes that a run must read and write at least; 0 where that says nothing.
         truths: "world" and "assumption" -> what to call for that truth.
         note: what the time leaves out or includes, in a few words.
+        timed: whether its time says anything; False for a bound that no program is.
     """
 
     run: Callable[[], object]
@@ -84,6 +85,7 @@ class Subject:
     moved: float = 0.0
     truths: Mapping[str, Callable[[], Truth]] = field(default_factory=dict)
     note: str = ""
+    timed: bool = True
 
 
 class Family(Protocol):

@@ -52,7 +52,8 @@ _device = click.option(
 )
 _scenes = click.option(
     "--scene", "scenes", multiple=True, metavar="NAME|FILE", default=REPORTED, show_default=True,
-    help="A built-in scene or a file; several times.",
+    help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
+    "--camera`) and ao_radius; several times.",
 )
 _sizes = click.option(
     "--size", "sizes", multiple=True, type=PixelSize(), default=(SIZE,), show_default=True,

@@ -116,6 +116,11 @@ def clock(result: Mapping[str, Any]) -> Mapping[str, float]:
     return spread
 
 
+def timed(result: Mapping[str, Any]) -> bool:
+    """Return whether a result's time says anything; a bound's does not."""
+    return bool(result.get("timed", True))
+
+
 def metric(result: Mapping[str, Any], truth: str, name: str) -> float | None:
     """Return a number of a result's error; None where it was not measured or is not finite.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .document import clock, groups, metric
+from .document import clock, groups, metric, timed
 
 
 def mark(results: list[dict[str, Any]]) -> None:
@@ -13,7 +13,7 @@ def mark(results: list[dict[str, Any]]) -> None:
 
     A result is on the front if none of its group (quantity, scene, size) has both no greater
     median time and no greater RMSE against the world's truth, with one of the two less. Of results
-    that are equal in both, all are on it. A result without quantity or error, or
+    that are equal in both, all are on it. A result without quantity, error or time, or
     that is unsteady, never is.
     """
     for result in results:
@@ -24,7 +24,7 @@ def mark(results: list[dict[str, Any]]) -> None:
         points = []
         for result in group:
             rmse = metric(result, "world", "rmse")
-            if rmse is not None and not result["unsteady"]:
+            if rmse is not None and not result["unsteady"] and timed(result):
                 points.append((clock(result)["median"], rmse, result))
         points.sort(key=lambda point: point[:2])
         latest = (math.nan, math.inf)

@@ -63,6 +63,11 @@ class Timing:
     skipped: dict[str, str]
 
 
+_NO_TIME = Spread(0.0, 0.0, 0.0)
+UNTIMED = Timing(None, _NO_TIME, _NO_TIME, 0, "", {}, {})
+"""Of what is no program."""
+
+
 class Stopwatch:
     """Times subjects on one device, each repetition next to one of the reference.
 

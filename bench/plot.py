@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from .document import clock, metric
+from .document import clock, metric, timed
 from .wording import number, short_name, unit
 
 WIDTH, HEIGHT = 760, 420
@@ -23,6 +23,7 @@ MARKERS = (
     "M0 5.4L5.2-3.8H-5.2z",  # triangle, upside down
 )
 _LETTER = 6.4  # width of a character of a label, at most
+_LINE = 13.0  # height of a line of text
 
 
 @dataclass(frozen=True)
@@ -77,22 +78,26 @@ def plot(
         title: names the plot to those who don't see it.
         quantity: whose unit the errors have.
     """
-    points = [
+    found = [
         (clock(result), rmse, result)
         for result in results
         if (rmse := metric(result, "world", "rmse")) is not None
     ]
+    points = [point for point in found if timed(point[2])]
     if not points:
         return ""
     across = Axis.over(
         [time[name] for time, _, _ in points for name in ("low", "median", "high")],
         LEFT, WIDTH - RIGHT,
     )
-    up = Axis.over([rmse for _, rmse, _ in points], HEIGHT - BOTTOM, TOP)
+    up = Axis.over([rmse for _, rmse, _ in found], HEIGHT - BOTTOM, TOP)
     at = [
         (across.at(time["median"]), up.at(rmse), result) for time, rmse, result in points
     ]
-    parts = [*_frame(across, up, quantity), *_front(at), *_lines(at, look)]
+    bounds = [(up.at(rmse), result) for _, rmse, result in found if not timed(result)]
+    parts = [
+        *_frame(across, up, quantity), *_bounds(bounds, look), *_front(at), *_lines(at, look)
+    ]
     labels = _labels([(x, y, str(result["setting"])) for x, y, result in at])
     for (x, y, result), (time, rmse, _), label in zip(at, points, labels, strict=True):
         color, marker, _ = look[result["family"]]
@@ -149,6 +154,28 @@ def _frame(across: Axis, up: Axis, quantity: str) -> list[str]:
         f'class="middle name">RMSE against the world{unit(quantity) and "," + unit(quantity)}'
         "</text>"
     )
+    return parts
+
+
+def _bounds(
+    at: Sequence[tuple[float, Mapping[str, Any]]], look: Mapping[str, tuple[int, int, bool]]
+) -> list[str]:
+    """Return a level line for each result that is a bound, named where there is room."""
+    parts = []
+    named: list[float] = []
+    for y, result in at:
+        told = f"{short_name(result)}: RMSE {number(metric(result, 'world', 'rmse'))}"
+        text = ""
+        if all(abs(y - other) >= _LINE for other in named):
+            named.append(y)
+            text = (
+                f'<text x="{WIDTH - RIGHT}" y="{y - 3:.1f}" class="end">'
+                f"{escape(short_name(result))}</text>"
+            )
+        parts.append(
+            f'<g class="c{look[result["family"]][0]}"><title>{escape(told)}</title>'
+            f'<path class="spread" d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}"/>{text}</g>'
+        )
     return parts
 
 

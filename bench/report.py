@@ -13,7 +13,7 @@ from ssgi_cl import atomic
 from ssgi_cl.metrics import REGIONS
 
 from . import viewer
-from .document import Group, clock, groups, metric
+from .document import Group, clock, groups, metric, timed
 from .peers import PEERS
 from .plot import looks, plot, swatch
 from .report_page import page
@@ -23,8 +23,10 @@ from .wording import (
     NOTHING,
     calibration_line,
     ceiling,
+    milliseconds,
     number,
     percent,
+    ratio,
     revision,
     short_name,
     title,
@@ -136,10 +138,11 @@ def _plot(
         f"<li>{swatch(look[family])}{escape(family)}</li>" for family in families
     )
     dashed = "; dashed: other programs" if any(look[family][2] for family in families) else ""
+    level = "" if all(map(timed, results)) else "; level lines are bounds"
     return (
         f'<ul class="key">{items}</ul><div class="scroll" tabindex="0">{drawn}</div>'
         '<p class="soft">Towards the lower left is better. The grey band is the front; '
-        f"bars are quartiles, hollow points are unsteady{dashed}.</p>"
+        f"bars are quartiles, hollow points are unsteady{dashed}{level}.</p>"
     )
 
 
@@ -180,19 +183,21 @@ def _row(result: dict[str, Any], calibration: Mapping[str, float]) -> list[str]:
     time = clock(result)
     reached, what = ceiling(result, calibration)
     star = _STAR if result.get("front") else '<span class="star"></span>'
-    unsteady = "~" if result["unsteady"] else ""
-    wall = "" if result.get("device_ms") is not None else " <small>wall</small>"
+    wall = "" if result.get("device_ms") is not None or not timed(result) else (
+        " <small>wall</small>"
+    )
+    spread = f"<small>{number(time['low'])} to {number(time['high'])}</small>"
 
     def error(name: str, sign: str = "") -> str:
         return number(metric(result, "world", name), sign)
 
     return [
         star + escape(short_name(result)),
-        number(time["median"]) + unsteady + wall,
+        milliseconds(result) + wall,
         error("rmse"), number(metric(result, "assumption", "rmse")), error("bias", "+"),
         error("p99"), error("mrse"), error("psnr"), error("ssim"), error("flip"),
-        f"<small>{number(time['low'])} to {number(time['high'])}</small>",
-        number(result["ratio"]["median"]),
+        spread if timed(result) else NOTHING,
+        ratio(result),
         number(result.get("samples_g_s")),
         number(result.get("moved_gb_s")),
         f"{percent(reached)} <small>{what}</small>" if what else NOTHING,

@@ -13,13 +13,21 @@ from PIL import Image
 
 from ssgi_cl import atomic
 
-from .document import Group, clock, groups, metric
+from .document import Group, groups, metric
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
 from .report_page import PLOT_STYLE
 from .verdict import verdict
-from .wording import calibration_line, number, revision, short_name, title
+from .wording import (
+    calibration_line,
+    milliseconds,
+    number,
+    ratio,
+    revision,
+    short_name,
+    title,
+)
 
 if TYPE_CHECKING:
     from .suite import Pictures
@@ -134,8 +142,8 @@ def _row(result: Mapping[str, Any]) -> str:
     cells = (
         "\\*" if result["front"] else "",
         short_name(result),
-        number(clock(result)["median"]) + ("~" if result["unsteady"] else ""),
-        number(result["ratio"]["median"]),
+        milliseconds(result),
+        ratio(result),
         *world,
         number(metric(result, "assumption", "rmse")),
     )

@@ -10,13 +10,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .document import clock, groups, metric
+from .document import clock, groups, metric, timed
 from .verdict import verdict
 from .wording import (
     NOTHING,
     calibration_line,
     ceiling,
+    milliseconds,
     number,
+    ratio,
     revision,
     short_name,
     title,
@@ -103,14 +105,14 @@ def _columns(calibration: Mapping[str, float]) -> list[tuple[str, int, Cell]]:
 
     def spread(row: Row) -> str:
         time = clock(row)
-        return f"{number(time['low'])}..{number(time['high'])}"
+        return f"{number(time['low'])}..{number(time['high'])}" if timed(row) else NOTHING
 
     return [
         ("", 0, lambda row: "*" if row.get("front") else " "),
         ("case", 0, short_name),
-        ("ms", 0, lambda row: number(clock(row)["median"]) + ("~" if row["unsteady"] else "")),
+        ("ms", 0, milliseconds),
         ("quartiles", 4, spread),
-        ("ratio", 2, lambda row: number(row["ratio"]["median"])),
+        ("ratio", 2, ratio),
         ("G/s", 5, lambda row: number(row.get("samples_g_s"))),
         ("GB/s", 6, lambda row: number(row.get("moved_gb_s"))),
         ("ceiling", 3, share),

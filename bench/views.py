@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.rasterize import load_scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
@@ -25,11 +28,16 @@ def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
 
     Args:
         names: keys of `BUILTIN_SCENES`, or files, which get the name of the file without its
-            ending, and where that has other letters than a-z, 0-9, _ and -, an underscore.
+            ending, and where that has other letters than a-z, 0-9, _ and -, an underscore. A file
+            is a mesh, with its camera in NAME.scene.json beside it if there is one, or a view:
+            NAME.json with a camera (see `camera_from_json`) and `mesh`, the file of the mesh, as
+            seen from the view's folder. Either may have `ao_radius`, how far ambient occlusion
+            reaches in scene units; 5 % of the scene's diagonal without.
         runtime: the device that looks round in a file's scene for a view.
 
     Raises:
-        ValueError: two scenes have one name, or no scene is called so and no file either.
+        ValueError: two scenes have one name, no scene is called so and no file either, or what
+            is said of a view is not usable.
         SceneError: a file can't be read.
     """
     found: dict[str, BuiltinScene] = {}
@@ -49,12 +57,20 @@ def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
 
 
 def _from_file(path: Path, runtime: Runtime) -> BuiltinScene:
-    scene = load_scene(path)
-    beside = path.with_name(path.stem + ".scene.json")
-    if beside.is_file():
-        camera = camera_from_json(beside, *_PIXELS)
-    else:
-        camera = default_camera(scene, *_PIXELS, _YFOV, runtime)
+    mesh, radius = path, None
+    about = path if path.suffix == ".json" else path.with_name(path.stem + ".scene.json")
+    camera = None
+    if about == path or about.is_file():
+        camera = camera_from_json(about, *_PIXELS)
+        fields = json.loads(about.read_text(encoding="utf-8"))
+        if about == path:
+            mesh = path.parent / _mesh(path, fields)
+        if "ao_radius" in fields:
+            radius = check.number(
+                f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units"
+            )
+    scene = load_scene(mesh)
+    camera = camera or default_camera(scene, *_PIXELS, _YFOV, runtime)
     low, high = scene.bounds
     return BuiltinScene(
         name=re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
@@ -64,8 +80,15 @@ def _from_file(path: Path, runtime: Runtime) -> BuiltinScene:
         up=_vector(camera.view[1, :3]),
         yfov=_vertical_fov(camera),
         lights=tuple(default_lights(scene, camera, runtime)),
-        ao_radius=AO_RADIUS_SHARE * (float(np.linalg.norm(high - low)) or 1.0),
+        ao_radius=radius or AO_RADIUS_SHARE * (float(np.linalg.norm(high - low)) or 1.0),
     )
+
+
+def _mesh(path: Path, fields: dict[str, Any]) -> str:
+    """Return the name of the mesh that a view is of."""
+    if not isinstance(fields.get("mesh"), str):
+        raise ValueError(f"the view {path} lacks mesh: expected the name of a mesh's file")
+    return str(fields["mesh"])
 
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .document import Group
+from .document import Group, clock, timed
 
 NOTHING = "-"
 """In place of a number that there is none of."""
@@ -59,6 +59,18 @@ def unit(quantity: str) -> str:
 def short_name(result: Mapping[str, Any]) -> str:
     """Return the part of a case's name that differs within a group."""
     return f"{result['family']}.{result['setting']}"
+
+
+def milliseconds(result: Mapping[str, Any]) -> str:
+    """Return a result's median time, with a mark if it is unsteady; `NOTHING` for a bound."""
+    if not timed(result):
+        return NOTHING
+    return number(clock(result)["median"]) + ("~" if result["unsteady"] else "")
+
+
+def ratio(result: Mapping[str, Any]) -> str:
+    """Return a result's time over that of the reference; `NOTHING` for a bound."""
+    return number(result["ratio"]["median"]) if timed(result) else NOTHING
 
 
 def ceiling(result: Mapping[str, Any], calibration: Mapping[str, float]) -> tuple[float, str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl import metrics
 from ssgi_cl.bench.case import Family, Subject
 from ssgi_cl.bench.context import Context, TruthSettings
-from ssgi_cl.bench.peers import PEERS, mitsuba_rays, vtk_ssao
+from ssgi_cl.bench.peers import PEERS, embree, mitsuba_rays, vtk_ssao
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.runtime import Runtime
@@ -22,6 +22,10 @@ Floats = NDArray[np.float32]
 PACKAGES = {
     "embree": ("embreex", "truth"),
     "embree-blur": ("embreex", "truth"),
+    "embree-oidn": ("pyoidn", "peers"),
+    "embree-moving": ("embreex", "truth"),
+    "embree-moving-blur": ("embreex", "truth"),
+    "embree-moving-oidn": ("pyoidn", "peers"),
     "mitsuba-ao": ("mitsuba", "truth"),
     "mitsuba-ao-oidn": ("pyoidn", "peers"),
     "mitsuba-path": ("mitsuba", "truth"),
@@ -128,6 +132,18 @@ def test_an_island_in_the_sky_is_open(name: str, runtime: Runtime) -> None:
     family = installed(name)
     image = result(family.prepare(island, family.SETTINGS[0]))
     np.testing.assert_array_equal(image, np.ones((40, 31), np.float32))
+
+
+def test_a_tree_built_anew_gives_the_same_picture_later(context: Context) -> None:
+    family = installed("embree-moving")
+    still, moving = (PEERS[name].prepare(context, "4") for name in ("embree", "embree-moving"))
+    np.testing.assert_array_equal(result(still), result(moving))
+    assert still.note != moving.note
+    caster = embree.Rays(context, 1)._caster
+    before = caster._rays
+    caster.build()
+    assert caster._rays is not before
+    assert family.SETTINGS == ("1", "4", "16", "64")
 
 
 @pytest.mark.parametrize("name", ["mitsuba-path", "mitsuba-path-oidn"])

@@ -48,6 +48,24 @@ def test_without_rays_or_without_ours_nothing_is_said() -> None:
     assert verdict([*RAYS, entry("ssao.4.hall.8x6", rmse=None)]) == ""
 
 
+def test_with_the_tree_counted_rays_are_told_of_separately() -> None:
+    both = [
+        *RAYS, entry("embree-moving.1.hall.8x6", 30.0, 0.4),
+        entry("embree-moving.4.hall.8x6", 60.0, 0.1),
+    ]
+    own = [entry("ssao.16.hall.8x6", 8.0, 0.2), entry("ssao.64.hall.8x6", 55.0, 0.1)]
+    still, moving = verdict([*both, *own]).split(". ")
+    assert "below an RMSE of 0.200" in still
+    assert still.endswith("the building of their tree not counted")
+    assert "below an RMSE of 0.100, which ssao.64 has in 55.0 ms (rays need 60.0 ms)" in moving
+    assert moving.endswith("the building of their tree counted.")
+
+
+def test_a_bound_is_no_result_of_this_library() -> None:
+    floor = entry("floor.1.hall.8x6", 0.0, 0.15, timed=False)
+    assert verdict([*RAYS, floor]) == ""
+
+
 def test_unsteady_results_do_not_count() -> None:
     lucky = entry("ssao.4.hall.8x6", 1.0, 0.11, unsteady="the machine was busy")
     assert verdict([*RAYS, lucky]) == ""

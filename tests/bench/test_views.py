@@ -43,6 +43,44 @@ def test_a_camera_beside_the_file_is_taken(ball: Path, runtime: Runtime) -> None
     np.testing.assert_allclose(view.target, (0, 0, 8), atol=1e-12)
 
 
+CAMERA = '"origin": [0, 0, 9], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60'
+
+
+def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(
+    ball: Path, runtime: Runtime
+) -> None:
+    (ball.parent / "views").mkdir()
+    for name, more in (("near", ', "ao_radius": 0.25'), ("far", "")):
+        (ball.parent / "views" / f"{name}.json").write_text(
+            f'{{"mesh": "../{ball.name}", {CAMERA}{more}}}'
+        )
+    views = views_of([str(ball.parent / "views" / f"{n}.json") for n in ("near", "far")], runtime)
+    assert list(views) == ["near", "far"]
+    np.testing.assert_allclose(views["near"].eye, (0, 0, 9), atol=1e-12)
+    assert len(views["near"].scene.triangles) == 320
+    assert views["near"].ao_radius == 0.25
+    assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{{{CAMERA}}}", r"the view .*v\.json lacks mesh: expected the name of a mesh's file"),
+        (f'{{{CAMERA}, "mesh": 3}}', "lacks mesh: expected the name"),
+        (f'{{{CAMERA}, "mesh": "ball.ply", "ao_radius": 0}}',
+         r"ao_radius in .*v\.json is 0: expected a number > 0 \(scene units\)"),
+        ('{"mesh": "ball.ply"}', r"v\.json lacks origin, forward, up, fov_deg"),
+        ("{", r"v\.json is not JSON"),
+    ],
+)
+def test_a_view_that_lacks_something_is_refused(
+    text: str, message: str, tmp_path: Path, runtime: Runtime
+) -> None:
+    (tmp_path / "v.json").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        views_of([str(tmp_path / "v.json")], runtime)
+
+
 def test_names_that_are_no_scene_are_refused(tmp_path: Path, runtime: Runtime) -> None:
     with pytest.raises(ValueError, match="scene is 'attic': expected a file or one of cornell_box"):
         views_of(["attic"], runtime)

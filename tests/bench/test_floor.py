@@ -1,0 +1,82 @@
+"""The floor as a family of cases: a bound without a time."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from ssgi_cl.bench import front, report, suite, summary, table
+from ssgi_cl.bench.case import Case
+from ssgi_cl.bench.cases import FAMILIES
+from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.bench.plot import looks, plot
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.runtime import Runtime
+
+from .documents import entry, whole
+
+pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
+
+FLOOR = {"timed": False, "device_ms": None}
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+
+
+def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:
+    cases = [Case("floor", setting, "cornell_box", (45, 60)) for setting in ("1", "4-10")]
+    found = suite.measure(
+        cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4
+    )
+    assert found.skipped == []
+    one, four = found.results
+    assert not one["timed"]
+    assert one["errors"]["world"]["rmse"] > 1.3 * four["errors"]["world"]["rmse"] > 0.0
+    assert sorted(found.pictures) == sorted(case.name for case in cases)
+
+
+@pytest.mark.parametrize("setting", ["0", "17", "1-0", "1-100", "4x10", "many", ""])
+def test_a_wrong_setting_is_refused(setting: str, runtime: Runtime) -> None:
+    context = Context(runtime, cornell_box(), (6, 8))
+    with pytest.raises(ValueError, match=rf"setting is '{setting}': expected LAYERS or LAYERS-OV"):
+        FAMILIES["floor"].prepare(context, setting)
+
+
+def documented() -> list[dict[str, Any]]:
+    results = [
+        entry("floor.1.hall.8x6", 0.0, 0.07, **FLOOR),
+        entry("floor.2.hall.8x6", 0.0, 0.03, **FLOOR),
+        entry("gtao.2x9.hall.8x6", 2.0, 0.08), entry("embree.16.hall.8x6", 9.0, 0.05),
+    ]
+    front.mark(results)
+    return results
+
+
+def test_a_floor_is_not_on_the_front() -> None:
+    assert [result["front"] for result in documented()] == [False, False, True, True]
+
+
+def test_a_floor_is_a_level_line_in_the_plot() -> None:
+    results = documented()
+    drawn = plot(results, looks(["embree", "floor", "gtao"], ["embree"]), "title", "occlusion")
+    assert "<title>floor.1: RMSE 0.0700</title>" in drawn
+    assert drawn.count('class="point"') == 2  # of gtao and embree
+    assert plot(results[:2], looks(["floor"], []), "title", "occlusion") == ""
+
+
+def test_a_floor_has_errors_and_no_time_in_every_table(tmp_path: Any) -> None:
+    document = whole(*documented())
+    console = Console(width=140, record=True, file=io.StringIO())
+    table.show(document, console)
+    (shown,) = (line for line in console.export_text().splitlines() if "floor.1" in line)
+    assert shown.split()[:3] == ["floor.1", "-", "-"]
+    assert "0.0700" in shown
+    page, *_ = summary.write(tmp_path / "page.md", document, {})
+    assert "| floor.1 | - | - | 0.0700 |" in page.read_text(encoding="utf-8")
+    report.write(tmp_path / "page.html", document, {})
+    assert "0 to 0" not in (tmp_path / "page.html").read_text(encoding="utf-8")

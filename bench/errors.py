@@ -28,7 +28,7 @@ def errors_of(
 
     Args:
         image: [rows, columns] or [rows, columns, 3].
-        truth: of the same shape.
+        truth: of the same shape; NaN in pixels of which it is not known.
         seen: [rows, columns], where something is to be compared.
         regions: what `metrics.regions` returns.
         light: the values are irradiance, not A: FLIP is HDR-FLIP, and the peak of PSNR and SSIM
@@ -36,10 +36,15 @@ def errors_of(
 
     Returns:
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed or all
-        is black), `truth_error`, the root mean square of the truth's standard error, and
-        `regions`: share of the pixels, rmse and bias of each region that has any.
+        is black; of a truth with holes, so are ssim and flip), `truth_error`, the root mean square
+        of the truth's standard error, and `regions`: share of the pixels, rmse and bias of each
+        region that has any.
     """
     mean = truth.mean
+    known = np.isfinite(mean if mean.ndim == 2 else mean.sum(axis=-1))
+    whole = bool(known[seen].all())
+    shares = {name: float(mask.sum() / seen.sum()) for name, mask in regions.items()}
+    seen = seen & known
     peak = float(np.percentile(mean[seen], PEAK_SHARE)) if light else 1.0
     result: dict[str, Any] = {
         "rmse": metrics.rmse(image, mean, seen),
@@ -47,17 +52,17 @@ def errors_of(
         "p99": metrics.p99(image, mean, seen),
         "mrse": metrics.mrse(image, mean, seen),
         "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
-        "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 else None,
-        "flip": _flip(image, mean, seen, light=light) if peak > 0.0 else None,
+        "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
+        "flip": _flip(image, mean, seen, light=light) if peak > 0.0 and whole else None,
         "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
         "regions": {
             name: {
-                "share": float(mask.sum() / seen.sum()),
-                "rmse": metrics.rmse(image, mean, mask),
-                "bias": metrics.bias(image, mean, mask),
+                "share": shares[name],
+                "rmse": metrics.rmse(image, mean, mask & known),
+                "bias": metrics.bias(image, mean, mask & known),
             }
             for name, mask in regions.items()
-            if mask.any()
+            if (mask & known).any()
         },
     }
     return result

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import asdict
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +16,29 @@ from rich.table import Table
 
 from ssgi_cl import presets
 from ssgi_cl.atomic import replacement
+from ssgi_cl.presets.pace import measured
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
 
 from .context import Progress as Report
+from .trials import Trial
 from .tunables import entry_of, views_of
 from .tune import Session
-from .tuning import Tuning
+from .tuning import Bound, TuneError
 
 BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
 """Time of each preset over that of the technique's default parameters, at most."""
 
-SWEEPS = 2
-"""Searches for each preset."""
+OVERSCAN = 0.1
+"""Of the G-buffers tuned on; the error without it is recorded too."""
+
+ROUNDS = (4, 2, 2, 2, 1, 0, 0, 0)
+"""Of the searches with the fewest layers, through all budgets and through them again."""
+FURTHER_ROUNDS = (0, 0, 0, 0)
+"""Of those with more layers, which begin with the settings that are best for fewer."""
+
+SPACING = 1.12
+"""Times of neighbours on a recorded curve differ by about this factor."""
 
 
 def record_presets(
@@ -43,47 +55,79 @@ def record_presets(
     Raises:
         ValueError, TuneError: as `tune`.
     """
-    views = views_of(options.pop("scenes", None))
-    session = Session(entry_of(technique), views, runtime=runtime, progress=progress, **options)
-    usual = session.trials.measure({})
-    usual_ms = session.trials.confirm(usual).ms
-    found: dict[str, Tuning] = {}
-    # Each search begins with all that is known: from dear to cheap, and a second time from other
-    # points, so that what one of them found serves the others too.
-    for seed in range(SWEEPS):
-        for name in reversed(BUDGETS):
-            if progress is not None:
-                progress(f"preset {name}", 0.0)
-            found[name] = session.tune(BUDGETS[name] * usual_ms, None, seed=seed)
-    in_order = {name: found[name] for name in BUDGETS}
-    return document(in_order, {"ms": usual_ms, "error": usual.error})
-
-
-def document(found: Mapping[str, Tuning], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is written to a file of presets."""
-    any_ = next(iter(found.values()))
+    entry, views = entry_of(technique), views_of(options.pop("scenes", None))
+    runtime = runtime or Runtime.open()
+    recorded: list[dict[str, Any]] = []
+    for layers in entry.layers:
+        session = Session(entry, views, layers=layers, overscan=OVERSCAN, runtime=runtime,
+                          progress=progress, **options)
+        for setting in recorded[-1]["curve"] if recorded else ():
+            session.trials.measure(setting["parameters"])
+        recorded.append({
+            "layers": layers,
+            **search(session, FURTHER_ROUNDS if recorded else ROUNDS, progress),
+        })
+    parameters = recorded[0]["presets"]["medium"]["parameters"]
+    pace, _ = measured(runtime, technique, parameters)
+    common = session.setting()
+    del common["layers"]
     return {
-        "format": "ssgi-presets 1",
-        "technique": any_.technique,
-        "recorded by": f"python -m ssgi_cl.bench.presets {any_.technique}",
-        "date": any_.date,
-        "version": any_.version,
-        "device": any_.device,
-        "form": any_.form,
-        "size": list(any_.size),
-        "metric": any_.metric,
-        "truth": dict(any_.truth),
-        "scenes": [dict(scene) for scene in any_.scenes],
-        "default": dict(usual),
-        "presets": {
-            name: {
-                "parameters": {key: _rounded(value) for key, value in tuning.parameters.items()},
-                "ms": _rounded(tuning.ms),
-                "budget_ms": _rounded(tuning.budget_ms),
-                "error": _rounded(tuning.error),
-            }
-            for name, tuning in found.items()
+        "format": "ssgi-presets 2",
+        "recorded by": f"python -m ssgi_cl.bench.presets {technique}",
+        **common,
+        "pace": {
+            "parameters": parameters,
+            **{name: _rounded(value) for name, value in asdict(pace).items()},
         },
+        "layers": recorded,
+    }
+
+
+def search(
+    session: Session, rounds: Sequence[int], progress: Report | None = None
+) -> dict[str, Any]:
+    """Return the curve of a session, and the presets on it.
+
+    Searches begin with all that is known and go from dear to cheap budgets, again and again, so
+    that what one of them found serves the others too.
+
+    Args:
+        session: of one number of layers.
+        rounds: of each search.
+        progress: called with what is under way.
+
+    Raises:
+        TuneError: nothing keeps a budget.
+    """
+    usual_ms = session.trials.confirm(session.trials.measure({})).ms
+    budgets = {name: share * usual_ms for name, share in BUDGETS.items()}
+    for number, name in zip(rounds, cycle(reversed(BUDGETS)), strict=False):
+        if progress is not None:
+            progress(f"preset {name}", 0.0)
+        session.explore(Bound(budgets[name], None), rounds=number, seed=int(number == 1))
+    curve = session.front(SPACING)
+    presets = {}
+    for name, budget in budgets.items():
+        bound = Bound(budget, None)
+        kept = [trial for trial in curve if bound.kept_by(trial)]
+        if not kept:
+            raise TuneError(bound.unreachable(curve, "error"))
+        presets[name] = {**_written(session, kept[-1]), "budget_ms": _rounded(budget)}
+    usual = session.trials.measure({})
+    return {
+        "default": {"ms": _rounded(usual.ms), "error": _rounded(usual.error)},
+        "presets": presets,
+        "curve": [_written(session, trial) for trial in curve],
+    }
+
+
+def _written(session: Session, trial: Trial) -> dict[str, Any]:
+    """Return parameters, time and errors of a trial as `presets.Setting` has them."""
+    return {
+        "parameters": {key: _rounded(value) for key, value in trial.parameters.items()},
+        "ms": _rounded(trial.ms),
+        "error": _rounded(trial.error),
+        "error_cut": _rounded(session.error_cut(trial.parameters)),
     }
 
 
@@ -116,12 +160,16 @@ def main(technique: str, device: str | None, output: Path | None) -> None:
     path = output or Path(presets.__file__).parent / f"{technique}.json"
     with replacement(path) as file:
         file.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    usual = result["default"]
-    table = Table("preset", "ms", result["metric"], "parameters", title=result["device"])
-    table.add_row("(default)", f"{usual['ms']:.2f}", f"{usual['error']:.4f}", "")
-    for name, preset in result["presets"].items():
-        table.add_row(name, f"{preset['ms']:.2f}", f"{preset['error']:.4f}",
-                      ", ".join(f"{key} {value}" for key, value in preset["parameters"].items()))
+    table = Table("layers", "preset", "ms", result["metric"], "parameters",
+                  title=result["device"])
+    for entry in result["layers"]:
+        usual, layers = entry["default"], str(entry["layers"])
+        table.add_row(layers, "(default)", f"{usual['ms']:.2f}", f"{usual['error']:.4f}", "")
+        for name, preset in entry["presets"].items():
+            table.add_row(
+                layers, name, f"{preset['ms']:.2f}", f"{preset['error']:.4f}",
+                ", ".join(f"{key} {value}" for key, value in preset["parameters"].items()),
+            )
     Console().print(table)
 
 

@@ -20,7 +20,7 @@ from .case import Case, Family, Subject
 from .cases import FAMILIES
 from .context import Context, TruthSettings
 from .errors import errors_of
-from .measure import Stopwatch, Timing
+from .measure import UNTIMED, Stopwatch, Timing
 
 Report = Callable[[str, float], object]
 """Called with what is under way and the share of all that is done."""
@@ -232,7 +232,9 @@ def _one(
     with_errors: bool,
 ) -> None:
     subject = family.prepare(context, case.setting)
-    timing = watch.time(subject, lambda: family.prepare(context, case.setting))
+    timing = UNTIMED
+    if subject.timed:
+        timing = watch.time(subject, lambda: family.prepare(context, case.setting))
     errors: dict[str, Any] = {}
     if with_errors and subject.image is not None and subject.truths and context.seen.any():
         image = subject.image()
@@ -244,7 +246,8 @@ def _one(
                 what = f"{name} truth of {case.name}"
                 found.skipped.append({"name": what, "reason": _line(error)})
                 continue
-            means[name] = truth.mean
+            if np.isfinite(truth.mean).all():  # with holes it makes no picture
+                means[name] = truth.mean
             errors[name] = errors_of(
                 image, truth, context.seen, context.regions,
                 light=subject.quantity in ("direct", "bounce"),
@@ -267,6 +270,7 @@ def _entry(
         "size": list(case.size),
         "quantity": subject.quantity,
         "note": subject.note,
+        "timed": subject.timed,
         "device_ms": asdict(timing.device_ms) if timing.device_ms else None,
         "wall_ms": asdict(timing.wall_ms),
         "runs": timing.runs,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import metrics
+from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.techniques import Entry
 
 from .calibration import GatherLoad
@@ -28,9 +29,11 @@ METRICS: dict[str, Callable[..., float]] = {
 """Errors that may be minimised; of several views their root mean square counts."""
 
 RUNS = 3
-"""Repetitions of a first, rough time."""
-CAREFUL_RUNS = 16
-"""Repetitions where a time decides."""
+"""Repetitions of a first, rough time, at most."""
+ENOUGH_MS = 50.0
+"""Of a device's time: a rough time ends when the repetitions took this long."""
+CAREFUL_SECONDS = 0.4
+"""How long what decides is repeated."""
 REFERENCE_RUNS = 50
 
 
@@ -57,18 +60,26 @@ class Trials:
         contexts: the views, all of one device and size.
         fixed: parameters that are the same in every trial; `radius` is the view's without.
         metric: key in `METRICS`.
+        layers, overscan: of the G-buffers.
     """
 
     def __init__(
-        self, entry: Entry, contexts: Sequence[Context], fixed: Mapping[str, Any], metric: str
+        self,
+        entry: Entry,
+        contexts: Sequence[Context],
+        fixed: Mapping[str, Any],
+        metric: str,
+        layers: int = 1,
+        overscan: float = 0.0,
     ) -> None:
         self._entry = entry
         self._contexts = contexts
+        self._gbuffers = [context.layered(layers, overscan) for context in contexts]
         self._fixed = dict(fixed)
         self._metric = METRICS[metric]
         self._runtime = contexts[0].runtime
         self._takes_radius = "radius" in entry.params.__dataclass_fields__  # type: ignore[attr-defined]
-        self._stopwatch = Stopwatch(self._runtime, runs=CAREFUL_RUNS)
+        self._stopwatch = Stopwatch(self._runtime, seconds=CAREFUL_SECONDS)
         self._reference = GatherLoad(self._runtime)
         # Ratios to the reference become milliseconds by its least time: what else the machine
         # does only slows it down.
@@ -106,21 +117,27 @@ class Trials:
         self._kept[tuple(sorted(trial.parameters.items()))] = confirmed
         return confirmed
 
-    def images(self, parameters: Mapping[str, Any]) -> list[NDArray[np.float32]]:
-        """Return the technique's result on each view."""
+    def images(
+        self,
+        parameters: Mapping[str, Any],
+        gbuffers: Sequence[DeviceGBuffer] | None = None,
+    ) -> list[NDArray[np.float32]]:
+        """Return the technique's result on each view, or on other G-buffers of the views."""
         results = []
-        for context in self._contexts:
+        for context, gbuffer in zip(self._contexts, gbuffers or self._gbuffers, strict=True):
             values = {**self._fixed, **parameters}
             if self._takes_radius:
                 values.setdefault("radius", context.radius)
-            results.append(
-                self._entry.function(context.gbuffer, runtime=self._runtime, **values)
-            )
+            results.append(self._entry.function(gbuffer, runtime=self._runtime, **values))
         return results
 
-    def error(self, parameters: Mapping[str, Any]) -> float:
+    def error(
+        self,
+        parameters: Mapping[str, Any],
+        gbuffers: Sequence[DeviceGBuffer] | None = None,
+    ) -> float:
         """Return the root mean square over the views of the error against the world truth."""
-        return self._error(self.images(parameters))
+        return self._error(self.images(parameters, gbuffers))
 
     def _error(self, images: Sequence[NDArray[np.float32]]) -> float:
         errors = [
@@ -134,10 +151,13 @@ class Trials:
         return truth
 
     def _rough_ms(self, parameters: Mapping[str, Any]) -> float:
-        ratios = []
-        for _ in range(RUNS):
+        ratios: list[float] = []
+        took = 0.0
+        while len(ratios) < RUNS and took < ENOUGH_MS:
             beside = self._device_ms(self._reference.run)
-            ratios.append(self._device_ms(lambda: self.images(parameters)) / beside)
+            ms = self._device_ms(lambda: self.images(parameters))
+            ratios.append(ms / beside)
+            took += ms
         return self._ms(statistics.median(ratios))
 
     def _device_ms(self, run: Callable[[], object]) -> float:

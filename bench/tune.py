@@ -5,13 +5,17 @@ The truth is cast rays; what is tuned on some scenes is reported on others.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import Any
 
 from ssgi_cl import check
+from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.rasterize.view import MOST_LAYERS
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES, Entry
 from ssgi_cl.truth.digests import scene_digest
@@ -21,7 +25,7 @@ from .context import Context, Progress, TruthSettings
 from .search import Cost, narrow
 from .trials import METRICS, Trial, Trials
 from .tunables import axis_of, entry_of, views_of, within
-from .tuning import Bound, TuneError, Tuning
+from .tuning import Bound, TuneError, Tuning, front
 
 __all__ = ["Session", "TuneError", "Tuning", "tune"]
 
@@ -29,6 +33,12 @@ SIZE = (300, 400)
 
 FINALISTS = 5
 """How many of the best are timed carefully before one is chosen."""
+
+CANDIDATES = 2
+"""How many of each step of time are timed carefully for a curve."""
+
+GAIN = 0.995
+"""Error of a setting on a curve over that of the faster one before it, at most."""
 
 SLACK = 1.3
 """How much over a time limit a point may be and still have its error found out: searching needs to
@@ -45,6 +55,8 @@ def tune(
     parameters: Mapping[str, Sequence[Any]] | None = None,
     fixed: Mapping[str, Any] | None = None,
     metric: str = "rmse",
+    layers: int = 1,
+    overscan: float = 0.0,
     rounds: int = 4,
     seed: int = 0,
     runtime: Runtime | None = None,
@@ -67,6 +79,7 @@ def tune(
         fixed: name -> value of what is not varied and not the default either. The radius is each
             scene's own unless it is given here.
         metric: key in `METRICS`.
+        layers, overscan: of the G-buffers; see `rasterize.gbuffer`.
         rounds: 1 to 10; the first is spread over all, each further one halves what it looks at.
         seed: chooses the points of the first round.
         runtime: the device; by default the fastest found.
@@ -90,7 +103,7 @@ def tune(
     check.integer("seed", seed, low=0, high=2**31)
     session = Session(
         entry, views_of(scenes), size=size, parameters=parameters, fixed=fixed, metric=metric,
-        runtime=runtime, progress=progress,
+        layers=layers, overscan=overscan, runtime=runtime, progress=progress,
     )
     return session.tune(budget_ms, max_error, rounds=rounds, seed=seed)
 
@@ -111,6 +124,8 @@ class Session:
         parameters: Mapping[str, Sequence[Any]] | None = None,
         fixed: Mapping[str, Any] | None = None,
         metric: str = "rmse",
+        layers: int = 1,
+        overscan: float = 0.0,
         runtime: Runtime | None = None,
         progress: Progress | None = None,
     ) -> None:
@@ -138,10 +153,14 @@ class Session:
         self._runtime = runtime or Runtime.open()
         self._truth = TruthSettings()
         self._progress = progress
-        contexts = [Context(self._runtime, view, self._size, self._truth) for view in views]
-        for context in contexts:
+        self._contexts = [Context(self._runtime, view, self._size, self._truth) for view in views]
+        for context in self._contexts:
             context.progress = progress or context.progress
-        self.trials = Trials(entry, contexts, self._fixed, metric)
+        layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
+        self._layers, self._overscan = layers, overscan
+        self.trials = Trials(
+            entry, self._contexts, self._fixed, metric, layers, overscan
+        )
         self.trials.prepare()
 
     def tune(
@@ -154,6 +173,26 @@ class Session:
             TuneError: nothing keeps the bound.
         """
         bound = Bound(budget_ms, max_error)
+        self.explore(bound, rounds=rounds, seed=seed)
+        # Times were rough: what seems just too slow may do, and the other way round.
+        promising = sorted(
+            (trial for trial in self._complete() if bound.nearly_kept_by(trial)), key=bound.rank
+        )
+        for group in range(0, len(promising), FINALISTS):
+            confirmed = [
+                self.trials.confirm(trial) for trial in promising[group : group + FINALISTS]
+            ]
+            kept = [trial for trial in confirmed if bound.kept_by(trial)]
+            if kept:
+                return self._tuning(bound, min(kept, key=bound.cost))
+        raise TuneError(bound.unreachable(self.trials.tried, self._metric))
+
+    def explore(self, bound: Bound, *, rounds: int, seed: int = 0) -> None:
+        """Try what may be the best within a bound; with no rounds, near what is known.
+
+        Raises:
+            ValueError: the technique refuses all that was tried.
+        """
         total = expected_trials(len(self._axes), rounds)
         before = len(self.trials.tried)
         refused: list[ValueError] = []
@@ -176,18 +215,33 @@ class Session:
         narrow(self._axes, cost, start=[self._start, *known], rounds=rounds, seed=seed)
         if refused and not self._complete():
             raise refused[-1]
-        # Times were rough: what seems just too slow may do, and the other way round.
-        promising = sorted(
-            (trial for trial in self._complete() if bound.nearly_kept_by(trial)), key=bound.rank
-        )
-        for group in range(0, len(promising), FINALISTS):
-            confirmed = [
-                self.trials.confirm(trial) for trial in promising[group : group + FINALISTS]
-            ]
-            kept = [trial for trial in confirmed if bound.kept_by(trial)]
-            if kept:
-                return self._tuning(bound, min(kept, key=bound.cost))
-        raise TuneError(bound.unreachable(self.trials.tried, self._metric))
+
+    def front(self, spacing: float) -> list[Trial]:
+        """Return the front of all that is known, the best of each step of time, timed again.
+
+        Args:
+            spacing: factor from one step of time to the next, > 1.
+        """
+        steps: dict[int, list[Trial]] = {}
+        for trial in self._complete():
+            if trial.error is not None:
+                step = math.floor(math.log(trial.ms) / math.log(spacing))
+                steps.setdefault(step, []).append(trial)
+        promising = [trial for step in steps.values()
+                     for trial in sorted(step, key=error_of)[:CANDIDATES]]
+        curve: list[Trial] = []
+        for trial in front([self.trials.confirm(trial) for trial in promising]):
+            if not curve or error_of(trial) < GAIN * error_of(curve[-1]):
+                curve.append(trial)
+        return curve
+
+    def error_cut(self, parameters: Mapping[str, Any]) -> float:
+        """Return the error with as many layers but without overscan."""
+        return self.trials.error(parameters, self._without_overscan)
+
+    @cached_property
+    def _without_overscan(self) -> list[DeviceGBuffer]:
+        return [context.layered(self._layers, 0.0) for context in self._contexts]
 
     def _complete(self) -> list[Trial]:
         """Return the trials that name all that is varied."""
@@ -197,6 +251,19 @@ class Session:
     def _tuning(self, bound: Bound, best: Trial) -> Tuning:
         assert best.error is not None  # noqa: S101  it keeps the bound
         chosen = {**self._fixed, **best.parameters}
+        return Tuning(
+            budget_ms=bound.budget_ms,
+            max_error=bound.max_error,
+            best=self._entry.params(**chosen),
+            parameters=chosen,
+            ms=best.ms,
+            error=best.error,
+            tried=tuple(self.trials.tried),
+            **self.setting(),
+        )
+
+    def setting(self) -> dict[str, Any]:
+        """Return what all results depend on, as a `Tuning` has it."""
         scenes: dict[int, dict[str, Any]] = {}
         for view in self._views:
             known = scenes.setdefault(
@@ -205,27 +272,27 @@ class Session:
                  "radius": self._fixed.get("radius", view.ao_radius), "views": []},
             )
             known["views"].append({"eye": list(view.eye), "target": list(view.target)})
-        return Tuning(
-            technique=next(name for name, entry in TECHNIQUES.items() if entry is self._entry),
-            budget_ms=bound.budget_ms,
-            max_error=bound.max_error,
-            metric=self._metric,
-            best=self._entry.params(**chosen),
-            parameters=chosen,
-            ms=best.ms,
-            error=best.error,
-            tried=tuple(self.trials.tried),
-            scenes=tuple(scenes.values()),
-            size=self._size,
-            device=self._runtime.info.label,
-            form=str(self._runtime.form),
-            truth={"rays": self._truth.rays, "attenuation": self._truth.attenuation,
-                   "weighting": "cosine"},
-            date=datetime.now(UTC).isoformat(timespec="seconds"),
-            version=__version__,
-        )
+        return {
+            "technique": next(name for name, entry in TECHNIQUES.items() if entry is self._entry),
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "version": __version__,
+            "device": self._runtime.info.label,
+            "form": str(self._runtime.form),
+            "size": self._size,
+            "layers": self._layers,
+            "overscan": self._overscan,
+            "metric": self._metric,
+            "truth": {"rays": self._truth.rays, "attenuation": self._truth.attenuation,
+                      "weighting": "cosine"},
+            "scenes": tuple(scenes.values()),
+        }
+
+
+def error_of(trial: Trial) -> float:
+    """Return the error of a trial, infinite where it was not found out."""
+    return math.inf if trial.error is None else trial.error
 
 
 def expected_trials(axes: int, rounds: int) -> int:
     """Return about how many trials a search takes, for progress."""
-    return 64 + 40 * (rounds - 1) + 12 * axes
+    return (64 + 40 * (rounds - 1) if rounds else 0) + 12 * axes

@@ -94,6 +94,7 @@ class Tuning:
         tried: every point measured.
         scenes: name, digest, radius and views (eye, target) of each scene tuned on.
         size: (rows, columns).
+        layers, overscan: of the G-buffers.
         device, form: what the times are of.
         truth: how the truth was made.
         date: UTC, ISO 8601.
@@ -111,6 +112,8 @@ class Tuning:
     tried: tuple[Trial, ...]
     scenes: tuple[Mapping[str, Any], ...]
     size: Size
+    layers: int
+    overscan: float
     device: str
     form: str
     truth: Mapping[str, Any]
@@ -119,17 +122,7 @@ class Tuning:
 
     def front(self) -> list[Trial]:
         """Return the points of which none other is both faster and better, the fastest first."""
-        known = sorted(
-            (trial for trial in self.tried if trial.error is not None),
-            key=lambda trial: (trial.ms, trial.error),
-        )
-        result: list[Trial] = []
-        least = math.inf
-        for trial in known:
-            if trial.error is not None and trial.error < least:
-                result.append(trial)
-                least = trial.error
-        return result
+        return front(self.tried)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all of it as JSON, whole or not at all.
@@ -143,3 +136,18 @@ class Tuning:
         document = {"format": "ssgi-tuning 1", **values}
         with replacement(path) as file:
             file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def front(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the trials of which none other is both faster and better, the fastest first."""
+    known = sorted(
+        (trial for trial in trials if trial.error is not None),
+        key=lambda trial: (trial.ms, trial.error),
+    )
+    result: list[Trial] = []
+    least = math.inf
+    for trial in known:
+        if trial.error is not None and trial.error < least:
+            result.append(trial)
+            least = trial.error
+    return result

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ssgi_cl import check, drivers, exr, png, presets
+from ssgi_cl import check, drivers, exr, png
 from ssgi_cl.bench.command import bench_command, truth_command
 from ssgi_cl.camera import Camera
 from ssgi_cl.drivers import DeviceInfo
@@ -285,6 +285,10 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
               "lists them with their units.")
 @click.option("--preset", metavar="NAME", help="Where parameters without --set come from: low, "
               "medium, high or ultra; by default the technique's defaults.")
+@click.option("--error", type=float, metavar="RMSE", help="Instead of a preset: the fastest "
+              "recorded setting that is expected to be no further from cast rays.")
+@click.option("--budget-ms", type=float, metavar="MS", help="Instead of a preset: the best "
+              "recorded setting that is expected to take no longer on this device.")
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
               "are used.")
 @_device
@@ -293,7 +297,8 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
 def apply_command(
     technique: str, source: Path | None, output: Path | None, fov: float | None,
     ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
-    preset: str | None, no_normals: bool, device: str | None, as_json: bool,
+    preset: str | None, error: float | None, budget_ms: float | None, no_normals: bool,
+    device: str | None, as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
@@ -311,8 +316,8 @@ def apply_command(
         raise click.UsageError("Missing option '-o' / '--output'.")
     _checked_output(output, (".exr",))
     parameters = dict(_setting(text, technique, entry.params) for text in settings)
-    if preset is not None:
-        parameters = {**presets.parameters(technique, preset), **parameters}
+    asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
+    parameters |= {name: value for name, value in asked.items() if value is not None}
     if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
         raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
     with _progress(as_json) as step:

@@ -1,22 +1,37 @@
-"""Presets: what is recorded, and how it reaches the caller."""
+"""Presets: what is recorded, how it is chosen from, and how it reaches the caller."""
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import ssgi_cl as gi
 from ssgi_cl import exr, presets
 from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
+from ssgi_cl.device_gbuffer import on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.presets import choose as choosing
+from ssgi_cl.presets import pace as pacing
+from ssgi_cl.presets.choose import choose
+from ssgi_cl.presets.pace import Pace, measured, pace_of, predicted_ms, rolling_ground
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ssao import SsaoParams, ssao
+
+SIZE = (600, 800)
+RECORDED = sorted(
+    path.stem for path in Path(presets.__file__).parent.iterdir() if path.suffix == ".json"
+)
+PACE = Pace(call_ms=0.1, pixel_ns=20.0)
+"""Of a device that is made up."""
 
 
 @pytest.fixture(scope="module")
@@ -27,76 +42,334 @@ def steps() -> GBuffer:
     return GBuffer(camera=camera, depth=np.tile(5.0 - 0.5 * columns, (40, 1)).astype(np.float32))
 
 
-def test_every_preset_is_a_valid_set_of_parameters() -> None:
-    assert tuple(presets.record("ssao")["presets"]) == presets.NAMES
-    for name in presets.NAMES:
-        assert isinstance(SsaoParams.preset(name), SsaoParams)
+@pytest.fixture
+def same_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device as fast as the recorded one."""
+    def recorded(runtime: Runtime, technique: str) -> Pace:
+        known = presets.record(technique)["pace"]
+        return Pace(known["call_ms"], known["pixel_ns"])
+
+    monkeypatch.setattr(pacing, "pace_of", recorded)
 
 
-def test_each_preset_is_slower_and_better_than_the_one_before() -> None:
-    recorded = [presets.record("ssao")["presets"][name] for name in presets.NAMES]
-    assert all(a["ms"] < b["ms"] for a, b in pairwise(recorded))
-    assert all(a["error"] > b["error"] for a, b in pairwise(recorded))
+@pytest.fixture
+def layered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SSAO's record as if it were of 1, 2 and 4 layers, of half the error and twice the time."""
+    whole = json.loads(json.dumps(presets.record("ssao")))
+    entries = []
+    for index, layers in enumerate((1, 2, 4)):
+        entry = json.loads(json.dumps(whole["layers"][0]))
+        entry["layers"] = layers
+        points = [entry["default"], *entry["presets"].values(), *entry["curve"]]
+        for point in points:
+            point["ms"] *= 2.0**index
+            point["error"] /= 2.0**index
+            if "error_cut" in point:
+                point["error_cut"] /= 2.0**index
+        entries.append(entry)
+    monkeypatch.setattr(presets, "record", lambda technique: {**whole, "layers": entries})
 
 
-def test_presets_keep_the_time_they_were_given() -> None:
-    for preset in presets.record("ssao")["presets"].values():
-        # Both are rounded to 4 digits.
-        assert preset["ms"] <= preset["budget_ms"] * 1.001
+# ---- what is recorded
 
 
-def test_preset_with_the_time_of_the_defaults_has_less_error() -> None:
-    recorded = presets.record("ssao")
-    # Its budget is just that time. Tuning on the scenes it is measured on must gain something.
-    assert recorded["presets"]["medium"]["error"] < 0.95 * recorded["default"]["error"]
+@pytest.mark.parametrize("technique", RECORDED)
+def test_every_recorded_setting_is_a_valid_set_of_parameters(technique: str) -> None:
+    entry = TECHNIQUES[technique]
+    for recorded in presets.record(technique)["layers"]:
+        assert tuple(recorded["presets"]) == presets.NAMES
+        for point in [*recorded["presets"].values(), *recorded["curve"]]:
+            assert set(point["parameters"]) == set(entry.tunable)
+            assert "radius" not in point["parameters"]
+            entry.params(**point["parameters"])
 
 
-def test_record_says_what_the_presets_were_tuned_on() -> None:
-    recorded = presets.record("ssao")
+@pytest.mark.parametrize("technique", RECORDED)
+def test_every_number_of_layers_is_recorded(technique: str) -> None:
+    layers = [entry["layers"] for entry in presets.record(technique)["layers"]]
+    assert layers == sorted(TECHNIQUES[technique].layers)
+
+
+@pytest.mark.parametrize("technique", RECORDED)
+def test_each_setting_of_a_curve_is_slower_and_better_than_the_one_before(technique: str) -> None:
+    for layers in TECHNIQUES[technique].layers:
+        curve = presets.curve(technique, layers)
+        assert len(curve) >= 4
+        # Numbers are rounded to 4 digits.
+        assert all(a.ms <= b.ms for a, b in pairwise(curve))
+        assert all(a.error >= b.error for a, b in pairwise(curve))
+
+
+@pytest.mark.parametrize("technique", RECORDED)
+def test_presets_are_the_best_of_the_curve_within_their_times(technique: str) -> None:
+    for entry in presets.record(technique)["layers"]:
+        budgets = [preset["budget_ms"] for preset in entry["presets"].values()]
+        assert budgets == sorted(budgets)
+        for preset in entry["presets"].values():
+            limit = preset["budget_ms"] * 1.001  # both are rounded to 4 digits
+            assert preset["ms"] <= limit
+            within = [p["error"] for p in entry["curve"] if p["ms"] <= preset["budget_ms"]]
+            assert preset["error"] <= min(within)
+
+
+@pytest.mark.parametrize("technique", RECORDED)
+def test_preset_with_the_time_of_the_defaults_has_no_more_error(technique: str) -> None:
+    for entry in presets.record(technique)["layers"]:
+        assert entry["presets"]["medium"]["error"] <= entry["default"]["error"]
+
+
+@pytest.mark.parametrize("technique", RECORDED)
+def test_record_says_what_the_presets_were_tuned_on(technique: str) -> None:
+    recorded = presets.record(technique)
     names = [scene["name"] for scene in recorded["scenes"]]
     assert sorted(names) == sorted(TUNED_ON)
     assert not set(names) & set(REPORTED)
     assert sum(len(scene["views"]) for scene in recorded["scenes"]) >= 4
     assert all(len(scene["digest"]) == 32 and scene["radius"] > 0 for scene in recorded["scenes"])
     assert recorded["truth"]["rays"] >= 256
+    assert recorded["overscan"] == 0.1
     for key in ("device", "form", "date", "version", "metric", "recorded by"):
         assert recorded[key]
 
 
-def test_recorded_parameters_are_those_worth_tuning() -> None:
-    for preset in presets.record("ssao")["presets"].values():
-        assert set(preset["parameters"]) == set(TECHNIQUES["ssao"].tunable)
+# ---- choosing
 
 
-def test_overrides_win_over_the_preset() -> None:
-    params = SsaoParams.preset("high", radius=0.7, samples=9)
+def test_given_parameters_win_over_the_preset() -> None:
+    params = choose("ssao", SIZE, preset="high", radius=0.7, samples=9).params
+    assert isinstance(params, SsaoParams)
     assert params.radius == (0.7,)
     assert params.samples == 9
-    assert params.contrast == SsaoParams.preset("high").contrast
+    assert params.contrast == choose("ssao", SIZE, preset="high").params.contrast
 
 
-def test_unknown_preset_is_refused_with_the_names_that_exist() -> None:
-    with pytest.raises(ValueError, match=r"preset is 'best': .*'low', 'medium', 'high', 'ultra'"):
-        SsaoParams.preset("best")
+def test_radius_is_the_default_unless_it_is_given() -> None:
+    assert choose("ssao", SIZE, preset="low").params.radius == SsaoParams().radius
+
+
+def test_error_gives_the_fastest_setting_that_reaches_it() -> None:
+    curve = presets.curve("ssao")
+    for wanted in (curve[0].error_cut, curve[2].error_cut, 0.5 * (curve[0].error_cut + 1.0)):
+        chosen = choose("ssao", SIZE, error=wanted)
+        assert chosen.error <= wanted
+        fast = min((point for point in curve if point.error_cut <= wanted), key=lambda p: p.ms)
+        assert chosen.params == SsaoParams(**fast.parameters)
+
+
+def test_overscan_lowers_the_expected_error() -> None:
+    cut = choose("ssao", SIZE, preset="high")
+    whole = choose("ssao", SIZE, preset="high", margin=(60, 80))
+    narrow = choose("ssao", SIZE, preset="high", margin=(60, 8))
+    assert whole.error < cut.error
+    assert narrow.error == cut.error
+    assert whole.params == cut.params
+
+
+@pytest.mark.usefixtures("layered")
+def test_layers_lower_the_expected_error() -> None:
+    errors = [choose("ssao", SIZE, preset="high", layers=layers).error for layers in (1, 2, 3, 4)]
+    # Three layers are taken for the two that are recorded.
+    assert errors == pytest.approx([errors[0], errors[0] / 2, errors[0] / 2, errors[0] / 4])
+
+
+@pytest.mark.usefixtures("same_pace")
+def test_budget_gives_the_best_setting_within_the_time(runtime: Runtime) -> None:
+    recorded = presets.record("ssao")
+    size = tuple(recorded["size"])
+    for point in presets.curve("ssao"):
+        # 1e-6 more: a time goes through a subtraction and an addition.
+        chosen = choose("ssao", size, budget_ms=point.ms * (1.0 + 1e-6), runtime=runtime)
+        assert chosen.params == SsaoParams(**point.parameters)
+        assert chosen.ms == pytest.approx(point.ms)
+        assert chosen.error == point.error_cut
+
+
+@pytest.mark.usefixtures("layered", "same_pace")
+@pytest.mark.parametrize(("layers", "times"), [(1, 1.0), (2, 2.0), (3, 3.0), (4, 4.0), (5, 5.0)])
+def test_layers_between_and_beyond_the_recorded_ones_take_their_time(
+    runtime: Runtime, layers: int, times: float
+) -> None:
+    size = tuple(presets.record("ssao")["size"])
+    slow = presets.curve("ssao")[-1]
+    chosen = choose("ssao", size, budget_ms=1e9, layers=layers, runtime=runtime)
+    # Made up to take as many times as long as there are layers.
+    assert chosen.ms == pytest.approx(times * slow.ms)
+
+
+def test_prediction_grows_with_pixels_and_with_the_pace(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded = presets.record("ssao")
+    there, (rows, columns) = recorded["pace"], recorded["size"]
+    monkeypatch.setattr(pacing, "pace_of", lambda runtime, technique: PACE)
+    ms = 2.0
+    share = (ms - there["call_ms"]) / (rows * columns)
+    expected = 0.1 + share * 480_000 * 20.0 / there["pixel_ns"]
+    assert predicted_ms(runtime, "ssao", ms, (600, 800)) == pytest.approx(expected)
+
+
+@pytest.mark.usefixtures("same_pace")
+def test_what_cannot_be_met_is_refused_with_the_facts(runtime: Runtime) -> None:
+    curve = presets.curve("ssao")
+    best = min(point.error_cut for point in curve)
+    with pytest.raises(ValueError, match=(
+        r"budget_ms is 0.01: cannot be met: the fastest setting of ssao takes about "
+        r"\d+(\.\d+)? ms here at 800 x 600"
+    )):
+        choose("ssao", SIZE, budget_ms=0.01, runtime=runtime)
+    with pytest.raises(ValueError, match=(
+        r"error is 0.001: the best recorded setting of ssao with 1 depth layer is expected to "
+        rf"reach {best:.3f}"
+    )):
+        choose("ssao", SIZE, error=0.001)
+    with pytest.raises(ValueError, match=r"of ssao with 3 depth layers is expected"):
+        choose("ssao", SIZE, error=0.001, layers=3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"preset": "high", "budget_ms": 8}, r"preset is 'high' and budget_ms is 8: expected "
+         r"exactly one of preset, error, budget_ms"),
+        ({"error": 0.1, "budget_ms": 8}, r"error is 0.1 and budget_ms is 8: expected exactly one"),
+        ({}, r"nothing is asked for: expected exactly one of preset, error, budget_ms"),
+        ({"preset": "best"}, r"preset is 'best': .*'low', 'medium', 'high', 'ultra'"),
+        ({"error": 0.0}, r"error is 0.0: expected a number > 0"),
+        ({"error": float("nan")}, r"error is nan"),
+        ({"budget_ms": -1.0}, r"budget_ms is -1.0: expected a number > 0 \(ms\)"),
+        ({"preset": "low", "layers": 0}, r"layers is 0: expected an integer >= 1 and <= 16"),
+        ({"preset": "low", "samples": 999}, r"samples is 999"),
+    ],
+)
+def test_wrong_requests_are_named(asked: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        choose("ssao", SIZE, **asked)
 
 
 def test_technique_without_presets_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"'tonemap' has no presets: expected one of ssao"):
+    with pytest.raises(ValueError, match=r"'tonemap' has no presets: expected one of .*ssao"):
         presets.parameters("tonemap", "low")
+    with pytest.raises(ValueError, match=r"technique is 'tonemap': expected one of .*'ssao'"):
+        choose("tonemap", SIZE, preset="low")
+
+
+# ---- the device's pace
+
+
+def test_pace_is_measured_once_and_kept_in_the_cache(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+    calls = []
+
+    def once(*arguments: object) -> tuple[Pace, bool]:
+        calls.append(arguments)
+        return PACE, True
+
+    monkeypatch.setattr(pacing, "measured", once)
+    assert pace_of(runtime, "ssao") == PACE
+    assert pace_of(runtime, "ssao") == PACE
+    assert len(calls) == 1
+    (file,) = tmp_path.iterdir()
+    assert json.loads(file.read_text()) == {"call_ms": 0.1, "pixel_ns": 20.0}
+    # Another process finds the file.
+    file.write_text('{"call_ms": 0.5, "pixel_ns": 2.0}')
+    runtime._prepared.pop((Pace, file))
+    assert pace_of(runtime, "ssao") == Pace(0.5, 2.0)
+    # A damaged one is made anew.
+    file.write_text("{")
+    runtime._prepared.pop((Pace, file))
+    assert pace_of(runtime, "ssao") == PACE
+    assert len(calls) == 2
+
+
+def test_pace_is_found_where_no_file_can_be_written(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "file" / "below"))
+    monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, True))
+    assert pace_of(runtime, "ssao") == PACE
+
+
+def test_pace_of_a_busy_machine_is_kept_in_no_file(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+    monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, False))
+    assert pace_of(runtime, "ssao") == PACE
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for share, expected in ((0.9, True), (0.3, False)):
+        # 1 ms and 100 ms at best, for 3072 and 480,000 pixels.
+        times = iter([[1.0, 1.1], [100.0, 130.0]])
+        monkeypatch.setattr(pacing, "_times_ms", lambda *arguments, times=times: next(times))
+        spent = share * runtime.info.units * 0.230
+        clock = iter([0.0, 0.0, 0.0, spent])
+        monkeypatch.setattr(pacing.time, "process_time", lambda clock=clock: next(clock))
+        pace, alone = measured(runtime, "ssao", {})
+        # The clock of a GPU knows nothing of this process.
+        assert alone == (expected or runtime.info.kind != "cpu")
+        assert pace.pixel_ns == pytest.approx(99e6 / (480_000 - 3072))
+        assert pace.call_ms + 1e-6 * pace.pixel_ns * 3072 == pytest.approx(1.0)
+
+
+def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> None:
+    few, _ = measured(runtime, "ssao", {"samples": 4, "blur_radius": 0})
+    many, _ = measured(runtime, "ssao", {"samples": 64, "blur_radius": 0})
+    assert 0.0 <= few.call_ms < 50.0
+    # 16 times the samples; measured 12 times. Half of that leaves room for a busy machine.
+    assert many.pixel_ns > 6.0 * few.pixel_ns > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("technique", RECORDED)
+def test_predicted_time_is_near_the_measured_one(technique: str, runtime: Runtime) -> None:
+    size = (384, 512)
+    gbuffer = on_device(rolling_ground(size), runtime)
+    for share in (0.3, 1.0):
+        curve = presets.curve(technique)
+        setting = curve[round(share * (len(curve) - 1))]
+        predicted = predicted_ms(runtime, technique, setting.ms, size)
+        function, times = TECHNIQUES[technique].function, []
+        for _ in range(12):
+            with runtime.frame():
+                function(gbuffer, runtime=runtime, **setting.parameters)
+                times.append(sum(entry.ms for entry in runtime.times()))
+        # Recorded on scenes with sky and with other radii in pixels.
+        assert predicted / 1.5 < min(times) < predicted * 1.5
+
+
+@pytest.mark.slow
+def test_expected_error_is_that_of_the_scenes_for_tuning(runtime: Runtime) -> None:
+    pytest.importorskip("embreex")
+    from ssgi_cl.bench.tunables import entry_of, views_of
+    from ssgi_cl.bench.tune import Session
+
+    session = Session(entry_of("ssao"), views_of(None), runtime=runtime)
+    chosen = choose("ssao", session._size, preset="medium")
+    values = {name: getattr(chosen.params, name) for name in TECHNIQUES["ssao"].tunable}
+    # Kernels may have changed a little since.
+    assert session.trials.error(values) == pytest.approx(chosen.error, rel=0.02)
+
+
+# ---- how it reaches the caller
 
 
 def test_ssao_takes_what_is_not_given_from_the_preset(runtime: Runtime, steps: GBuffer) -> None:
     a = ssao(steps, 0.6, preset="low", runtime=runtime)
-    params = SsaoParams.preset("low")
-    values = {name: getattr(params, name) for name in TECHNIQUES["ssao"].tunable}
+    values = presets.parameters("ssao", "low")
     np.testing.assert_array_equal(a, ssao(steps, 0.6, runtime=runtime, **values))
     assert (a != ssao(steps, 0.6, runtime=runtime)).any()
 
 
 def test_what_is_given_to_ssao_wins_over_the_preset(runtime: Runtime, steps: GBuffer) -> None:
     a = ssao(steps, 0.6, 5, preset="high", blur_radius=0, runtime=runtime)
-    params = SsaoParams.preset("high", samples=5, blur_radius=0)
-    values = {name: getattr(params, name) for name in TECHNIQUES["ssao"].tunable}
+    values = {**presets.parameters("ssao", "high"), "samples": 5, "blur_radius": 0}
     np.testing.assert_array_equal(a, ssao(steps, 0.6, runtime=runtime, **values))
 
 
@@ -104,6 +377,49 @@ def test_ssao_without_a_preset_takes_16_samples(runtime: Runtime, steps: GBuffer
     np.testing.assert_array_equal(
         ssao(steps, 0.6, runtime=runtime), ssao(steps, 0.6, 16, runtime=runtime)
     )
+
+
+@pytest.mark.usefixtures("same_pace")
+def test_ssao_takes_an_error_or_a_budget(runtime: Runtime, steps: GBuffer) -> None:
+    # Both of the middle of the curve, at the size of the picture.
+    middle = presets.curve("ssao")[len(presets.curve("ssao")) // 2]
+    expected = ssao(steps, 0.6, runtime=runtime, **middle.parameters)
+    a = ssao(steps, 0.6, error=1.0001 * middle.error_cut, runtime=runtime)
+    np.testing.assert_array_equal(a, expected)
+    budget = predicted_ms(runtime, "ssao", middle.ms, steps.size)
+    b = ssao(steps, 0.6, budget_ms=1.0001 * budget, runtime=runtime)
+    np.testing.assert_array_equal(b, expected)
+
+
+def test_ssao_takes_only_one_of_preset_error_and_budget(runtime: Runtime, steps: GBuffer) -> None:
+    with pytest.raises(ValueError, match=r"preset is 'low' and error is 0.2: expected at most one"):
+        ssao(steps, 0.6, preset="low", error=0.2, runtime=runtime)
+
+
+def test_device_gbuffer_brings_its_size_layers_margin_and_device(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, Any] = {}
+    plain = choosing.choose
+
+    def noted(technique: str, size: Any, **options: Any) -> Any:
+        asked.update(options, size=size)
+        return plain(technique, size, **options)
+
+    monkeypatch.setattr(choosing, "choose", noted)
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=20, height=10)
+    depth = np.full((2, 14, 26), 5.0, np.float32)
+    gbuffer = on_device(GBuffer(camera=camera, depth=depth), runtime)
+    ssao(gbuffer, 0.6, preset="low")
+    assert asked["size"] == (10, 20)
+    assert (asked["layers"], asked["margin"]) == (2, (2, 3))
+    assert asked["runtime"] is runtime
+
+
+def test_chosen_parameters_serve_the_class(runtime: Runtime, steps: GBuffer) -> None:
+    params = gi.choose("ssao", steps.size, preset="low", radius=0.6).params
+    a = gi.Ssao(runtime, steps.size, params)(steps)
+    np.testing.assert_array_equal(a, ssao(steps, 0.6, preset="low", runtime=runtime))
 
 
 def test_open_plane_stays_open_with_every_preset(runtime: Runtime) -> None:
@@ -116,25 +432,41 @@ def test_open_plane_stays_open_with_every_preset(runtime: Runtime) -> None:
         )
 
 
-def test_command_line_takes_a_preset_and_what_is_set_wins(
-    runtime: Runtime, steps: GBuffer, tmp_path: Path
+@pytest.mark.parametrize("asked", [("--preset", "medium"), ("--error", "0.2"),
+                                   ("--budget-ms", "1000")])
+def test_command_line_takes_what_is_asked_and_what_is_set_wins(
+    runtime: Runtime, steps: GBuffer, tmp_path: Path, asked: tuple[str, str]
 ) -> None:
     source, output = tmp_path / "in.exr", tmp_path / "out.exr"
     exr.write(source, {"depth": np.asarray(steps.depth)})
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=np.radians(50.0), width=48, height=40)
-    expected = ssao(GBuffer(camera=camera, depth=steps.depth), 0.6, 5, preset="medium",
-                    runtime=runtime)
-    options = ("--preset", "medium", "--set", "radius=0.6", "--set", "samples=5")
+    name, value = asked[0][2:].replace("-", "_"), asked[1]
+    expected = ssao(
+        GBuffer(camera=camera, depth=steps.depth), 0.6, 5, runtime=runtime,
+        **{name: value if name == "preset" else float(value)},  # type: ignore[arg-type]
+    )
+    options = (*asked, "--set", "radius=0.6", "--set", "samples=5")
     done = CliRunner().invoke(main, ["apply", "ssao", str(source), "-o", str(output), *options])
     assert done.exit_code == 0, done.output
     np.testing.assert_array_equal(exr.read(output)["ao"], expected)
 
 
-def test_command_line_names_the_presets_that_exist(steps: GBuffer, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (("--preset", "best"),
+         "preset is 'best': expected one of 'low', 'medium', 'high', 'ultra'"),
+        (("--error", "1e-6"), "is expected to reach"),
+        (("--preset", "low", "--error", "0.2"), "expected at most one of preset, error, budget_ms"),
+    ],
+)
+def test_command_line_says_what_is_wrong(
+    steps: GBuffer, tmp_path: Path, asked: tuple[str, ...], message: str
+) -> None:
     source = tmp_path / "in.exr"
     exr.write(source, {"depth": np.asarray(steps.depth)})
-    words = ["apply", "ssao", str(source), "-o", str(tmp_path / "out.exr"), "--preset", "best"]
+    words = ["apply", "ssao", str(source), "-o", str(tmp_path / "out.exr"), *asked]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 1
-    assert "preset is 'best': expected one of 'low', 'medium', 'high', 'ultra'" in done.output
+    assert message in " ".join(done.output.split())
     assert not (tmp_path / "out.exr").exists()

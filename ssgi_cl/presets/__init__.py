@@ -1,12 +1,15 @@
-"""Presets: parameters that tuning found, with the scenes, the truth and the device it used.
+"""Presets: settings that tuning found, with the scenes, the truth and the device it used.
 
-`TECHNIQUE.json` beside this file holds those of a technique and everything that they depend on.
-`python -m ssgi_cl.bench.presets TECHNIQUE` records them anew.
+`TECHNIQUE.json` beside this file holds those of a technique and everything that they depend on: for
+each number of depth layers four presets, and the curve of error over time that they lie on.
+`python -m ssgi_cl.bench.presets TECHNIQUE` records them anew. `ssgi_cl.choose` picks one.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -15,6 +18,23 @@ from ssgi_cl import check
 
 NAMES = ("low", "medium", "high", "ultra")
 """From the fastest to the best."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Parameters and what was measured with them.
+
+    Attributes:
+        parameters: those worth tuning; a radius is none of them.
+        ms: device time of a picture of the recorded size.
+        error: RMSE against cast rays, of G-buffers with the recorded overscan.
+        error_cut: the same of G-buffers that end at the image's border.
+    """
+
+    parameters: Mapping[str, Any]
+    ms: float
+    error: float
+    error_cut: float
 
 
 @cache
@@ -34,11 +54,33 @@ def record(technique: str) -> dict[str, Any]:
     return document
 
 
-def parameters(technique: str, name: str) -> dict[str, Any]:
-    """Return the parameters of a preset.
+def recorded_for(technique: str, layers: int) -> dict[str, Any]:
+    """Return what is recorded for the most depth layers that are no more than `layers`.
+
+    Raises:
+        ValueError: the technique has no presets.
+    """
+    entries: list[dict[str, Any]] = record(technique)["layers"]
+    return max(
+        (entry for entry in entries if entry["layers"] <= layers),
+        key=lambda entry: int(entry["layers"]),
+    )
+
+
+def parameters(technique: str, name: str, layers: int = 1) -> dict[str, Any]:
+    """Return the parameters of a preset for G-buffers of some depth layers.
 
     Raises:
         ValueError: the technique has no presets, or none of this name.
     """
-    presets = record(technique)["presets"]
+    presets = recorded_for(technique, layers)["presets"]
     return dict(presets[check.choice("preset", name, tuple(presets))]["parameters"])
+
+
+def curve(technique: str, layers: int = 1) -> list[Setting]:
+    """Return the recorded settings of which none is both slower and worse, the fastest first.
+
+    Raises:
+        ValueError: the technique has no presets.
+    """
+    return [Setting(**point) for point in recorded_for(technique, layers)["curve"]]

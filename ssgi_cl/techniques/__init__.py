@@ -23,6 +23,7 @@ class Entry:
         channel: name of the result in a file.
         quantity: what the result is, a method of the benchmark's `Context` that gives its truth.
         tunable: parameters that are worth tuning: a tuple (low, high), or a list of values.
+        layers: numbers of depth layers that presets are recorded for.
     """
 
     function: Callable[..., Any]
@@ -30,6 +31,7 @@ class Entry:
     channel: str
     quantity: str = "occlusion"
     tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    layers: tuple[int, ...] = (1,)
 
 
 _SLICES: dict[str, Sequence[Any]] = {
@@ -40,6 +42,8 @@ _SLICES: dict[str, Sequence[Any]] = {
     "resolution": ["full", "half"],
     "blur_radius": (0, 6),
 }
+
+_LAYERS = (1, 2, 4)
 
 TECHNIQUES: dict[str, Entry] = {
     "ssao": Entry(
@@ -58,9 +62,14 @@ TECHNIQUES: dict[str, Entry] = {
             "blur_radius": (0, 6),
         },
     ),
-    "hbao": Entry(hbao, HbaoParams, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)}),
-    "gtao": Entry(gtao, GtaoParams, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}),
+    "hbao": Entry(
+        hbao, HbaoParams, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)}, layers=_LAYERS
+    ),
+    "gtao": Entry(
+        gtao, GtaoParams, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}, layers=_LAYERS
+    ),
     "bitmask_ao": Entry(
-        bitmask_ao, BitmaskParams, "ao", tunable={**_SLICES, "thickness": (0.05, 2.0)}
+        bitmask_ao, BitmaskParams, "ao", tunable={**_SLICES, "thickness": (0.05, 2.0)},
+        layers=_LAYERS,
     ),
 }

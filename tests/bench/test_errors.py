@@ -41,6 +41,21 @@ def test_the_sky_does_not_count() -> None:
     assert found["ssim"] == pytest.approx(1.0)
 
 
+def test_pixels_that_the_truth_does_not_know_do_not_count() -> None:
+    truth = np.full((20, 30), 0.5, np.float32)
+    image = truth.copy()
+    image[:, 20:] = 0.0
+    truth[:, 15:] = np.nan
+    image[0, :15] += 0.2
+    found = errors_of(image, truth_of(truth), SEEN, REGIONS, light=False)
+    assert found["bias"] == pytest.approx(0.2 / 20.0)
+    assert found["regions"]["elsewhere"]["share"] == pytest.approx(2.0 / 3.0)
+    assert found["regions"]["elsewhere"]["bias"] == pytest.approx(0.2 / 20.0)
+    # What looks at neighbourhoods can't be told of a picture with holes.
+    assert found["ssim"] is None
+    assert found["flip"] is None
+
+
 def test_the_peak_of_light_is_that_of_the_truth() -> None:
     rng = np.random.default_rng(3)
     truth = rng.random((20, 30, 3), np.float32)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
+from ssgi_cl.bench import presets as recording
 from ssgi_cl.bench import tune as module
 from ssgi_cl.bench.presets import BUDGETS, record_presets
 from ssgi_cl.bench.trials import Trial
@@ -21,6 +23,7 @@ from ssgi_cl.bench.tune import Session
 from ssgi_cl.bench.tuning import TuneError, Tuning
 from ssgi_cl.lights import Environment
 from ssgi_cl.presets import NAMES
+from ssgi_cl.presets.pace import Pace
 from ssgi_cl.rasterize.parts import assemble
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, BuiltinScene, cornell_box
 from ssgi_cl.rasterize.scenes.shapes import box, moved
@@ -28,6 +31,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ssao import SsaoParams
 
+USUAL = {"samples": 16, "bias": 0.02, "resolution": "full"}
 VARIED = {"samples": [4, 8, 16, 32, 64], "bias": (0.0, 0.1), "resolution": ["full", "half"]}
 
 
@@ -45,7 +49,10 @@ def error_of(parameters: Mapping[str, Any]) -> float:
 class Formulas:
     """Stands in for `Trials`: what it measures is given by the formulas above."""
 
-    def __init__(self, entry: Any, contexts: Any, fixed: Any, metric: str) -> None:
+    def __init__(
+        self, entry: Any, contexts: Any, fixed: Any, metric: str, layers: int, overscan: float
+    ) -> None:
+        self.layers = layers
         self.entry = entry
         self.kept: dict[Any, Trial] = {}
         self.errors = 0
@@ -62,12 +69,15 @@ class Formulas:
         key = tuple(sorted(parameters.items()))
         kept = self.kept.get(key)
         if kept is None or (kept.error is None and kept.ms <= limit_ms):
-            ms = time_of(parameters)
+            ms = time_of({**USUAL, **parameters}) * self.layers
             self.errors += ms <= limit_ms
             self.kept[key] = Trial(
-                dict(parameters), ms, error_of(parameters) if ms <= limit_ms else None
+                dict(parameters), ms, self.error(parameters) if ms <= limit_ms else None
             )
         return self.kept[key]
+
+    def error(self, parameters: Mapping[str, Any], gbuffers: Any = None) -> float:
+        return error_of({**USUAL, **parameters}) * (1.0 if gbuffers is None else 1.1)
 
     def confirm(self, trial: Trial) -> Trial:
         return Trial(trial.parameters, trial.ms * self.noise, trial.error)
@@ -232,23 +242,59 @@ def test_tuning_that_cannot_be_saved_leaves_nothing(runtime: Runtime, tmp_path: 
 
 
 @pytest.mark.usefixtures("formulas")
-def test_recorded_presets_keep_their_budgets_and_grow_better(
+def test_recorded_presets_are_the_best_of_the_curve_within_their_budgets(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def measure(self: Formulas, parameters: Mapping[str, Any], limit_ms: float = math.inf) -> Trial:
-        usual = {"samples": 16, "bias": 0.02, "resolution": "full"}
-        return plain(self, {**usual, **parameters}, limit_ms)
-
-    plain = Formulas.measure
-    monkeypatch.setattr(Formulas, "measure", measure)
+    monkeypatch.setitem(TECHNIQUES, "ssao", replace(TECHNIQUES["ssao"], layers=(1, 4)))
+    monkeypatch.setattr(recording, "measured", lambda *arguments: (Pace(0.0123456, 7.0), True))
     document = record_presets("ssao", runtime=runtime, scenes=[little_scene()], parameters=VARIED)
-    assert document["format"] == "ssgi-presets 1"
-    assert document["default"]["ms"] == pytest.approx(1.6)
-    assert tuple(document["presets"]) == NAMES == tuple(BUDGETS)
-    for name, preset in document["presets"].items():
-        assert preset["ms"] <= BUDGETS[name] * 1.6
-    errors = [preset["error"] for preset in document["presets"].values()]
-    assert errors == sorted(errors, reverse=True)
+    assert document["format"] == "ssgi-presets 2"
+    assert document["overscan"] == 0.1
+    assert [entry["layers"] for entry in document["layers"]] == [1, 4]
+    for entry in document["layers"]:
+        scale = entry["layers"]
+        assert entry["default"]["ms"] == pytest.approx(1.6 * scale)
+        assert tuple(entry["presets"]) == NAMES == tuple(BUDGETS)
+        curve = entry["curve"]
+        assert [p["ms"] for p in curve] == sorted(p["ms"] for p in curve)
+        assert [p["error"] for p in curve] == sorted((p["error"] for p in curve), reverse=True)
+        for name, preset in entry["presets"].items():
+            limit = BUDGETS[name] * 1.6 * scale
+            within = [p for p in curve if p["ms"] <= limit]
+            assert preset["parameters"] == within[-1]["parameters"]
+            assert preset["budget_ms"] == pytest.approx(limit)
+            # With formulas, what the border hides is a tenth of the error.
+            assert preset["error_cut"] == pytest.approx(1.1 * preset["error"], rel=1e-3)
+    # What is best for one layer is where the search with four begins.
+    one, four = ([p["parameters"] for p in entry["curve"]] for entry in document["layers"])
+    assert sum(parameters in four for parameters in one) >= 3
+    medium = document["layers"][0]["presets"]["medium"]["parameters"]
+    assert document["pace"] == {"parameters": medium, "call_ms": 0.01235, "pixel_ns": 7.0}
+
+
+@pytest.mark.usefixtures("formulas")
+def test_curve_that_starts_beyond_the_least_budget_is_refused(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(BUDGETS, "low", 0.01)
+    with pytest.raises(TuneError, match=r"budget_ms is 0.016: nothing is as fast"):
+        record_presets("ssao", runtime=runtime, scenes=[little_scene()], parameters=VARIED)
+
+
+@pytest.mark.usefixtures("cache")
+def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
+    pytest.importorskip("embreex")
+    scene = little_scene()
+    session = Session(
+        TECHNIQUES["ssao"], [scene], size=(30, 40), layers=2, overscan=0.2, runtime=runtime
+    )
+    gbuffer = gi.rasterize.gbuffer(
+        scene.scene, scene.camera(40, 30), layers=2, overscan=0.2, runtime=runtime
+    )
+    (image,) = session.trials.images({"samples": 4})
+    # Normals went to the host and back, which may turn a sample of a few pixels round.
+    assert np.mean(image != gi.ssao(gbuffer, 0.4, 4, runtime=runtime)) < 0.01
+    assert session.error_cut({"samples": 4}) != session.trials.error({"samples": 4})
 
 
 @pytest.mark.usefixtures("cache")

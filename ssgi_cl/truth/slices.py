@@ -1,0 +1,288 @@
+"""Same-assumption truth of HBAO, GTAO and the visibility bitmask: a dense march through the layers.
+
+It shares nothing with the kernels but the definition of what a depth buffer holds: planes through
+the line of sight are evenly spread in azimuth round it, and every pixel that they cross counts. So
+many reads are affordable for some of the pixels only, which are spread over the image.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ssgi_cl.camera
+import ssgi_cl.reference.gbuffer
+import ssgi_cl.truth.horizons
+import ssgi_cl.truth.pixels
+from ssgi_cl import check
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.sampling import r_points
+from ssgi_cl.techniques.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.truth.digests import camera_description, digest, source_digest
+from ssgi_cl.truth.horizons import Crossed, Plane, check_technique, hidden_and_whole
+from ssgi_cl.truth.pixels import Pixels, spread_pixels
+from ssgi_cl.truth.store import Truth, accumulated
+
+PASS_SLICES = 8
+"""Of a pass: evenly turned, each pass by another angle."""
+
+STEP_PX = 0.5
+"""Of the march. Half of it finds more pixels that are crossed near a corner: in the hall, 800 x
+600, GTAO's mean A sinks by .0008."""
+
+FIRST_PX = 1.0
+"""Where it begins: as far away as the centre of the next pixel."""
+
+CHUNK = 256
+"""Pixels that are marched at a time."""
+
+LEAST_FACING = 0.0017
+"""Cosine that a grazing or averted normal is taken to have with the line of sight."""
+
+NOT_OF_THE_MODEL = (
+    "slices", "taps", "tap_power", "resolution", "blur_radius", "blur_passes", "blur_resolution",
+    "contrast",
+)
+"""Parameters that say how well occlusion is sampled, not what it is; contrast is told apart."""
+
+
+def converged(
+    gbuffer: GBuffer,
+    params: SliceParams,
+    *,
+    pixels: int = 4096,
+    slices: int = 64,
+    rebuild: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> Truth:
+    """Return the A that a technique of slices tends to: ever more slices and taps, no blur.
+
+    Args:
+        gbuffer: all of its layers, and its margin, are marched through.
+        params: of HBAO, GTAO or the bitmask; numbers of slices and taps, resolution and blur do not
+            matter.
+        pixels: how many are computed, evenly spread over those that show something; all of them if
+            there are no more.
+        slices: of each, 1 to 2^16; rounded up to a multiple of 8.
+        rebuild: make it anew, whatever is kept.
+        progress: called with the share that is done, which grows to 1.
+
+    Returns:
+        Mean A [rows, columns] float32 in [0, 1], NaN where it was not computed, 1 where nothing is;
+        and the standard error of the slices, infinite from a single pass of 8. What is measured on
+        n of all pixels has an error of its own, that of n draws.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range; the bitmask's joined
+            surfaces, which are another model.
+        TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
+    """
+    if not isinstance(gbuffer, GBuffer):
+        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected an ssgi_cl.GBuffer")
+    pixels = check.integer("pixels", pixels, low=1, high=1 << 24)
+    slices = check.integer("slices", slices, low=1, high=1 << 16)
+    check_technique(params)
+    march = March.of(gbuffer, params)
+    taken = spread_pixels(march.seen, pixels)
+    values = asdict(params)
+    description = {
+        "kind": "slices",
+        "technique": type(params).__name__,
+        "camera": camera_description(gbuffer.camera),
+        "gbuffer": digest(np.asarray(gbuffer.depth), gbuffer.first("normal")),
+        "pixels": pixels,
+        "slices": PASS_SLICES,
+        "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
+        "source": source_digest(
+            sys.modules[__name__], ssgi_cl.truth.horizons, ssgi_cl.truth.pixels,
+            ssgi_cl.reference.gbuffer, ssgi_cl.camera,
+        ),
+    }
+
+    def estimate(number: int) -> Doubles:
+        image = np.ones(gbuffer.size)
+        image[taken] = march.openness(taken, number)
+        return image
+
+    truth = accumulated(
+        description, -(-slices // PASS_SLICES), estimate, rebuild=rebuild, progress=progress
+    )
+    unknown = march.seen.copy()
+    unknown[taken] = False
+    mean = truth.mean.astype(np.float64)
+    # d(A^c) = c A^(c - 1) dA; no A is off by more than 1.
+    slope = params.contrast * np.maximum(mean, 1e-6) ** (params.contrast - 1.0)
+    error = np.minimum(truth.error * slope, np.where(np.isinf(truth.error), np.inf, 1.0))
+    return Truth(
+        np.where(unknown, np.nan, mean**params.contrast).astype(np.float32),
+        np.where(unknown, np.nan, error).astype(np.float32),
+        truth.passes,
+        digest(truth.key, params.contrast),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class March:
+    """The pixels of a G-buffer as receivers, and all of its layers as occluders.
+
+    Attributes:
+        view: the front layer.
+        params: of the technique.
+        there: [layers, rows, columns], margin included: whether a surface is there.
+        position: [layers, rows, columns, 3] view space, 0 where nothing is.
+        reach: [rows, columns] of the image: distance up to which surfaces occlude, scene units; 0
+            where that is less than a pixel.
+        seen: [rows, columns]: where something is.
+    """
+
+    view: SurfaceView
+    params: SliceParams
+    there: NDArray[np.bool_]
+    position: Doubles
+    reach: Doubles
+    seen: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, gbuffer: GBuffer, params: SliceParams) -> March:
+        """Return that of a G-buffer."""
+        view = SurfaceView.of(gbuffer)
+        depths = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)
+        there = np.isfinite(depths)
+        row, column = view.centres()
+        position = np.stack([
+            view.position(row, column, np.where(mask, depth, 0.0))
+            for mask, depth in zip(there, depths, strict=True)
+        ])
+        own = view.inner(view.depth)
+        seen = np.isfinite(own)
+        wanted_px = params.radius * view.pixels_per_unit(np.where(seen, own, 1.0))
+        reach = params.radius * np.minimum(1.0, params.max_radius_px / wanted_px)
+        reach = np.where(np.minimum(wanted_px, params.max_radius_px) >= 1.0, reach, 0.0)
+        return cls(view, params, there, position, reach, seen)
+
+    def openness(self, pixels: Pixels, number: int) -> Doubles:
+        """Return A [count] of some pixels, from the slices of a pass, before contrast."""
+        result = np.ones(len(pixels[0]))
+        # Pixels with the same reach on the screen march together.
+        order = np.argsort(self._steps(pixels))
+        turns = r_points(0, len(order), 1)[:, 0]
+        for start in range(0, len(order), CHUNK):
+            chosen = order[start : start + CHUNK]
+            chunk = (pixels[0][chosen], pixels[1][chosen])
+            hidden, whole = np.zeros(len(chosen)), np.full(len(chosen), 1e-30)
+            # Every pixel turns its slices by another angle, and so does every pass.
+            turn = np.mod(turns[chosen] + r_points(number, number + 1, 1)[0], 1.0)
+            for index in range(PASS_SLICES):
+                azimuth = np.pi * (index + turn) / PASS_SLICES
+                for plane, crossed in self._sides(chunk, azimuth):
+                    more_hidden, more = hidden_and_whole(self.params, plane, crossed)
+                    hidden += more_hidden
+                    whole += more
+            result[chosen] = np.clip(1.0 - hidden / whole, 0.0, 1.0)
+        return result
+
+    def _steps(self, pixels: Pixels) -> NDArray[np.intp]:
+        """Return after how many steps the march has left the reach of each pixel."""
+        depth = self.view.inner(self.view.depth)[pixels]
+        reach = self.reach[pixels]
+        # What is nearer to the eye than the receiver looks larger.
+        nearest = depth if self.view.camera.is_orthographic else depth - reach
+        diagonal = math.hypot(*self.view.depth.shape)
+        nearest = np.maximum(nearest, 1e-9 * depth)
+        px = np.minimum(reach * self.view.pixels_per_unit(nearest) + 1.0, diagonal)
+        # Off the middle of the image a unit covers more pixels.
+        sight = self.position[0][self._at(pixels)] / depth[:, None]
+        tilt = 1.0 if self.view.camera.is_orthographic else np.sum(sight**2, axis=-1)
+        steps: NDArray[np.intp] = np.ceil(np.minimum(px * tilt, diagonal) / STEP_PX).astype(np.intp)
+        return steps
+
+    def _at(self, pixels: Pixels) -> Pixels:
+        """Return where pixels of the image lie in the arrays."""
+        return pixels[0] + self.view.margin[0], pixels[1] + self.view.margin[1]
+
+    def _sides(self, pixels: Pixels, azimuth: Doubles) -> Iterator[tuple[Plane, Crossed]]:
+        """Give both sides of the slices at an azimuth, and what each of them crosses."""
+        view = self.view
+        at = self._at(pixels)
+        receiver, normal = self.position[0][at], view.normal[at]
+        if view.camera.is_orthographic:
+            sight = np.tile([0.0, 0.0, 1.0], (len(azimuth), 1))
+        else:
+            sight = -receiver / np.linalg.norm(receiver, axis=-1, keepdims=True)
+        first = np.cross([0.0, 1.0, 0.0], sight)
+        first /= np.linalg.norm(first, axis=-1, keepdims=True)
+        second = np.cross(sight, first)
+        along = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
+        facing = np.maximum(np.sum(normal * sight, axis=-1), LEAST_FACING)
+        lean = np.sum(normal * along, axis=-1)
+        # The plane holds the eye, so that it is seen as a line.
+        row, column = at[0] + 0.5, at[1] + 0.5
+        near_row, near_column = view.pixel(receiver + 1e-3 * view.depth[at][:, None] * along)
+        to_row, to_column = near_row - row, near_column - column
+        length = np.hypot(to_row, to_column)
+        to_row, to_column = to_row / length, to_column / length
+        distance = FIRST_PX + STEP_PX * np.arange(int(self._steps(pixels).max()))
+        for side in (1.0, -1.0):
+            plane = Plane(edge=-side * lean / facing, facing=facing, lean=side * lean)
+            i = np.floor(row[:, None] + side * distance * to_row[:, None]).astype(np.intp)
+            j = np.floor(column[:, None] + side * distance * to_column[:, None]).astype(np.intp)
+            yield plane, self._crossed(pixels, (i, j), sight, plane)
+
+    def _crossed(self, pixels: Pixels, place: Pixels, sight: Doubles, plane: Plane) -> Crossed:
+        """Return what the array elements `place` [count, steps] hold in all layers."""
+        rows, columns = self.view.depth.shape
+        at, (i, j) = self._at(pixels), place
+        inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+        inside &= (i != at[0][:, None]) | (j != at[1][:, None])
+        i, j = np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)
+        receiver, normal = self.position[0][at][:, None], self.view.normal[at]
+        reach = self.reach[pixels][:, None]
+        parts = []
+        for there, position in zip(self.there, self.position, strict=True):
+            front = position[i, j]
+            offset = front - receiver
+            distance = np.linalg.norm(offset, axis=-1)
+            excess = self._excess(offset, sight, normal, plane, self.params.bias * reach)
+            cot = plane.edge[:, None] + np.maximum(excess, 0.0)
+            back = cot
+            if isinstance(self.params, BitmaskParams):
+                behind = self._moved(front, self.params.thickness * reach) - receiver
+                lower = self._excess(behind, sight, normal, plane, 0.0)
+                back = plane.edge[:, None] + np.maximum(lower, 0.0)
+            parts.append(Crossed(
+                counts=inside & there[i, j] & (distance <= reach) & (excess > 0.0),
+                cot=cot,
+                back=back,
+                distance=distance / np.maximum(reach, 1e-30),
+                depth=-offset[..., 2] / np.maximum(reach, 1e-30),
+            ))
+        return parts[0] if len(parts) == 1 else Crossed.merged(parts)
+
+    def _moved(self, point: Doubles, depth: Doubles) -> Doubles:
+        """Return points [..., 3] moved by some depth along their lines of sight."""
+        if self.view.camera.is_orthographic:
+            return point - depth[..., None] * [0.0, 0.0, 1.0]
+        result: Doubles = point * (1.0 + depth / np.maximum(-point[..., 2], 1e-30))[..., None]
+        return result
+
+    @staticmethod
+    def _excess(
+        offset: Doubles, sight: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float
+    ) -> Doubles:
+        """Return by how much the cotangent from the line of sight exceeds the tangent plane's.
+
+        A pixel's centre lies a little beside the slice: it is turned into it about the line of
+        sight so that what lies in the tangent plane stays in it.
+        """
+        towards = np.einsum("psk,pk->ps", offset, sight)
+        across = np.sqrt(np.maximum(np.sum(offset**2, axis=-1) - towards**2, 0.0))
+        height = np.einsum("psk,pk->ps", offset, normal) - bias
+        result: Doubles = height / np.maximum(across * plane.facing[:, None], 1e-30)
+        return result

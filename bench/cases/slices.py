@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.rasterize.view import downloaded
 from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique
+from ssgi_cl.truth import Truth
+from ssgi_cl.truth import slices as assumption
 
 from ..case import Family, Own, Subject
 from ..context import Context
 
 OVERSCAN = 0.1
 """Share of the image round it that a G-buffer of several layers has."""
+
+CONVERGED_PIXELS = 4096
+"""Of a layer in which it is computed what a technique converges to."""
 
 _SETTING = re.compile(r"([1-9]\d?)x([1-9]\d?)(?:-([1-9]\d?))?")
 
@@ -36,7 +42,7 @@ class Slices(Own):
 
     make: Any
     params: type[SliceParams]
-    SETTINGS: tuple[str, ...] = ("1x4", "1x9", "2x4", "2x9", "4x12", "2x9-2", "2x9-4")
+    SETTINGS: tuple[str, ...] = ("1x4", "1x9", "2x4", "2x9", "2x9-2", "2x9-4")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the technique and its G-buffer ready."""
@@ -57,14 +63,35 @@ def _subject(
     context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer, note: str
 ) -> Subject:
     params, layers = technique.params, technique.layers
+    truths: dict[str, Any] = {"world": context.occlusion}
+    if not getattr(params, "joined", False):
+        truths["assumption"] = lambda: _converged(context, technique, gbuffer)
     return Subject(
         run=lambda: technique.run(gbuffer),
         image=lambda: technique(gbuffer),
         quantity="occlusion",
         samples=2.0 * params.slices * params.taps * layers * np.count_nonzero(context.seen),
         moved=context.size[0] * context.size[1] * 4 * (layers + 3 + 1),
-        truths={"world": context.occlusion},
+        truths=truths,
         note=note,
+    )
+
+
+def _converged(
+    context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer
+) -> Truth:
+    """Return what the technique converges to, the same for all numbers of slices and taps."""
+    model = replace(
+        technique.params, slices=1, taps=1, tap_power=1.0, resolution="full", blur_radius=0,
+        blur_passes=1, blur_resolution="own",
+    )
+    return context.truth(
+        f"slices of {technique.name} with {technique.layers} layers on {context.view.name}: "
+        f"{model}",
+        lambda progress: assumption.converged(
+            downloaded(gbuffer), model, pixels=CONVERGED_PIXELS // technique.layers,
+            rebuild=context.truths.rebuild, progress=progress,
+        ),
     )
 
 
@@ -91,6 +118,8 @@ class XegtaoHigh(Own):
 FAMILIES: Mapping[str, Family] = {
     "hbao": Slices(Hbao, HbaoParams),
     "gtao": Slices(Gtao, GtaoParams),
-    "bitmask_ao": Slices(BitmaskAo, BitmaskParams),
+    "bitmask_ao": Slices(
+        BitmaskAo, BitmaskParams, ("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4")
+    ),
     "xegtao": XegtaoHigh(),
 }

@@ -7,43 +7,69 @@
 //          sum is over what the same slices would see if nothing occluded, so that A is 1 there;
 //          slices are weighted by the azimuth they stand for. With GTAO_FALLOFF a horizon moves
 //          towards the tangent plane with distance, as in XeGTAO (Intel 2021).
-// Reads:   near    SLICES_LAYERS x [rows, columns] with margin, from slices_near
+// Bent:    the mean unoccluded direction, weighted by cosine: the mean of all directions, 2/3 of the
+//          normal n, less what horizons hide. A side's directions up to the angle h sum up, towards
+//          the eye and across, to
+//              (cos g (1 - cos^3 h) + sin g sin^3 h) / 3,
+//              (cos g sin^3 h + sin g (2 - 3 cos h + cos^3 h)) / 3.
+//          Stored is the bend, what to add to n: blurred, it leaves the detail of normals alone.
+// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
-//          table   [4 rows][SLICES_COUNT][3 + SLICES_TAPS][16 columns], see common/slices.clh
-// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
-// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF (0, 1)
-// Launch:  SSGI_LANES pixels of a row per work-item
+//          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
+// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with GTAO_BENT 3
+//          more images, the bend in view space, about n's length at most; 0 where nothing is
+// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_BENT (0, 1)
+// Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
 #include "common/slices.clh"
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
-    !defined(GTAO_FALLOFF)
-#error "SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS and GTAO_FALLOFF must be defined by the host"
+    !defined(GTAO_FALLOFF) || !defined(GTAO_BENT)
+#error "SLICES_COUNT, _TAPS, _LAYERS, GTAO_FALLOFF and GTAO_BENT must be defined by the host"
 #endif
 
-struct SsgiGathered {
-    vfloat rise[2]; // of the horizon above the tangent plane: cotangent, or with falloff cosine
+typedef struct {
+    vfloat rise;   // of the horizon above the tangent plane: cotangent, or with falloff cosine
+    vfloat seen;   // by this slice
+    vmask rises;   // does a horizon of this slice?
     vfloat occluded, whole;
-};
+#if GTAO_BENT
+    vfloat up, along; // sum of the directions that this slice hides, times 3
+    vfloat bend[3];   // times `whole`
+#endif
+} SsgiGathered;
 
-static inline void ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                                    const SliceParams params, SsgiGathered *gathered)
+static inline __attribute__((always_inline)) void
+ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
+                 SsgiGathered *gathered)
 {
-    gathered->rise[0] = gathered->rise[1] = v_splat(0.0f);
+    gathered->seen = v_splat(0.0f);
+    gathered->rises = v_splat_int(0);
+#if GTAO_BENT
+    gathered->up = v_splat(0.0f);
+    gathered->along = v_splat(0.0f);
+#endif
+}
+
+static inline __attribute__((always_inline)) void
+ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side, const int layer,
+                const SliceParams params, SsgiGathered *gathered)
+{
+    gathered->rise = v_splat(0.0f);
 }
 
 #if GTAO_FALLOFF
 // Cosine of an angle from the line of sight.
-static inline vfloat gtao_cosine(const vfloat cot)
+static inline __attribute__((always_inline)) vfloat gtao_cosine(const vfloat cot)
 {
     return cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
 }
 #endif
 
-static inline void ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                            const SsgiTap *tap, const int side, const SliceParams params,
-                            SsgiGathered *gathered)
+static inline __attribute__((always_inline)) void
+ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
+         const SliceParams params, SsgiGathered *gathered)
 {
     const vfloat zero = v_splat(0.0f);
 #if GTAO_FALLOFF
@@ -54,76 +80,107 @@ static inline void ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice
     const vfloat distance = v_sqrt(
         v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
     const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
-    const vfloat top = gtao_cosine(ssgi_cotangent(receiver, slice, tap, tap->height, side));
+    const vfloat top = gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
     const vfloat rise = (top - low) * weight;
 #else
     const vfloat rise = tap->height * tap->inverse;
 #endif
-    gathered->rise[side] =
-        v_max(gathered->rise[side], v_select(zero, rise, tap->counts));
+    gathered->rise = v_max(gathered->rise, v_select(zero, rise, tap->counts));
 }
 
 // a of the angle that has this cosine and sine, g being towards the side.
-static inline vfloat gtao_integral(const vfloat cosine, const vfloat sine, const vfloat cos_normal,
+static inline __attribute__((always_inline)) vfloat gtao_integral(const vfloat cosine, const vfloat sine, const vfloat cos_normal,
                                    const vfloat sin_normal)
 {
     const vfloat turned = v_fma(-cosine, sine, v_acos(cosine));
     return 0.5f * v_fma(sine * sine, cos_normal, turned * sin_normal);
 }
 
-static inline void ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                                  const SliceParams params, SsgiGathered *gathered)
+#if GTAO_BENT
+// Count the directions between the horizon, with this cosine and sine, and the tangent plane.
+static inline __attribute__((always_inline)) void
+gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine, const vfloat sine,
+          const vfloat sin_normal, const vmask rises, SsgiGathered *gathered)
 {
+    // The tangent plane is at a right angle to the projected normal.
+    const vfloat low = -sin_normal;
+    const vfloat high = slice->cos_normal;
+    const vfloat cubes = v_fma(cosine * cosine, cosine, -(low * low * low));
+    const vfloat across = v_fma(high * high, high, -(sine * sine * sine));
+    const vfloat up = v_fma(slice->cos_normal, cubes, sin_normal * across);
+    const vfloat along = v_fma(slice->cos_normal, across,
+                               sin_normal * v_fma(cosine - low, v_splat(3.0f), -cubes));
     const vfloat zero = v_splat(0.0f);
-    const vfloat one = v_splat(1.0f);
-    vfloat hidden = zero;
-    for (int side = 0; side < 2; ++side) {
-        const vfloat rise = gathered->rise[side];
-        const vmask rises = v_gt(rise, zero);
-        if (!v_any(rises)) {
-            continue;
-        }
-        const vfloat edge = side == 0 ? slice->edge : -slice->edge;
-        const vfloat sin_normal = side == 0 ? slice->sin_normal : -slice->sin_normal;
-        const vfloat sine = v_rsqrt(v_fma(edge, edge, one));
-        const vfloat open = gtao_integral(edge * sine, sine, slice->cos_normal, sin_normal);
-#if GTAO_FALLOFF
-        const vfloat cosine = v_fma(edge, sine, rise);
-        const vfloat horizon_sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), zero));
-#else
-        const vfloat cot = edge + v_min(rise * receiver->steepness, v_splat(SLICES_STEEPEST));
-        const vfloat horizon_sine = v_rsqrt(v_fma(cot, cot, one));
-        const vfloat cosine = cot * horizon_sine;
+    gathered->up = gathered->up + v_select(zero, up, rises);
+    gathered->along = gathered->along + v_select(zero, side == 0 ? along : -along, rises);
+}
+
+// Bend away from what a slice of this weight hides.
+static inline __attribute__((always_inline)) void
+gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat weight,
+          SsgiGathered *gathered)
+{
+    const float x = slice->cosine * receiver->to_x;
+    const float y = slice->sine * receiver->to_y;
+    // Across the line of sight r is the offset less q / r.r of r; over its length it is a unit.
+    const vfloat q = v_fma(receiver->x, v_splat(x), v_splat(receiver->y * y));
+    const vfloat unit = v_sqrt(slice->weight) * receiver->length * (1.0f / fabs(receiver->to_x));
+    const vfloat half_weight = weight * 0.5f; // of 3/2 and a third
+    const vfloat offset = gathered->along * unit * half_weight;
+    const vfloat sight =
+        v_fma(offset, q / receiver->sight, gathered->up / receiver->length * half_weight);
+    gathered->bend[0] = gathered->bend[0] + v_fma(sight, receiver->x, -(offset * x));
+    gathered->bend[1] = gathered->bend[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
+    gathered->bend[2] = gathered->bend[2] - sight;
+}
 #endif
-        const vfloat seen = gtao_integral(cosine, horizon_sine, slice->cos_normal, sin_normal);
-        hidden = hidden + v_select(zero, open - seen, rises);
-    }
+
+static inline __attribute__((always_inline)) void
+ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
+              const SliceParams params, SsgiGathered *gathered)
+{
+    const vfloat one = v_splat(1.0f);
+    const vfloat rise = gathered->rise;
+    const vfloat edge = side == 0 ? slice->edge : -slice->edge;
+    const vfloat sin_normal = side == 0 ? slice->sin_normal : -slice->sin_normal;
+#if GTAO_FALLOFF
+    const vfloat cosine = gtao_cosine(edge) + rise;
+    const vfloat sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), v_splat(0.0f)));
+#else
+    const vfloat cot = edge + v_min(rise * receiver->steepness, v_splat(SLICES_STEEPEST));
+    const vfloat sine = v_rsqrt_quick(v_fma(cot, cot, one));
+    const vfloat cosine = cot * sine;
+#endif
+    gathered->seen =
+        gathered->seen + gtao_integral(cosine, sine, slice->cos_normal, sin_normal);
+    gathered->rises = gathered->rises | v_gt(rise, v_splat(0.0f));
+#if GTAO_BENT
+    gtao_hide(slice, side, cosine, sine, sin_normal, v_gt(rise, v_splat(0.0f)), gathered);
+#endif
+}
+
+static inline __attribute__((always_inline)) void
+ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
+               SsgiGathered *gathered)
+{
     // a of both edges together is cos g + g sin g.
     const vfloat g = 1.57079633f - v_acos(slice->sin_normal);
     const vfloat whole = v_fma(g, slice->sin_normal, slice->cos_normal);
     const vfloat weight = slice->weight * slice->projected;
-    gathered->occluded = v_fma(weight, hidden, gathered->occluded);
+    const vfloat hidden = v_select(v_splat(0.0f), whole - gathered->seen, gathered->rises);
+    gathered->occluded = v_fma(weight, v_max(hidden, v_splat(0.0f)), gathered->occluded);
     gathered->whole = v_fma(weight, whole, gathered->whole);
+#if GTAO_BENT
+    gtao_bend(receiver, slice, weight, gathered);
+#endif
 }
+
+#define SSGI_SCAN_BENT GTAO_BENT
+#include "common/scan.clh"
 
 __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                    __global float *restrict openness, const int2 size, const SsgiCamera camera,
                    const SliceParams params)
 {
-    const int x = ssgi_first_column();
-    const int y = (int)get_global_id(1);
-    if (x >= size.x || y >= size.y) {
-        return;
-    }
-    const int2 whole = ssgi_whole(size, params);
-    const SsgiReceiver receiver = ssgi_receiver(near, normal, whole, x + params.margin_left,
-                                                y + params.margin_top, camera, params);
-    SsgiGathered gathered;
-    gathered.occluded = v_splat(0.0f);
-    gathered.whole = v_splat(SLICES_TINY);
-    if (v_any(receiver.active)) {
-        ssgi_scan(near, table + ssgi_slice_table(x, y), whole, &receiver, params, &gathered);
-    }
-    ssgi_store_openness(gathered.occluded / gathered.whole, &receiver, params, openness, size, x,
-                        y);
+    ssgi_occlude(near, normal, table, openness, size, camera, params);
 }

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: MIT
 // slices_near: depth layers in the measure that the scan of slices reads, at full size or less.
 //
-// Picks every n-th pixel. 1 / depth is linear in the pixel position on every plane and has a finite
-// value, 0, for nothing.
+// Picks every n-th pixel and sorts each row by column modulo 4, so that pixels which scan alike lie
+// side by side. 1 / depth is linear in the pixel position on every plane and has a finite value, 0,
+// for nothing.
 //
 // Reads:   depth  NEAR_LAYERS x [rows, columns] with margin, scene units; INFINITY where nothing is
-// Writes:  near   NEAR_LAYERS x [rows, columns] 1 / depth, 0 where nothing is (perspective);
+// Writes:  near   NEAR_LAYERS x [rows, 4 stride], column c at (c + lead) % 4 * stride +
+//                 (c + lead) / 4: 1 / depth, 0 where nothing is (perspective);
 //                 depth in pixels' widths, INFINITY where nothing is (orthographic)
 // Macros:  NEAR_LAYERS (>= 1)
-// Launch:  SSGI_LANES pixels of a row of `near` per work-item
+// Launch:  SSGI_LANES floats of a row of `near` per work-item
 // Cost:    1 read and 1 write per pixel and layer
 
 #include "common/camera.clh"
@@ -19,8 +21,9 @@
 #endif
 
 __kernel void slices_near(ssgi_plane depth, __global float *restrict near, const int2 size,
-                          const int2 fine_size, const int step, const int first_x,
-                          const int first_y, const float ortho_unit, const SsgiCamera camera)
+                          const int2 fine_size, const int columns, const int lead, const int step,
+                          const int first_x, const int first_y, const float ortho_unit,
+                          const SsgiCamera camera)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -28,12 +31,20 @@ __kernel void slices_near(ssgi_plane depth, __global float *restrict near, const
         return;
     }
     const bool perspective = camera.perspective != 0.0f;
-    const vint from_x = v_imin((v_iota() + x) * step + first_x, v_splat_int(fine_size.x - 1));
+    const int stride = size.x / 4;
+    const int phase = x / stride;
+    const int first = (x - phase * stride) * 4 + phase - lead;
+    const vint column = v_iota() * 4 + first;
+    const vmask inside = v_within(column, columns);
+    const vint from_x = v_imin(v_iselect(v_splat_int(0), column, inside) * step + first_x,
+                               v_splat_int(fine_size.x - 1));
     const vint from_y = v_splat_int(y * step + first_y);
     for (int layer = 0; layer < NEAR_LAYERS; ++layer) {
-        const vfloat z = step == 1 ? ssgi_load(depth, fine_size, layer, x + first_x, y + first_y)
-                                   : ssgi_gather(depth, fine_size, layer, from_x, from_y);
-        const vmask there = v_lt(z, v_splat(INFINITY));
+        const vfloat z =
+            step == 1 ? ssgi_load_fourths(depth, fine_size, layer, min(first, columns) + first_x,
+                                          y + first_y)
+                      : ssgi_gather(depth, fine_size, layer, from_x, from_y);
+        const vmask there = inside & v_lt(z, v_splat(INFINITY));
         const vfloat value = perspective
                                  ? v_select(v_splat(0.0f), 1.0f / z, there)
                                  : v_select(v_splat(INFINITY), z * ortho_unit, there);

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
-from ssgi_cl.reference.slices import Scan, Slice, finished
+from ssgi_cl.reference.slices import Scan, Slice, Tap, finished
 from ssgi_cl.techniques.bitmask_ao import BitmaskParams
 
 SECTORS = 32
@@ -28,14 +31,14 @@ def openness(scan: Scan, params: BitmaskParams) -> Doubles:
     for plane in scan.slices():
         covered = np.zeros((*scan.depth.shape, SECTORS), bool)
         for side in (1, -1):
-            for index in range(params.taps):
-                for tap in scan.taps(plane, side, index):
+            for layer in range(len(scan.depths)):
+                for where, one, other in _hidden(scan, plane, side, layer, params):
                     front, back = (
                         _sector(cot, plane, side, params.sectors)[..., None]
-                        for cot in (tap.cot, tap.back)
+                        for cot in (one, other)
                     )
-                    first, last = (front, back) if side == 1 else (back, front)
-                    covered |= tap.counts[..., None] & (number >= first) & (number < last)
+                    first, last = np.minimum(front, back), np.maximum(front, back)
+                    covered |= where[..., None] & (number >= first) & (number < last)
         weight = plane.weight
         if params.sectors == "cosine":
             weight = weight * plane.length * _whole(plane)
@@ -43,6 +46,65 @@ def openness(scan: Scan, params: BitmaskParams) -> Doubles:
         whole += weight
     a: Doubles = 1.0 - hidden / whole
     return a
+
+
+Hidden = tuple[NDArray[np.bool_], Doubles, Doubles]
+"""Where, and the two cotangents between which something is hidden."""
+
+
+def _hidden(
+    scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
+) -> Iterator[Hidden]:
+    """Give all that one layer hides on a side."""
+    taps = list(scan.taps(plane, side, layer))
+    if not params.joined:
+        yield from ((tap.counts, tap.cot, tap.back) for tap in taps)
+        return
+    zero = np.zeros(scan.depth.shape)
+    receiver = Tap(
+        there=scan.active if layer == 0 else zero > 1.0, counts=zero > 1.0,
+        cot=side * plane.edge, back=zero, distance=zero, depth=zero, f=zero, x=zero, y=zero,
+        px=zero,
+    )
+    ends = [receiver, *taps]
+    slopes = [_slope(one, other) for one, other in pairwise(ends)]
+    tangent = np.where(receiver.there, side * plane.rise, np.nan)
+    nothing = np.full_like(zero, np.nan)
+    around = [tangent, *slopes, nothing]
+    for index, (one, other) in enumerate(pairwise(ends)):
+        link = slopes[index]
+        before, behind = around[index], around[index + 2]
+        slack = params.slack * scan.radius * scan.scale(one.f) * scan.scale(other.f)
+        slack = slack / np.maximum(other.px - one.px, 0.5)
+        least, most = np.fmin(before, behind) - slack, np.fmax(before, behind) + slack
+        joined = (link >= least) & (link <= most)
+        inside = [scan.outside(end.f, end.x, end.y) <= 0.0 for end in (one, other)]
+        yield joined & inside[0] & inside[1], one.cot, other.cot
+        cut = joined & (inside[0] ^ inside[1])
+        yield cut, np.where(inside[0], one.cot, other.cot), _cut(scan, plane, side, one, other)
+        alone = other.there & inside[1] & ~joined
+        yield alone, other.cot, scan.cotangent(
+            plane, side, scan.behind(other.f), other.x, other.y
+        )
+
+
+def _slope(one: Tap, other: Tap) -> Doubles:
+    """Return the change of f per px between two taps; NaN where either is missing."""
+    slope = (other.f - one.f) / np.maximum(other.px - one.px, 0.5)
+    return np.where(one.there & other.there, slope, np.nan)
+
+
+def _cut(scan: Scan, plane: Slice, side: int, one: Tap, other: Tap) -> Doubles:
+    """Return the cotangent where the line between two taps leaves or enters the radius."""
+    x, y, f = other.x - one.x, other.y - one.y, other.f - one.f
+    start, end = (scan.outside(tap.f, tap.x, tap.y) for tap in (one, other))
+    half = scan.outside(one.f + 0.5 * f, one.x + 0.5 * x, one.y + 0.5 * y)
+    second = 2.0 * (start + end - 2.0 * half)  # of the parabola through the three
+    first = end - start - second
+    root = np.sqrt(np.maximum(first**2 - 4.0 * second * start, 0.0))
+    below = np.where(end > 0.0, -root, root) - first
+    t = np.clip(2.0 * start / np.where(below == 0.0, -1e-30, below), 0.0, 1.0)
+    return scan.cotangent(plane, side, one.f + t * f, one.x + t * x, one.y + t * y)
 
 
 def turn(c: Doubles) -> Doubles:

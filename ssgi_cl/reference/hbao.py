@@ -25,8 +25,8 @@ def openness(scan: Scan, params: HbaoParams) -> Doubles:
             tangent = np.arctan(side * plane.edge)
             horizon = np.sin(np.minimum(tangent + params.angle_bias, 0.5 * np.pi))
             whole += plane.weight * (1.0 - horizon)
-            for index in range(params.taps):
-                for tap in scan.taps(plane, side, index):
+            for taps in scan.taps_of_all_layers(plane, side):
+                for tap in taps:
                     elevation = np.sin(np.arctan(tap.cot))
                     raises = tap.counts & (elevation > horizon)
                     gain = (1.0 - params.attenuation * tap.distance**2) * (elevation - horizon)

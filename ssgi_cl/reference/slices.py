@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.reference.upsample import upsample_reference
-from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.reference.occlusion import finished as complete
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.slices import (
     DEPTH_BIAS,
+    GROUP,
     LEAST_FACING,
     NEAREST_TAP,
+    SIMILAR,
     TILE,
     SliceParams,
     pattern,
@@ -28,19 +28,30 @@ from ssgi_cl.techniques.slices import (
 class Tap:
     """What one tap sees in one depth layer, on one side of a slice; arrays [rows, columns].
 
+    Lengths are over k of the receiver, see `Scan`.
+
     Attributes:
-        counts: whether a surface is there, within the radius and above the tangent plane.
+        there: whether a surface is.
+        counts: whether one is, within the radius and above the tangent plane.
         cot: cotangent of the angle between the line of sight and the surface.
         back: the same of a point `thickness` further along the tap's own line of sight.
         distance: from the receiver, in radii.
         depth: behind the receiver, in radii.
+        f: 1 - depth of the receiver / depth of the tap; orthographic: depth behind the receiver.
+        x, y: offset from the receiver in slope.
+        px: offset along the slice.
     """
 
+    there: NDArray[np.bool_]
     counts: NDArray[np.bool_]
     cot: Doubles
     back: Doubles
     distance: Doubles
     depth: Doubles
+    f: Doubles
+    x: Doubles
+    y: Doubles
+    px: Doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +65,11 @@ class Slice:
             the first side.
         length: of the normal's projection into the plane.
         weight: azimuth that the slice stands for, relative to the others.
+        rise: change of `Tap.f` along the tangent plane from one pixel to the next.
+        across: length across the line of sight of an offset at the centre of the group over that
+            at the pixel, for offsets along the slice.
         dither: of each pixel, in [0, 1).
+        cosine, sine: of the slice's angle from +columns towards +rows.
         offset: (columns, rows) of each tap, whole numbers of pixels on the first side.
     """
 
@@ -63,7 +78,11 @@ class Slice:
     sin_normal: Doubles
     length: Doubles
     weight: Doubles
+    rise: Doubles
+    across: Doubles
     dither: Doubles
+    cosine: Doubles
+    sine: Doubles
     offset: list[tuple[Doubles, Doubles]]
 
 
@@ -111,6 +130,39 @@ class Scan:
             distance = distance + np.minimum(self.radius, sum(view.depth.shape))
         self.bias = params.bias * self.radius + DEPTH_BIAS * distance
         self.active = np.isfinite(own) & (radius_px >= 1.0)
+        self.reach, self.middle = self._shared()
+
+    def _shared(self) -> tuple[Doubles, Doubles]:
+        """Return the radius that each pixel's slices have, a length, and its group's middle.
+
+        A group is 16 pixels of a row, every fourth; those not much farther away than the nearest
+        share its radius. The middle is a slope along rows.
+        """
+        rows, columns = self.view.size
+        column = np.broadcast_to(np.arange(columns), (rows, columns))
+        first = (column // TILE // GROUP * GROUP) * TILE + column % TILE
+        middle = self.view.slopes(
+            self.row, first + self.view.margin[1] + 0.5 * TILE * GROUP
+        )[0] * (1.0 if self.perspective else 0.0)
+        unit_px = self.view.pixels_per_unit(np.ones(1))[0]
+        limit = self.params.max_radius_px / self.view.step / unit_px
+        if not self.perspective:
+            return np.full((rows, columns), self._limited(1.0 / self.k, limit / self.k)), middle
+        top = self.view.margin[0]
+        near = 1.0 / self.view.depth[top : top + rows, self.view.margin[1] :]
+        near = np.pad(near, ((0, 0), (0, -near.shape[1] % (TILE * GROUP))))
+        near = near.reshape(rows, -1, GROUP, TILE)
+        left, shared = np.ones(near.shape, bool), np.zeros(near.shape)
+        while left.any():
+            nearest = np.where(left, near, 0.0).max(axis=2, keepdims=True)
+            alike = left & (near >= SIMILAR * nearest)
+            shared[alike] = np.broadcast_to(nearest, near.shape)[alike]
+            left &= ~alike
+        return self._limited(shared.reshape(rows, -1)[:, :columns], limit), middle
+
+    def _limited(self, unit: Doubles, limit: Doubles) -> Doubles:
+        result: Doubles = np.minimum(np.minimum(self.params.radius * unit, limit), 1e6)
+        return result
 
     def slices(self) -> Iterator[Slice]:
         """Give the slices of every pixel."""
@@ -128,7 +180,10 @@ class Scan:
             across = (along - self.clamped * q / self.sight) * inverse * length
             towards = -self.clamped / length
             projected = np.hypot(across, towards)
-            reach = np.minimum(self.radius * length * inverse, sum(self.view.depth.shape))
+            central = np.sqrt(self.middle**2 + self.slope[1] ** 2 + 1.0)
+            reach = np.minimum(
+                self.reach * central * self._inverse(ax, ay, self.middle), self._farthest()
+            )
             span = np.maximum(reach - NEAREST_TAP, 0.0)
             offset = []
             for t in range(params.taps):
@@ -140,56 +195,100 @@ class Scan:
                 sin_normal=across / projected,
                 length=projected,
                 weight=inverse**2 * self.to_x**2,
+                rise=-along / self.clamped,
+                across=inverse / self._inverse(ax, ay, self.middle),
                 dither=table.dither[y, x, s],
+                cosine=cos,
+                sine=sin,
                 offset=offset,
             )
 
-    def taps(self, plane: Slice, side: int, index: int) -> Iterator[Tap]:
-        """Give what the tap number `index` sees in each layer; `side` is 1 or -1."""
+    def _farthest(self) -> float:
+        """Both sides of the image as kernels have it, padded, px: no tap is farther away."""
         rows, columns = self.view.depth.shape
-        dx, dy = (side * offset for offset in plane.offset[index])
+        lead = -self.view.margin[1] % TILE
+        quarter = -(-(columns + lead) // TILE)
+        return rows + TILE * (-(-quarter // GROUP) * GROUP + GROUP)
+
+    def taps(self, plane: Slice, side: int, layer: int) -> Iterator[Tap]:
+        """Give what the taps see in a layer from near to far; `side` is 1 or -1."""
+        for columns, rows in plane.offset:
+            yield self._tap(plane, side, self.depths[layer], side * columns, side * rows)
+
+    def taps_of_all_layers(self, plane: Slice, side: int) -> Iterator[tuple[Tap, ...]]:
+        """Give what all layers show at each tap, from near to far."""
+        layers = (self.taps(plane, side, layer) for layer in range(len(self.depths)))
+        return zip(*layers, strict=True)
+
+    def cotangent(self, plane: Slice, side: int, f: Doubles, x: Doubles, y: Doubles) -> Doubles:
+        """Return the cotangent of a point at an offset, at least that of the tangent plane."""
+        scale = 1.0 - f if self.perspective else np.ones_like(f)
+        along = self.normal[..., 0] * x + self.normal[..., 1] * y
+        height = f * self.facing + along - self.bias * scale
+        rise = np.maximum(height, 0.0) * self._inverse(x, y) * self.sight / -self.clamped
+        result: Doubles = side * plane.edge + np.minimum(rise, 1e6)
+        return result
+
+    def outside(self, f: Doubles, x: Doubles, y: Doubles) -> Doubles:
+        """Return (squared distance - squared radius) of a point, times its scale squared."""
+        scale = 1.0 - f if self.perspective else np.ones_like(f)
+        q = x * self.slope[0] + y * self.slope[1]
+        result: Doubles = (
+            f * (f * self.sight + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2
+        )
+        return result
+
+    def scale(self, f: Doubles) -> Doubles:
+        """Return the receiver's depth over that of a tap (1 with an orthographic camera)."""
+        return 1.0 - f if self.perspective else np.ones_like(f)
+
+    def _tap(self, plane: Slice, side: int, layer: Doubles, dx: Doubles, dy: Doubles) -> Tap:
+        rows, columns = self.view.depth.shape
         row, column = self.row + dy, self.column + dx
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         at = (
             np.clip(row, 0, rows - 1).astype(int),
             np.clip(column, 0, columns - 1).astype(int),
         )
-        ax, ay = dx * self.to_x, dy * self.to_y
-        inverse = self._inverse(ax, ay)
-        square = ax * ax + ay * ay
-        q = ax * self.slope[0] + ay * self.slope[1]
-        along = self.normal[..., 0] * ax + self.normal[..., 1] * ay
+        x, y = dx * self.to_x, dy * self.to_y
+        inverse = plane.across * self._inverse(x, y, self.middle)
+        along = self.normal[..., 0] * x + self.normal[..., 1] * y
         steep = self.sight / -self.clamped * inverse
-        for layer in self.depths:
-            seen = np.where(inside, layer[at], np.inf)
-            there = self.active & np.isfinite(seen)
-            seen = np.where(there, seen, self.depth)
-            # All lengths are divided by k of the tap.
-            scale = self.depth / seen if self.perspective else np.ones_like(seen)
-            f = 1.0 - scale if self.perspective else (seen - self.depth) / self.k
-            squared = np.maximum(f * (f * self.sight + 2.0 * q) + square, 0.0)
-            height = f * self.facing + along - self.bias * scale
-            behind = self._behind(f)
-            # A tap without back lies on its front.
-            back = np.maximum(behind * self.facing + along, 0.0) * steep
-            yield Tap(
-                counts=there & (squared <= (self.radius * scale) ** 2) & (height > 0.0),
-                cot=side * plane.edge + np.minimum(np.maximum(height, 0.0) * steep, 1e6),
-                back=side * plane.edge + np.minimum(back, 1e6),
-                distance=np.sqrt(squared) / (self.radius * scale),
-                depth=f / (self.radius * scale),
-            )
+        seen = np.where(inside, layer[at], np.inf)
+        there = self.active & np.isfinite(seen)
+        seen = np.where(there, seen, self.depth)
+        # All lengths are divided by k of the tap.
+        f = 1.0 - self.depth / seen if self.perspective else (seen - self.depth) / self.k
+        scale = self.scale(f)
+        outside = self.outside(f, x, y)
+        height = f * self.facing + along - self.bias * scale
+        # A tap without back lies on its front.
+        back = np.maximum(self.behind(f) * self.facing + along, 0.0) * steep
+        unit = (self.radius * scale) ** 2
+        return Tap(
+            there=there,
+            counts=there & (outside <= 0.0) & (height > 0.0),
+            cot=side * plane.edge + np.minimum(np.maximum(height, 0.0) * steep, 1e6),
+            back=side * plane.edge + np.minimum(back, 1e6),
+            distance=np.sqrt(np.maximum(outside / unit + 1.0, 0.0)),
+            depth=f / (self.radius * scale),
+            f=f,
+            x=x,
+            y=y,
+            px=side * (dx * plane.cosine + dy * plane.sine),
+        )
 
-    def _behind(self, f: Doubles) -> Doubles:
+    def behind(self, f: Doubles) -> Doubles:
+        """Return `Tap.f` of the point `thickness` behind a tap on its line of sight."""
         if not self.perspective:
             return f + self.thick
         # 1 - scale with scale = depth / (seen + thickness).
         return 1.0 - 1.0 / (1.0 / (1.0 - f) + self.thick)
 
-    def _inverse(self, ax: Doubles, ay: Doubles) -> Doubles:
+    def _inverse(self, ax: Doubles, ay: Doubles, slope: Doubles | None = None) -> Doubles:
         """1 / (what the offset (ax, ay, 0) has across the line of sight, times its length)."""
-        cross = self.slope[0] * ay - self.slope[1] * ax
-        result: Doubles = 1.0 / np.sqrt(ax * ax + ay * ay + cross * cross)
+        cross = (self.slope[0] if slope is None else slope) * ay - self.slope[1] * ax
+        result: Doubles = 1.0 / np.sqrt(ax * ax + ay * ay + cross * cross + 1e-30)
         return result
 
 
@@ -200,6 +299,15 @@ def finished(
     thickness: float = 0.0,
 ) -> Doubles:
     """Return A [rows, columns]: `openness` of the scan, then contrast, blur and upsampling."""
+    scan, full = scanned(gbuffer, params, thickness)
+    a = np.where(scan.active, np.clip(openness(scan), 0.0, 1.0), 1.0) ** params.contrast
+    return complete(a, scan.view, full, params)
+
+
+def scanned(
+    gbuffer: GBuffer, params: SliceParams, thickness: float = 0.0
+) -> tuple[Scan, SurfaceView]:
+    """Return the scan of a G-buffer at the size that is asked for, and its view at full size."""
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
@@ -207,8 +315,4 @@ def finished(
     rows, columns = (
         view.origin[i] - full.origin[i] + step * np.arange(view.depth.shape[i]) for i in (0, 1)
     )
-    scan = Scan(view, depths[:, rows[:, None], columns], params, thickness)
-    a = np.where(scan.active, np.clip(openness(scan), 0.0, 1.0), 1.0) ** params.contrast
-    blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
-    a = bilateral_reference(a, view, blur)
-    return upsample_reference(a, full, step=step, background=1.0) if step > 1 else a
+    return Scan(view, depths[:, rows[:, None], columns], params, thickness), full

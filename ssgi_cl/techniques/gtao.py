@@ -1,19 +1,27 @@
-"""Ground-truth ambient occlusion: cosine-weighted, from the highest horizons of slices."""
+"""Ground-truth ambient occlusion: cosine-weighted, from the highest horizons of slices.
+
+With bent normals, the mean unoccluded direction comes from the same horizons.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device_gbuffer import ROTATION, DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for, prepared
+
+LEAST_OPEN = 0.02
+"""What a bent normal has along the normal at least, relative to where all is open: where less is
+open than noise, it leans to the normal, and it never lies below the surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,16 +40,72 @@ class GtaoParams(SliceParams):
         0.0, "with a falloff: how much more depth counts in the distance, for thin things",
         low=0.0, high=10.0,
     )
+    bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
+
+    @property
+    def channels(self) -> int:
+        """A, and x, y and z of the bent normal."""
+        return 4 if self.bent_normals else 1
 
 
 class Gtao(SliceTechnique[GtaoParams]):
-    """GTAO, prepared for images of one size; see `SliceTechnique` for the arguments."""
+    """GTAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    With `bent_normals`, the plane that `run` returns has four images: A, and x, y, z of the bent
+    normal in world space, of unit length; 0 where nothing is.
+    """
 
     name = "gtao"
     defaults = GtaoParams
 
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: GtaoParams | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+    ) -> None:
+        super().__init__(runtime, size, params, margin, layers)
+        if self.params.bent_normals:
+            self._bend = runtime.kernel("gtao/gtao_bent.cl", {}, (ROTATION,))
+            self._bent = runtime.plane(4, size)
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return the plane. Nothing is allocated after the first call."""
+        plane = super().run(gbuffer)
+        if not self.params.bent_normals:
+            return plane
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        to_world = camera.view[:3, :3].T
+        names = [name for name, _ in ROTATION.members]
+        self._bend.run(
+            "bent normals",
+            self.size,
+            reads=[plane, gbuffer.normal],
+            writes=[self._bent],
+            values=[
+                np.array(self.margin[::-1], np.int32), np.float32(LEAST_OPEN),
+                ROTATION.pack(dict(zip(names, to_world.ravel(), strict=True))),
+            ],
+        )
+        return self._bent
+
+    def both(
+        self, gbuffer: GBuffer | DeviceGBuffer
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return A [rows, columns] and bent normals [rows, columns, 3]; see `gtao`."""
+        if not self.params.bent_normals:
+            raise ValueError("bent_normals is False: expected True for bent normals")
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download()
+        return result[0], np.ascontiguousarray(np.moveaxis(result[1:], 0, -1))
+
     def _macros(self) -> Mapping[str, int]:
-        return {"GTAO_FALLOFF": int(self.params.falloff > 0.0)}
+        params = self.params
+        return {"GTAO_FALLOFF": int(params.falloff > 0.0), "GTAO_BENT": int(params.bent_normals)}
 
     def _values(self) -> Mapping[str, float]:
         params = self.params
@@ -51,15 +115,38 @@ class Gtao(SliceTechnique[GtaoParams]):
         }
 
 
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = ...,
+    slices: int = ...,
+    taps: int = ...,
+    *,
+    bent_normals: Literal[False] = False,
+    runtime: Runtime | None = ...,
+    **params: Any,
+) -> NDArray[np.float32]: ...
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = ...,
+    slices: int = ...,
+    taps: int = ...,
+    *,
+    bent_normals: Literal[True],
+    runtime: Runtime | None = ...,
+    **params: Any,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: float = 0.5,
     slices: int = 2,
     taps: int = 9,
     *,
+    bent_normals: bool = False,
     runtime: Runtime | None = None,
     **params: Any,
-) -> NDArray[np.float32]:
+) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Compute cosine-weighted ambient occlusion from the highest horizons round each pixel.
 
     Args:
@@ -68,15 +155,24 @@ def gtao(
         radius: distance up to which surfaces occlude, scene units, > 0.
         slices: planes through the line of sight, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64.
+        bent_normals: whether bent normals are returned too: the mean unoccluded direction of each
+            pixel, weighted by its cosine to the normal.
         runtime: the device; by default the fastest found.
         **params: the other fields of `GtaoParams`.
 
     Returns:
-        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With
+        `bent_normals`, A and [rows, columns, 3] float32: bent normals in world space, of unit
+        length; the surface's normal where nothing occludes, 0 where nothing is there.
 
     Raises:
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    chosen = GtaoParams(radius=radius, slices=slices, taps=taps, **params)
-    return prepared(Gtao, gbuffer, runtime, chosen)
+    chosen = GtaoParams(
+        radius=radius, slices=slices, taps=taps, bent_normals=bent_normals, **params
+    )
+    if not bent_normals:
+        return prepared(Gtao, gbuffer, runtime, chosen)
+    device = on_device(gbuffer, runtime)
+    return made_for(device, Gtao, chosen).both(device)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.params import param
+from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
 
@@ -38,7 +39,10 @@ class Hbao(SliceTechnique[HbaoParams]):
     defaults = HbaoParams
 
     def _macros(self) -> Mapping[str, int]:
-        return {"HBAO_ATTENUATION": int(self.params.attenuation > 0.0)}
+        return {
+            "HBAO_ATTENUATION": int(self.params.attenuation > 0.0),
+            "HBAO_BIAS": int(self.params.angle_bias > 0.0),
+        }
 
     def _values(self) -> Mapping[str, float]:
         params = self.params
@@ -52,9 +56,12 @@ class Hbao(SliceTechnique[HbaoParams]):
 def hbao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: float = 0.5,
-    slices: int = 2,
-    taps: int = 9,
+    slices: int | None = None,
+    taps: int | None = None,
     *,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -66,6 +73,8 @@ def hbao(
         radius: distance up to which surfaces occlude, scene units, > 0.
         slices: pairs of opposite directions, 1 to 32.
         taps: depths read in each direction, 1 to 64.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `HbaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `HbaoParams`.
 
@@ -76,5 +85,8 @@ def hbao(
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    chosen = HbaoParams(radius=radius, slices=slices, taps=taps, **params)
+    chosen: HbaoParams = params_for(
+        "hbao", gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
+        error=error, budget_ms=budget_ms, **params,
+    )
     return prepared(Hbao, gbuffer, runtime, chosen)

@@ -16,20 +16,28 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.occlusion import BLUR_RESOLUTIONS, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER
 
 SLICES = Struct(
     "SliceParams",
     (
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
-        *floats("thickness", "falloff_scale", "thin", "attenuation", "bias_cos", "bias_sin"),
+        *floats("thickness", "slack", "falloff_scale", "thin", "attenuation", "bias_cos", "bias_sin"),
         *(
             (name, "int")
-            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")
+            for name in (
+                "margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead"
+            )
         ),
     ),
 )
+
+GROUP = 16
+"""Pixels that scan together, every fourth of a row."""
+
+SIMILAR = 0.6
+"""Those whose 1 / depth is at least this part of the nearest's share its slices."""
 
 TILE = 4
 """Rows and columns after which the pattern of slices repeats; the blur is made for it."""
@@ -80,6 +88,20 @@ class SliceParams(Params):
         unit="px",
     )
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+    blur_resolution: str = param(
+        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
+        choices=BLUR_RESOLUTIONS,
+    )
+
+    @property
+    def overshoot(self) -> float:
+        """By how many taps the taps are moved away from the receiver."""
+        return 0.0
+
+    @property
+    def channels(self) -> int:
+        """Images of a result: A, and what else the technique finds."""
+        return 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,22 +135,27 @@ def pattern(params: SliceParams) -> Pattern:
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     return Pattern(
         angle=np.pi * (number + turn) / slices,
-        share=((np.arange(taps) + jitter[..., None]) / taps) ** params.tap_power,
+        share=((np.arange(taps) + jitter[..., None] + params.overshoot) / taps)
+        ** params.tap_power,
         dither=np.mod(0.5 + golden * (TILE_ORDER[..., None] + TILE**2 * number), 1.0),
     )
 
 
 def table(params: SliceParams) -> NDArray[np.float32]:
-    """Return the pattern as kernels read it: [4 rows, slices, 3 + taps, 16 columns]."""
+    """Return the pattern as kernels read it: [4 rows, 4 columns, slices, 3 + taps].
+
+    Taps are filled up to a multiple of 16.
+    """
     made = pattern(params)
     rows = np.concatenate(
         [
             np.stack([np.cos(made.angle), np.sin(made.angle), made.dither], axis=-1),
             made.share,
+            np.zeros((*made.share.shape[:3], -params.taps % GROUP)),
         ],
         axis=-1,
-    )  # row, column, slice, number
-    return np.tile(rows.transpose(0, 2, 3, 1), 4).astype(np.float32)
+    )
+    return rows.astype(np.float32)
 
 
 P = TypeVar("P", bound=SliceParams)
@@ -178,6 +205,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         coarse = self._openness.size
         reduced_margin = (margin[0] // self._step, margin[1] // self._step)
         self._whole = (coarse[0] + 2 * reduced_margin[0], coarse[1] + 2 * reduced_margin[1])
+        # Column 0 of the result begins a tile.
+        self._lead = -reduced_margin[1] % TILE
+        quarter = -(-(self._whole[1] + self._lead) // TILE)
+        self._stride = -(-quarter // GROUP) * GROUP + GROUP
         # Of a perspective and of an orthographic camera: what lies outside differs.
         self._near: dict[bool, Plane] = {}
 
@@ -197,24 +228,32 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
             reads=[near, source.normal, self._table],
             writes=[self._openness],
             values=[source.camera_struct, self._packed(source)],
+            grid=self._grid(),
         )
+
+    def _grid(self) -> Size:
+        """Return (rows, columns) of work-items: four for each piece of four times the lanes."""
+        rows, columns = self._openness.size
+        return rows, TILE * -(-columns // (TILE * self.runtime.form.lanes))
 
     def _measured(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass that brings all layers into the measure and the size of the scan."""
         perspective = bool(gbuffer.camera_struct["perspective"])
         if perspective not in self._near:
             outside = 0.0 if perspective else math.inf
-            self._near[perspective] = self.runtime.plane(self.layers, self._whole, outside)
+            size = (self._whole[0], TILE * self._stride)
+            self._near[perspective] = self.runtime.plane(self.layers, size, outside)
         near = self._near[perspective]
         rows, columns = gbuffer.whole
         first = (gbuffer.margin[0] % self._step, gbuffer.margin[1] % self._step)
         self._measure.run(
             "near",
-            self._whole,
+            near.size,
             reads=[gbuffer.depth],
             writes=[near],
             values=[
-                np.array([columns, rows], np.int32), np.int32(self._step), np.int32(first[1]),
+                np.array([columns, rows], np.int32), np.int32(self._whole[1]),
+                np.int32(self._lead), np.int32(self._step), np.int32(first[1]),
                 np.int32(first[0]), np.float32(_ortho_unit(gbuffer.camera_struct, self._step)),
                 gbuffer.camera_struct,
             ],
@@ -242,10 +281,15 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
             "bias": params.bias,
             "depth_bias": DEPTH_BIAS,
             "contrast": params.contrast,
+            "stride": self._stride,
+            "lead": self._lead,
             **self._margins(source),
         }
         return SLICES.pack({**dict.fromkeys(SLICES.dtype.names or (), 0.0), **values,
                             **self._values()})
+
+
+T = TypeVar("T", bound=SliceTechnique[Any])
 
 
 def _ortho_unit(camera: Any, step: int) -> float:
@@ -261,8 +305,13 @@ def prepared(
 ) -> NDArray[np.float32]:
     """Return A of a G-buffer by a technique, prepared unless it was before."""
     device = on_device(gbuffer, runtime)
-    made: SliceTechnique[Any] = device.runtime.prepared(
+    return made_for(device, technique, params)(device)
+
+
+def made_for(device: DeviceGBuffer, technique: type[T], params: SliceParams) -> T:
+    """Return a technique for G-buffers like this one, prepared unless it was before."""
+    made: T = device.runtime.prepared(
         (technique, device.size, device.margin, device.layers, params),
         lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
     )
-    return made(device)
+    return made

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.bitmask_ao import turn
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.gtao import gtao
 
 from ..closed_forms import hidden_by_wall
-from .analytic import camera, scene
+from .analytic import camera, scene, tilted, trace
 from .walls import wall_and_floor
 
 
@@ -29,7 +30,9 @@ def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
 def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     gbuffer = scene("bumpy", camera(kind), rng)
     a = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime)
-    b = bitmask_ao(gbuffer, 0.6, thickness=1e3, blur_radius=0, runtime=runtime)
+    b = bitmask_ao(
+        gbuffer, 0.6, taps=9, thickness=1e3, joined=False, blur_radius=0, runtime=runtime
+    )
     # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
     # (the polynomial's error is 1/50 of a sector).
     assert np.abs(a - b).max() < 1 / 32 + 1e-3
@@ -53,7 +56,10 @@ def test_thinner_surfaces_let_more_light_pass(
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     images = [
-        bitmask_ao(gbuffer, 0.6, thickness=t, sectors=sectors, blur_radius=0, runtime=runtime)
+        bitmask_ao(
+            gbuffer, 0.6, thickness=t, sectors=sectors, joined=False, blur_radius=0,
+            runtime=runtime,
+        )
         for t in (0.0, 0.05, 0.3, 2.0)
     ]
     for thin, thick in pairwise(images):
@@ -75,3 +81,29 @@ def test_bad_parameter_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         bitmask_ao(scene("corner", camera(size=(4, 4)), rng), runtime=runtime, **params)
+
+
+def test_joined_taps_find_what_lies_between_them_and_up_to_the_radius(runtime: Runtime) -> None:
+    gbuffer, distance = wall_and_floor("perspective")
+    joined, single = (
+        bitmask_ao(gbuffer, 1.0, 16, 12, joined=choice, blur_radius=0, runtime=runtime)
+        for choice in (True, False)
+    )
+    there = (distance > 0.1) & (distance < 0.95)
+    wanted = np.array([1.0 - hidden_by_wall(c, "cosine", "none") for c in distance[there]])
+    # One plane and another that meet: 12 taps see both, so that nothing is left but the rounding
+    # of sectors, half of 1/32 in each of 16 slices, and tens of pixels to average them.
+    assert float(np.mean(joined[there] - wanted)) == pytest.approx(0.0, abs=2e-3)
+    assert float(np.mean(single[there] - wanted)) > 0.01
+
+
+def test_joined_taps_do_not_bridge_a_silhouette(runtime: Runtime) -> None:
+    # A plate that floats more than a radius before a wall.
+    made = camera(size=(64, 64))
+    gbuffer = trace(made, [tilted(made, 0.0)])
+    depth = np.array(gbuffer.depth)
+    depth[20:44, 20:44] -= 1.5
+    plate = GBuffer(camera=made, depth=depth, normal=gbuffer.normal)
+    a = bitmask_ao(plate, 1.0, thickness=0.0, blur_radius=0, runtime=runtime)
+    # Nothing lies within the radius of anything else; a bridge to the plate would reach the wall.
+    np.testing.assert_array_equal(a, 1.0)

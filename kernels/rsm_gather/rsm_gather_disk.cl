@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+// rsm_gather_disk: light gathered from texels round where each pixel lies in the map.
+//
+// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 4.1: samples in a
+//          disk round the pixel's place, denser in the middle, weighted by what they lack there.
+// Departs: point lights have a cap of the sphere of directions in place of a disk, so that no face
+//          of the map ends it; pixels that the light does not see have a place too, see place.clh.
+//          Each texel is a disc, see receiver.clh.
+// Reads:   depth, normal  the pixels, with margin; view space
+//          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
+//          texels   records, see records.clh
+//          pattern  [samples][4] place x, y in the unit disk and the area there that the sample
+//                   stands for, or direction x, y, z round +z and the solid angle
+//          turns    [4 rows][cosines, sines][4 columns] of the angle by which pixels of a tile turn
+//                   the pattern; read with RSM_GATHER_ROTATED
+// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is
+// Macros:  RSM_GATHER_LISTED, RSM_GATHER_ROTATED, RSM_GATHER_SPHERE (0, 1)
+// Launch:  SSGI_LANES pixels of a row per work-item; or any number of work-items for the list
+// Cost:    10 scattered reads per pixel and sample
+
+#include "rsm_gather/place.clh"
+
+#if !defined(RSM_GATHER_LISTED) || !defined(RSM_GATHER_ROTATED) || !defined(RSM_GATHER_SPHERE)
+#error "RSM_GATHER_LISTED, RSM_GATHER_ROTATED and RSM_GATHER_SPHERE must be defined by the host"
+#endif
+
+__kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
+                              __global const int *restrict list,
+                              __global const float *restrict texels,
+                              __global const float *restrict pattern,
+                              __global const float *restrict turns,
+                              __global float *restrict irradiance,
+                              const int2 size, // of the result
+                              const SsgiCamera camera, const RsmGatherParams params,
+                              const SsgiCamera map, const RsmMapParams light)
+{
+    for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
+        const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
+        if (!v_any(r.there)) {
+            rsm_write(rsm_nothing(), r, start, size, irradiance);
+            continue;
+        }
+        const RsmPlace place = rsm_place(r, map, light);
+#if RSM_GATHER_ROTATED
+        const vint turn = (r.row & 3) * 8 + (r.column & 3);
+        const vfloat cosine = v_gather(turns, turn);
+        const vfloat sine = v_gather(turns, turn + 4);
+#endif
+        RsmSum sum = rsm_nothing();
+        for (int first = 0; first < params.samples; first += RSM_RUN) {
+            const int end = min(first + RSM_RUN, params.samples);
+            RsmSum run = rsm_nothing();
+            for (int i = first; i < end; ++i) {
+                __global const float *at = pattern + 4 * i;
+#if RSM_GATHER_ROTATED
+                const vfloat ux = v_fma(cosine, v_splat(at[0]), -(sine * at[1]));
+                const vfloat uy = v_fma(sine, v_splat(at[0]), cosine * at[1]);
+#else
+                const vfloat ux = v_splat(at[0]);
+                const vfloat uy = v_splat(at[1]);
+#endif
+                const RsmTexel texel = rsm_texel(place, ux, uy, at[2], at[3], map, light);
+                const vint t = texel.index * RSM_RECORD;
+                // A sample that stands for less than a texel is no smaller a disc than that.
+                const vfloat area =
+                    v_gather(texels + RSM_AREA, t) * v_max(texel.count, v_splat(1.0f));
+                const vfloat f = rsm_form_factor(
+                    r, v_gather(texels + RSM_AT, t), v_gather(texels + RSM_AT + 1, t),
+                    v_gather(texels + RSM_AT + 2, t), area, v_gather(texels + RSM_NORMAL, t),
+                    v_gather(texels + RSM_NORMAL + 1, t), v_gather(texels + RSM_NORMAL + 2, t));
+                const vfloat share = f * texel.count;
+                run.red = v_fma(share, v_gather(texels + RSM_FLUX, t), run.red);
+                run.green = v_fma(share, v_gather(texels + RSM_FLUX + 1, t), run.green);
+                run.blue = v_fma(share, v_gather(texels + RSM_FLUX + 2, t), run.blue);
+            }
+            rsm_add(&sum, run);
+        }
+        rsm_write(sum, r, start, size, irradiance);
+    }
+}

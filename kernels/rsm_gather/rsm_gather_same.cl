@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// rsm_gather_same: light gathered from samples that are the same for all pixels.
+//
+// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", equation 1, each sample a
+//          disc, see receiver.clh: E = sum over samples of flux cos cos / (pi d^2 + area).
+// Reads:   depth, normal  the pixels, with margin; view space
+//          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
+//          samples  params.samples records, see records.clh
+// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is
+// Macros:  RSM_GATHER_LISTED (0, 1)
+// Launch:  SSGI_LANES pixels of a row per work-item; or any number of work-items for the list
+// Cost:    21 operations and a division per pixel and sample
+
+#include "rsm_gather/receiver.clh"
+
+#ifndef RSM_GATHER_LISTED
+#error "RSM_GATHER_LISTED must be defined by the host"
+#endif
+
+__kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
+                              __global const int *restrict list,
+                              __global const float *restrict samples,
+                              __global float *restrict irradiance,
+                              const int2 size, // of the result
+                              const SsgiCamera camera, const RsmGatherParams params)
+{
+    for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
+        const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
+        if (!v_any(r.there)) {
+            rsm_write(rsm_nothing(), r, start, size, irradiance);
+            continue;
+        }
+        RsmSum sum = rsm_nothing();
+        for (int first = 0; first < params.samples; first += RSM_RUN) {
+            const int end = min(first + RSM_RUN, params.samples);
+            RsmSum run = rsm_nothing();
+            for (int i = first; i < end; ++i) {
+                __global const float *s = samples + i * RSM_RECORD;
+                if (s[RSM_POWER] == 0.0f) {
+                    continue;
+                }
+                const vfloat f = rsm_form_factor(
+                    r, v_splat(s[RSM_AT]), v_splat(s[RSM_AT + 1]), v_splat(s[RSM_AT + 2]),
+                    v_splat(s[RSM_AREA]), v_splat(s[RSM_NORMAL]), v_splat(s[RSM_NORMAL + 1]),
+                    v_splat(s[RSM_NORMAL + 2]));
+                run.red = v_fma(f, v_splat(s[RSM_FLUX]), run.red);
+                run.green = v_fma(f, v_splat(s[RSM_FLUX + 1]), run.green);
+                run.blue = v_fma(f, v_splat(s[RSM_FLUX + 2]), run.blue);
+            }
+            rsm_add(&sum, run);
+        }
+        rsm_write(sum, r, start, size, irradiance);
+    }
+}

@@ -1,0 +1,206 @@
+"""A reflective shadow map in device memory, in the form that kernels read."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.gbuffer import ReflectiveShadowMap
+from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+
+Doubles = NDArray[np.float64]
+
+ROTATION = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+FACE = Struct(
+    "RsmFace",
+    (*floats(*ROTATION, "x", "y", "z", "brightest"), ("first_row", "int"), ("rows", "int")),
+)
+
+LEAST_COSINE = 0.1
+"""A texel seen at a flatter angle stands for the area that it has at this cosine."""
+BRIGHTEST = 1e30
+"""W: a texel that reflects more counts as this, so that float32 holds all sums."""
+
+
+class DeviceRsm:
+    """A reflective shadow map that stays on the device from frame to frame.
+
+    Positions are relative to `origin` and along the world's axes, so that a map 1e6 scene units
+    from the world's origin is as exact as one there.
+
+    Args:
+        runtime: the device.
+        face_size: (rows, columns) of one face in texels.
+        faces: 1, or 6 for a point light.
+
+    Attributes:
+        size: (rows, columns) of the planes: all faces, stacked from top to bottom.
+        position: 3 images, scene units from `origin`; 0 where nothing is.
+        normal: 3 images, world space, unit length, on the side that the light falls on; 0 where
+            nothing is.
+        flux: 3 images, reflected radiant flux of the texel in W.
+        area: 1 image, the surface that the texel stands for in square scene units; 0 where
+            nothing is.
+        origin: [3] float64, world space: where the light's first camera is.
+        light, cameras: of the current contents; None and () before there are any.
+        version: grows with every change of the contents.
+    """
+
+    def __init__(self, runtime: Runtime, face_size: Size, faces: int = 1) -> None:
+        self.runtime = runtime
+        self.face_size = face_size
+        self.faces = faces
+        self.size = (face_size[0] * faces, face_size[1])
+        self.position = runtime.plane(3, self.size)
+        self.normal = runtime.plane(3, self.size)
+        self.flux = runtime.plane(3, self.size)
+        self.area = runtime.plane(1, self.size)
+        self.origin: Doubles = np.zeros(3)
+        self.light: SpotLight | PointLight | DirectionalLight | None = None
+        self.cameras: tuple[Camera, ...] = ()
+        self.version = 0
+        self._uploaded: ReflectiveShadowMap | None = None
+        self._kernel = runtime.kernel("rsm/rsm_face.cl", structs=(CAMERA, FACE))
+
+    def upload(self, rsm: ReflectiveShadowMap) -> None:
+        """Replace the contents by a map of the same size, unless they are that very map's."""
+        if rsm is self._uploaded:
+            return
+        self.begin(rsm.light, rsm.cameras)
+        position, normal, area = (array.astype(np.float32) for array in surfaces(rsm))
+        self.position.upload(np.moveaxis(position, -1, 0))
+        self.normal.upload(np.moveaxis(normal, -1, 0))
+        self.area.upload(area[None])
+        flux = np.asarray(rsm.flux) * np.isfinite(rsm.depth)[..., None]
+        self.flux.upload(np.moveaxis(np.minimum(flux, np.float32(BRIGHTEST)), -1, 0))
+        self._uploaded = rsm
+
+    def begin(
+        self, light: SpotLight | PointLight | DirectionalLight, cameras: tuple[Camera, ...]
+    ) -> None:
+        """Note whose map comes next; `write_face` or `upload` bring it.
+
+        Raises:
+            ValueError: another number or size of faces.
+        """
+        sizes = {camera.size for camera in cameras}
+        if len(cameras) != self.faces or sizes != {self.face_size}:
+            raise ValueError(
+                f"the reflective shadow map has {len(cameras)} faces of {sorted(sizes)} texels: "
+                f"expected {self.faces} of {self.face_size} (rows, columns)"
+            )
+        self.light, self.cameras, self.origin = light, cameras, cameras[0].position
+        self.version += 1
+        self._uploaded = None
+
+    def write_face(self, face: int, depth: Plane, normal: Plane, flux: Plane) -> None:
+        """Queue the pass that fills one face from planes of `face_size`; nothing is read back.
+
+        Args:
+            face: its number, in the order of `cameras`.
+            depth: 1 image, scene units; INFINITY where nothing is.
+            normal: 3 images, world space.
+            flux: 3 images, W.
+        """
+        camera = self.cameras[face]
+        values = {
+            **dict(zip(ROTATION, camera.view[:3, :3].T.ravel(), strict=True)),
+            **dict(zip("xyz", camera.position - self.origin, strict=True)),
+            "brightest": BRIGHTEST,
+            "first_row": face * self.face_size[0],
+            "rows": self.size[0],
+        }
+        self._kernel.run(
+            "rsm face", self.face_size, reads=[depth, normal, flux],
+            writes=[self.position, self.normal, self.flux, self.area],
+            values=[CAMERA.pack(camera_values(camera)), FACE.pack(values)],
+        )
+        self.version += 1
+
+    def to_view(self, camera: Camera) -> Doubles:
+        """Return the [3, 4] matrix from `position`'s space to a camera's view space.
+
+        Computed in float64, so that the translation is exact however far from the world's origin
+        both are; kernels get it rounded to float32. Normals take its first three columns.
+        """
+        turn = camera.view[:3, :3]
+        return np.column_stack([turn, turn @ self.origin + camera.view[:3, 3]])
+
+    def from_view(self, camera: Camera) -> Doubles:
+        """Return the [3, 4] matrix from a camera's view space to `position`'s; see `to_view`."""
+        there = self.to_view(camera)
+        return np.column_stack([there[:, :3].T, -there[:, :3].T @ there[:, 3]])
+
+
+def surfaces(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
+    """Return position, normal and area of every texel in float64; see `DeviceRsm`.
+
+    Where a position is, as far as float32 can tell, what depth and camera say, these count: far
+    from the world's origin they are more exact.
+    """
+    origin = rsm.cameras[0].position
+    depth = np.asarray(rsm.depth)
+    there = np.isfinite(depth)
+    seen, to_light, section = [], [], []
+    for camera, face in zip(rsm.cameras, _faces(np.where(there, depth, 1.0), rsm), strict=True):
+        to_x, to_y, at_x, at_y = camera.pixel_to_view
+        x = np.broadcast_to(to_x * (np.arange(face.shape[1]) + 0.5) + at_x, face.shape)
+        y = np.broadcast_to(to_y * (np.arange(face.shape[0])[:, None] + 0.5) + at_y, face.shape)
+        if camera.is_orthographic:
+            k, way = np.ones(face.shape), np.broadcast_to([0.0, 0.0, 1.0], (*face.shape, 3))
+        else:
+            k, way = face, np.stack([-x, -y, np.ones_like(x)], axis=-1)
+        length = np.linalg.norm(way, axis=-1)
+        turn = camera.view[:3, :3]
+        local = np.stack([x * k, y * k, -face], axis=-1)
+        seen.append(local @ turn + (camera.position - origin))
+        to_light.append(way / length[..., None] @ turn)
+        # A beam that goes aslant is narrower by its cosine to the axis.
+        section.append(abs(to_x * to_y) * k**2 / length)
+    given = np.asarray(rsm.position, np.float64)
+    rounding = 4.0 * np.spacing(np.abs(given).max(axis=-1, keepdims=True).astype(np.float32))
+    given = given - origin
+    position = np.concatenate(seen)
+    position = np.where(np.abs(position - given) <= rounding, position, given)
+    normal = np.asarray(rsm.normal, np.float64)
+    cosine = np.sum(normal * np.concatenate(to_light), axis=-1)
+    area = np.concatenate(section) / np.maximum(np.abs(cosine), LEAST_COSINE)
+    normal = np.where(cosine[..., None] < 0.0, -normal, normal)
+    seen_at = there[..., None]
+    return position * seen_at, normal * seen_at, area * there
+
+
+def _faces(array: NDArray[np.float64], rsm: ReflectiveShadowMap) -> list[Doubles]:
+    return np.split(array, len(rsm.cameras))
+
+
+def on_device_rsm(
+    rsm: ReflectiveShadowMap | DeviceRsm, runtime: Runtime | None = None
+) -> DeviceRsm:
+    """Return the map in device memory, uploaded unless it is there already.
+
+    Memory for uploads is kept by the runtime and used again for other maps of the same size.
+
+    Raises:
+        TypeError: neither a ReflectiveShadowMap nor a DeviceRsm.
+        ValueError: a DeviceRsm without contents.
+    """
+    if isinstance(rsm, DeviceRsm):
+        if rsm.light is None:
+            raise ValueError("the device RSM is empty: upload or draw something first")
+        return rsm
+    if not isinstance(rsm, ReflectiveShadowMap):
+        raise TypeError(
+            f"rsm is {type(rsm).__name__}: expected ReflectiveShadowMap or DeviceRsm"
+        )
+    runtime = runtime or Runtime.open()
+    size, faces = rsm.cameras[0].size, len(rsm.cameras)
+    device: DeviceRsm = runtime.prepared(
+        (DeviceRsm, size, faces), lambda: DeviceRsm(runtime, size, faces)
+    )
+    device.upload(rsm)
+    return device

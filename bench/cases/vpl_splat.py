@@ -1,0 +1,117 @@
+"""Virtual point lights, splatted: by their number, by the cut, interleaved, and with walls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.truth import Truth
+from ssgi_cl.vpls import Vpls, choose_vpls
+
+from ..case import Family, Own, Subject, count_of
+from ..context import Context
+
+MAP_SIZE = 512
+"""Texels along a side of the lamps' maps."""
+PIXEL_BYTES = 4 * (1 + 3 + 3)
+"""Depth and normal read, E written."""
+
+
+@dataclass(frozen=True)
+class VplsByNumber(Own):
+    """All lights, without a cut; the setting is their number.
+
+    Attributes:
+        cull: tiles skip lights that lie behind them.
+        interleave: each pixel of 4 x 4 takes one in 16.
+        visibility: walls block light; then the G-buffer has four layers and a tenth of overscan.
+    """
+
+    cull: bool = True
+    interleave: bool = False
+    visibility: bool = False
+    SETTINGS: tuple[str, ...] = ("256", "1024", "4096")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make reflective shadow maps and splatting ready."""
+        params = VplSplatParams(
+            vpls=count_of(setting, "a number of lights", 1, 1 << 20), cutoff=0.0, cull=self.cull,
+            interleave=self.interleave, visibility=self.visibility,
+        )
+        return vpl_subject(context, params)
+
+
+@dataclass(frozen=True)
+class VplsByCut(Own):
+    """1024 lights without parts; the setting is the cut, of the irradiance at 1 scene unit.
+
+    Attributes:
+        cull: tiles skip lights that give them nothing.
+        restore: what the cut leaves out is put back.
+    """
+
+    cull: bool = True
+    restore: bool = False
+    SETTINGS: tuple[str, ...] = ("1-percent", "5-percent", "7-percent")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make reflective shadow maps and splatting ready."""
+        percent = count_of(setting.removesuffix("-percent"), "N-percent, N a number", 1, 10_000)
+        params = VplSplatParams(
+            cutoff=0.01 * percent, cull=self.cull, restore=self.restore, refine=0.0
+        )
+        return vpl_subject(context, params)
+
+
+def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
+    """Return splatting with any parameters as a subject."""
+    maps, vpls = _chosen(context, params)
+    gbuffer = context.layered(4, 0.1) if params.visibility else context.gbuffer
+    technique = VplSplat(context.runtime, context.size, params)
+    pixels = context.size[0] * context.size[1]
+
+    def image() -> NDArray[np.float32]:
+        return np.moveaxis(technique.run(gbuffer, vpls, maps).download(), 0, -1)
+
+    truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
+    if not params.visibility:
+        truths["assumption"] = lambda: context.bounce(visibility=False)
+    return Subject(
+        run=lambda: technique.run(gbuffer, vpls, maps),
+        image=image,
+        quantity="bounce",
+        moved=pixels * PIXEL_BYTES,
+        truths=truths,
+        note=f"{len(vpls)} lights, chosen before; without drawing the maps",
+    )
+
+
+def _chosen(context: Context, params: VplSplatParams) -> tuple[list[DeviceRsm], Vpls]:
+    """Return the lamps' maps in device memory, and lights from them."""
+    if not context.lamps:
+        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+    maps = []
+    for lamp in context.lamps:
+        drawn = rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=context.runtime)
+        device = DeviceRsm(context.runtime, drawn.cameras[0].size, len(drawn.cameras))
+        device.upload(drawn)
+        maps.append(device)
+    vpls = choose_vpls(maps, params.vpls, parts=params.parted, runtime=context.runtime)
+    return maps, vpls
+
+
+FAMILIES: Mapping[str, Family] = {
+    "vpl": VplsByNumber(),
+    "vpl-plain": VplsByNumber(cull=False),
+    "vpl-interleaved": VplsByNumber(interleave=True),
+    "vpl-walls": VplsByNumber(interleave=True, visibility=True, SETTINGS=("1024", "4096", "16384")),
+    "vpl-cut": VplsByCut(),
+    "vpl-cut-plain": VplsByCut(cull=False),
+    "vpl-cut-restored": VplsByCut(restore=True),
+}

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+// vpl_grid: an empty grid round all tiles of the image and all lights.
+//
+// Reads:   boxes  [tiles][VPL_BOX]; see vpl_boxes
+// Writes:  grid      VPL_GRID^3 bits, 0
+//          grid_box  4 floats; see vpl/grid.clh
+// Macros:  VPL_GRID, VPL_STEPS; see vpl/grid.clh
+// Params:  the box round the lights
+// Launch:  VPL_GRID rows of VPL_GRID work-items, each for one row of cells
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "vpl/grid.clh"
+#include "vpl/receiver.clh"
+
+#if !defined(VPL_GRID) || !defined(VPL_STEPS)
+#error "VPL_GRID and VPL_STEPS must be defined"
+#endif
+
+__kernel void vpl_grid(__global const float *restrict boxes, __global int *restrict grid,
+                       __global float *restrict grid_box, const int2 size, const VplParams params)
+{
+    const int y = (int)get_global_id(0);
+    const int z = (int)get_global_id(1);
+    if (y >= VPL_GRID || z >= VPL_GRID) {
+        return;
+    }
+    for (int i = 0; i < VPL_ROW; ++i) {
+        grid[(z * VPL_GRID + y) * VPL_ROW + i] = 0;
+    }
+    if (y == 0 && z == 0) {
+        float low[3] = {params.low_x, params.low_y, params.low_z};
+        float high[3] = {params.high_x, params.high_y, params.high_z};
+        const int2 tiles = vpl_tiles(size);
+        for (int i = 0; i < tiles.x * tiles.y; ++i) {
+            for (int j = 0; j < 3; ++j) { // an empty tile has +INFINITY and -INFINITY
+                low[j] = min(low[j], boxes[i * VPL_BOX + j]);
+                high[j] = max(high[j], boxes[i * VPL_BOX + 3 + j]);
+            }
+        }
+        const float side =
+            max(max(high[0] - low[0], high[1] - low[1]), max(high[2] - low[2], 1e-6f));
+        const float cell = side / (float)(VPL_GRID - 6); // room for lifted points on every side
+        for (int j = 0; j < 3; ++j) {
+            grid_box[j] = low[j] - 3.0f * cell;
+        }
+        grid_box[3] = 1.0f / cell;
+    }
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: MIT
+// vpl_lists: for each tile, the virtual point lights that may give any of its pixels something.
+//
+// Method:  A light whose irradiance per flux w = cos cos / (pi d^2 + A) is nowhere in the tile above
+//          the cut is left out. Three bounds: where cos / (pi d^2) is above the cut there lies, for a
+//          diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R along its
+//          normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light behind the
+//          tile; the greatest cosines over the least distance between light and tile.
+//          All of them are conservative, so that a tile's pixels get the same bits from its list as
+//          from all lights.
+// Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
+//          lights  [segments][VPL_BOUNDS][params.stride] positions (0-2), normals (3-5), area (6)
+// Writes:  lists   [tiles][VPL_SUBSETS][params.room] numbers of the lights; -1 - n for light n whose
+//                  parts, params.stride + 16 n to + 15, precede it
+//          counts  [tiles][VPL_SUBSETS]
+// Macros:  VPL_CUT (0: only what gives nothing is left out, 1), VPL_SUBSETS (1, 16: light i of
+//          params.count is number i / 16 of the subset i % 16, which has a segment of its own),
+//          VPL_PARTS (1: lights closer than sqrt(params.refine A) to a tile have their parts
+//          with them)
+// Launch:  a work-item for each tile and subset; lanes are lights
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "vpl/receiver.clh"
+
+#if !defined(VPL_CUT) || !defined(VPL_SUBSETS) || !defined(VPL_PARTS)
+#error "VPL_CUT, VPL_SUBSETS and VPL_PARTS must be defined"
+#endif
+
+#define VPL_BOUNDS 7 // floats of a light
+
+#if VPL_PARTS
+// Appends light `number` if it is kept, marked and with its 16 parts if it is close and there is room
+// for them beside all lights to come; returns the new count.
+static inline int vpl_append(__global int *restrict list, const int count, const int number,
+                             const int number_of, const int kept, const int close,
+                             const VplParams params)
+{
+    if (close && count + 17 + number_of - number <= params.room) {
+        for (int j = 0; j < 16; ++j) {
+            list[count + j] = params.stride + 16 * number + j;
+        }
+        list[count + 16] = -1 - number;
+        return count + 16 - kept;
+    }
+    list[count] = number;
+    return count - kept;
+}
+#endif
+
+#define VPL_SLACK 4e-6f // rounding of a height, relative to the distances that it is made of
+
+__kernel void vpl_lists(__global const float *restrict boxes, __global const float *restrict lights,
+                        __global int *restrict lists, __global int *restrict counts,
+                        const int2 size, const VplParams params)
+{
+    const int tile_x = (int)get_global_id(0) / VPL_SUBSETS;
+    const int subset = (int)get_global_id(0) % VPL_SUBSETS;
+    const int tile_y = (int)get_global_id(1);
+    const int2 tiles = vpl_tiles(size);
+    if (tile_x >= tiles.x || tile_y >= tiles.y) {
+        return;
+    }
+    const int tile = tile_y * tiles.x + tile_x;
+    const int own = tile * VPL_SUBSETS + subset;
+    __global const float *restrict box = boxes + tile * VPL_BOX;
+    if (box[13] == 0.0f) {
+        counts[own] = 0;
+        return;
+    }
+    lights += (params.segment + subset) * VPL_BOUNDS * params.stride;
+    const int number_of = (params.count - subset + VPL_SUBSETS - 1) / VPL_SUBSETS;
+    __global int *restrict list = lists + own * params.room;
+    const vfloat zero = v_splat(0.0f);
+    float extent = 0.0f;
+    for (int j = 0; j < 3; ++j) {
+        extent += max(fabs(box[j]), fabs(box[3 + j]));
+    }
+    int count = 0;
+    for (int i = 0; i < number_of; i += SSGI_LANES) {
+        vfloat squared = zero;               // least distance from the tile's box
+        vfloat emitted = zero;               // greatest height of the tile above the light
+        vfloat received = v_splat(-box[12]); // and of the light above the tile
+        vfloat slack = v_splat(extent);
+#if VPL_CUT
+        vfloat from_centre = zero; // least distance of the box from the sphere's centre
+#endif
+        for (int j = 0; j < 3; ++j) {
+            const vfloat y = v_load(lights + j * params.stride + i);
+            const vfloat m = v_load(lights + (3 + j) * params.stride + i);
+            const vfloat low = v_splat(box[j]);
+            const vfloat high = v_splat(box[3 + j]);
+            const vfloat d = v_max(v_max(low - y, y - high), zero);
+            squared = v_fma(d, d, squared);
+            emitted = emitted + v_max(m * (low - y), m * (high - y));
+            received = received + v_max(y * box[6 + j], y * box[9 + j]);
+            slack = slack + v_abs(y);
+#if VPL_CUT
+            const vfloat c = v_fma(m, v_splat(params.lobe_centre), y);
+            const vfloat e = v_max(v_max(low - c, c - high), zero);
+            from_centre = v_fma(e, e, from_centre);
+#endif
+        }
+        emitted = v_fma(slack, v_splat(VPL_SLACK), emitted);
+        received = v_fma(slack, v_splat(VPL_SLACK), received);
+        vmask kept = v_gt(emitted, zero) & v_gt(received, zero) &
+                     v_ilt(v_iota() + i, v_splat_int(number_of));
+#if VPL_CUT
+        // cos cos <= min(1, height / distance) for both; times the squared distance.
+        const vfloat area = v_load(lights + 6 * params.stride + i);
+        const vfloat nearest = squared * (1.0f - 1e-5f);
+        const vfloat distance = v_sqrt(nearest);
+        const vfloat most = v_min(emitted, distance) * v_min(received, distance) * (1.0f + 1e-5f);
+        const vfloat bound = v_fma(nearest, v_splat(3.14159265f), area) * params.cut;
+        const vmask inside = v_eq(nearest, zero);
+        kept = kept & (v_gt(most, bound * nearest) | (inside & v_gt(v_splat(1.0f), bound))) &
+               v_le(from_centre, v_splat(params.lobe_squared));
+#endif
+#if VPL_PARTS
+        // Next to a tile a light has its parts with it, whichever way it faces: they may face the
+        // tile where it does not.
+        const vmask close =
+            v_lt(squared, v_load(lights + 6 * params.stride + i) * params.refine) &
+            v_ilt(v_iota() + i, v_splat_int(number_of));
+        if (v_any(close)) {
+#if SSGI_LANES == 1
+            count = vpl_append(list, count, i, number_of, kept, close, params);
+#else
+            const vint whole = v_iota() + i;
+#define VPL_APPEND(n)                                                                              \
+    count = vpl_append(list, count, whole.s##n, number_of, kept.s##n, close.s##n, params)
+            (void)(SSGI_EACH(VPL_APPEND));
+#undef VPL_APPEND
+#endif
+            continue;
+        }
+#endif
+        if (v_any(kept)) {
+            // Written to every place, kept where the mask moves on.
+            const vint number = v_iota() + i;
+#if SSGI_LANES == 1
+            list[count] = number;
+            count -= kept;
+#else
+#define VPL_APPEND(n) list[count] = number.s##n, count -= kept.s##n
+            (void)(SSGI_EACH(VPL_APPEND));
+#undef VPL_APPEND
+#endif
+        }
+    }
+    counts[own] = count;
+}

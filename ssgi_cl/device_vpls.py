@@ -1,0 +1,139 @@
+"""Virtual point lights in device memory, in the form that kernels read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import Struct, floats
+from ssgi_cl.vpls import PARTS, Vpls
+
+VPL = Struct(
+    "VplParams",
+    (
+        *floats("per_unit", "gain", "low_x", "low_y", "low_z", "high_x", "high_y", "high_z"),
+        *floats("cut", "lobe_centre", "lobe_squared", "lift"),
+        *floats("refine"),
+        *((n, "int") for n in ("segment", "count", "stride", "span", "room")),
+        *((n, "int") for n in ("margin_columns", "margin_rows")),
+    ),
+)
+
+BATCH = 2048
+"""Lights of one pass, which bounds the memory for the lists of an image's tiles."""
+ROOM = 2
+"""Places of a tile's list for each light of a batch, with parts."""
+LIGHT = 12
+"""Floats of a light; VPL_LIGHT in kernels/vpl/light.clh."""
+BOUNDS = 7
+"""Floats of its bounds; VPL_BOUNDS in kernels/vpl/vpl_lists.cl."""
+LEAST_AREA = 1e-12
+"""Of a light, in squares of the lights' distance from the eye: float32 holds its products."""
+BRIGHTEST = 1e30
+"""W, or W per square unit: more counts as this."""
+
+
+class DeviceVpls:
+    """Lights on the device, in batches of which each is split into `subsets` segments.
+
+    Light i of a batch is number i / subsets of the segment i % subsets, so that each subset is
+    spread like the whole. With parts, those of number n follow the segment's own lights, at
+    stride + 16 n.
+
+    Args:
+        runtime: the device.
+        most: lights, at most.
+        subsets: 1, or 16 for interleaved sampling.
+        parts: whether the lights may have parts.
+
+    Attributes:
+        count: lights there are now.
+        lights, bounds: see kernels/vpl/vpl_splat.cl and vpl_lists.cl.
+        stride, span: lights of a segment, at most, without and with parts.
+        room: places of a list.
+        values: members of the struct `VPL` that depend on the lights.
+        unit: scene units of the length in which kernels count.
+    """
+
+    def __init__(
+        self, runtime: Runtime, most: int, subsets: int = 1, *, parts: bool = False
+    ) -> None:
+        self.most = most
+        self.subsets = subsets
+        self.count = 0
+        self.batch = min(most, BATCH // ROOM if parts else BATCH)
+        self.stride = -(-self.batch // (16 * subsets)) * 16
+        self.segments = -(-most // self.batch) * subsets
+        self.span = self.stride * (1 + PARTS if parts else 1)
+        self.room = self.stride * (ROOM if parts else 1)
+        self.lights = runtime.empty(self.segments * self.span * LIGHT, np.float32)
+        self.bounds = runtime.empty(self.segments * self.stride * BOUNDS, np.float32)
+        self.values: dict[str, float] = {}
+        self.unit = 1.0
+
+    def upload(self, vpls: Vpls, camera: Camera) -> None:
+        """Replace the contents by lights as a camera sees them; ValueError if they are too many."""
+        if len(vpls) > self.most:
+            raise ValueError(f"vpls has {len(vpls)} lights: expected at most {self.most}")
+        # In float64: both may be far from the world's origin and near each other.
+        position = vpls.position @ camera.view[:3, :3].T + camera.view[:3, 3]
+        self.count = count = len(vpls)
+        self.unit = unit = _power_of_two(np.abs(position).max(initial=0.0))
+        power = np.minimum(vpls.flux, BRIGHTEST)
+        brightest = _power_of_two(power.max(initial=0.0))
+        lights = np.zeros((self.segments, self.span, LIGHT), np.float32)
+        index = np.arange(count)
+        batch, within = index // self.batch, index % self.batch
+        segment, number = batch * self.subsets + within % self.subsets, within // self.subsets
+        lights[segment, number] = _packed(vpls, camera, unit, brightest)
+        if vpls.parts is not None and self.span > self.stride:
+            places = self.stride + PARTS * number[:, None] + np.arange(PARTS)
+            lights[np.repeat(segment, PARTS), places.ravel()] = _packed(
+                vpls.parts, camera, unit, brightest
+            )
+        own = lights[:, : self.stride]
+        bounds = np.concatenate([own[..., :3], -own[..., 4:7], own[..., 3:4]], axis=-1)
+        self.lights.upload(lights)
+        self.bounds.upload(bounds.transpose(0, 2, 1))
+        low = position.min(axis=0) / unit if count else np.zeros(3)
+        high = position.max(axis=0) / unit if count else np.zeros(3)
+        self.values = {
+            "per_unit": 1.0 / unit,
+            "gain": min(brightest / unit**2, BRIGHTEST),
+            "stride": self.stride,
+            "span": self.span,
+            "room": self.room,
+            **dict(zip(("low_x", "low_y", "low_z"), low.tolist(), strict=True)),
+            **dict(zip(("high_x", "high_y", "high_z"), high.tolist(), strict=True)),
+        }
+
+    def batches(self) -> Iterator[dict[str, float]]:
+        """Yield the struct's members of each batch; of an empty one if there are no lights."""
+        for number in range(max(-(-self.count // self.batch), 1)):
+            yield {
+                "segment": number * self.subsets,
+                "count": min(self.count - number * self.batch, self.batch),
+            }
+
+
+def _packed(
+    vpls: Vpls, camera: Camera, unit: float, brightest: float
+) -> NDArray[np.float32]:
+    """Return [count, LIGHT] what kernels read of lights."""
+    turn = camera.view[:3, :3]
+    lights = np.zeros((len(vpls), LIGHT), np.float32)
+    lights[:, 0:3] = (vpls.position @ turn.T + camera.view[:3, 3]) / unit
+    lights[:, 3] = np.maximum(vpls.area / unit**2, LEAST_AREA)
+    lights[:, 4:7] = -vpls.normal @ turn.T
+    lights[:, 8:11] = np.minimum(vpls.flux, BRIGHTEST) / brightest
+    return lights
+
+
+def _power_of_two(value: float) -> float:
+    """Return a power of two near a number, 1 for 0: scaled by it, no digit changes."""
+    return 2.0 ** round(math.log2(value)) if value > 0.0 else 1.0

@@ -1,0 +1,295 @@
+"""One bounce of light, shot: virtual point lights shine on the pixels within their bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.device_vpls import VPL, DeviceVpls
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.params import Params, param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
+from ssgi_cl.vpls import MOST_VPLS, Vpls, choose_vpls, on_device_rsms
+
+TILE = 16
+"""Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""
+BOX = 16
+ROWS = 2
+"""Rows of pixels of a work-item: each light is read once for all of them."""
+NEARS = ("disk", "clamped")
+GRIDS = (32, 64, 128, 256)
+ALL, KEPT, LOST = range(3)
+"""VPL_CUT in kernels/vpl/light.clh: all light, what the cut keeps, and what it leaves out."""
+COARSER = 16
+"""Lights that one stands for where what the cut leaves out is computed: it is smooth."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VplSplatParams(Params):
+    """Parameters of splatting (Dachsbacher and Stamminger 2006)."""
+
+    vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
+    cutoff: float = param(
+        0.01, "a light counts where its irradiance is more than this share of what it is at "
+        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
+    )
+    unit_distance: float = param(
+        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True,
+        unit="scene units",
+    )
+    restore: bool = param(
+        True, "put back what the cutoff leaves out, computed with a sixteenth of the lights"
+    )
+    refine: float = param(
+        4.0, "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that "
+        "it is made of; not with `interleave`, and only with `cull`", low=0.0, high=1e6,
+    )
+    near: str = param(
+        "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
+    )
+    interleave: bool = param(
+        False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out"
+    )
+    blur_radius: int = param(4, "of that blur; 0 for none", low=0, high=16, unit="px")
+    visibility: bool = param(
+        False, "walls block light, as far as camera and lights see them; needs `interleave`"
+    )
+    grid: int = param(
+        64, "cells along a side of the grid of walls: 32, 64, 128 or 256", low=32, high=256
+    )
+    steps: int = param(16, "at which a line of sight is looked at", low=1, high=256)
+    share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
+    cull: bool = param(True, "tiles skip the lights that give them nothing (same but for rounding)")
+
+    def __post_init__(self) -> None:
+        Params.__post_init__(self)
+        if self.grid not in GRIDS:
+            raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
+        if self.visibility and not self.interleave:
+            raise ValueError("visibility is True: expected interleave=True with it")
+        if self.interleave and not self.cull:
+            raise ValueError("cull is False: expected True with interleave=True")
+
+    @property
+    def parted(self) -> bool:
+        """Whether lights may give way to their parts, which tiles' lists then hold."""
+        return self.refine > 0.0 and self.cull and not self.interleave
+
+
+class VplSplat:
+    """Splatting, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: see `VplSplatParams`.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: VplSplatParams | None = None
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.params = params = params or VplSplatParams()
+        self._irradiance = runtime.plane(3, size)
+        subsets = 16 if params.interleave else 1
+        self._lights = DeviceVpls(runtime, params.vpls, subsets, parts=params.parted)
+        self._coarse = DeviceVpls(runtime, -(-params.vpls // COARSER), subsets)
+        self._tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        tiles = self._tiles[0] * self._tiles[1]
+        lists = tiles * subsets if params.cull else 1
+        self._boxes = runtime.empty(tiles * BOX, np.float32)
+        self._lists = runtime.empty(lists * self._lights.room, np.int32)
+        self._counts = runtime.empty(lists, np.int32)
+        self._walls = (
+            SightGrid(runtime, params.grid, params.steps) if params.visibility else None
+        )
+        self._blur: Bilateral | None = None
+        if params.interleave:
+            self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
+
+    def run(
+        self, gbuffer: DeviceGBuffer, vpls: Vpls, rsms: Sequence[DeviceRsm] = ()
+    ) -> Plane:
+        """Queue the passes; return the plane of irradiance in W/m^2.
+
+        Args:
+            gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
+                light.
+            vpls: at most as many as the parameters say; see `choose_vpls`.
+            rsms: with `visibility`, what else blocks light.
+
+        Raises:
+            ValueError: the G-buffer has another size, or there are too many lights.
+        """
+        values, camera = self._begin(gbuffer, vpls)
+        if self._walls is not None:
+            packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
+            self._walls.fill(gbuffer, rsms, self._boxes, self.size, packed)
+        cut = self.params.cutoff > 0.0
+        self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
+        if self.params.restore and cut:
+            self._coarse.upload(vpls.merged(self._coarse.most), camera)
+            self._shine(gbuffer, self._coarse, values, LOST, add=True)
+        if self._blur is None:
+            return self._irradiance
+        return self._blur.run(self._irradiance, gbuffer)
+
+    def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
+        """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
+        if self.params.cutoff == 0.0:
+            return 0.0
+        values, camera = self._begin(gbuffer, vpls)
+        self._coarse.upload(vpls.merged(self._coarse.most), camera)
+        sums = []
+        for lights, part in ((self._lights, KEPT), (self._coarse, LOST)):
+            self._shine(gbuffer, lights, values, part, walls=False)
+            sums.append(float(self._irradiance.download().sum(dtype=np.float64)))
+        return sums[1] / sum(sums) if sum(sums) > 0.0 else 0.0
+
+    def lists(self) -> NDArray[np.object_]:
+        """Return which lights of the latest batch tiles looked at: [rows, columns, subsets] arrays.
+
+        Parts of lights have numbers beyond the batch's.
+        """
+        counts = self._counts.download().reshape(*self._tiles, -1)
+        numbers = self._lists.download().reshape(*counts.shape, -1)
+        result = np.empty(counts.shape, np.object_)
+        for at in np.ndindex(counts.shape):
+            result[at] = numbers[at][: counts[at]] * counts.shape[-1] + at[-1]
+        return result
+
+    def _begin(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> tuple[dict[str, float], Camera]:
+        """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
+        if gbuffer.size != self.size:
+            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
+        camera = gbuffer.camera
+        if camera is None:
+            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        params, lights = self.params, self._lights
+        lights.upload(vpls, camera)
+        cut = params.cutoff / (math.pi * params.unit_distance**2) * lights.unit**2
+        # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
+        reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
+        values = {
+            "cut": cut,
+            "lobe_centre": 3.0**-0.75 * reach,
+            "lobe_squared": math.sqrt(4.0 / 27.0) * reach * reach * (1.0 + 1e-4),
+            "lift": LIFT,
+            "refine": params.refine if vpls.parts is not None else 0.0,
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+        }
+        if params.cull:
+            packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
+            self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
+                "vpl boxes", self.size, reads=[gbuffer.depth, gbuffer.normal],
+                writes=[self._boxes], values=[gbuffer.camera_struct, packed], grid=self._tiles,
+            )
+        return values, camera
+
+    def _shine(
+        self, gbuffer: DeviceGBuffer, lights: DeviceVpls, values: dict[str, float], part: int, *,
+        add: bool = False, walls: bool = True,
+    ) -> None:
+        """Queue the passes that make the irradiance of the lights, or add theirs to it."""
+        params, structs = self.params, (CAMERA, VPL)
+        rows, columns = self._tiles
+        parted = int(lights.span > lights.stride)
+        for batch in lights.batches():
+            packed = VPL.pack({**values, **lights.values, **batch})
+            if params.cull:
+                macros = {
+                    "VPL_CUT": int(part == KEPT), "VPL_SUBSETS": lights.subsets,
+                    "VPL_PARTS": parted,
+                }
+                self.runtime.kernel("vpl/vpl_lists.cl", macros, structs).run(
+                    "vpl lists", self.size, reads=[self._boxes, lights.bounds],
+                    writes=[self._lists, self._counts], values=[packed],
+                    grid=(rows, columns * lights.subsets),
+                )
+            macros = {
+                "VPL_NEAR": NEARS.index(params.near), "VPL_CUT": part, "VPL_ADD": int(add)
+            }
+            reads: list[Plane | DeviceArray] = [
+                gbuffer.depth, gbuffer.normal, lights.lights, self._lists, self._counts
+            ]
+            if params.interleave:
+                self._interleaved(gbuffer, reads, macros, packed, walls=walls)
+            else:
+                macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": parted, "VPL_ROWS": ROWS}
+                self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
+                    "vpl splat", self.size, reads=reads, writes=[self._irradiance],
+                    values=[gbuffer.camera_struct, packed],
+                    grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.form.lanes)),
+                )
+            add = True
+
+    def _interleaved(
+        self, gbuffer: DeviceGBuffer, reads: Sequence[Plane | DeviceArray],
+        macros: dict[str, int], packed: Any, *, walls: bool,
+    ) -> None:
+        grid = self._walls if walls else None
+        # Without walls the kernel does not look at the grid: anything will do.
+        walls_read = [grid.grid, grid.box] if grid else [self._counts, self._boxes]
+        macros |= grid.macros if grid else {"VPL_GRID": 32, "VPL_STEPS": 1}
+        macros |= {"VPL_SIGHT": int(grid is not None), "VPL_SHARE": self.params.share}
+        pieces = 16 * (16 // self.runtime.form.lanes)
+        self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
+            "vpl splat", self.size, reads=[*reads, *walls_read], writes=[self._irradiance],
+            values=[gbuffer.camera_struct, packed],
+            grid=(self._tiles[0], self._tiles[1] * pieces),
+        )
+
+
+def vpl_splat(
+    gbuffer: GBuffer | DeviceGBuffer,
+    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
+    vpls: int = 1024,
+    cutoff: float = 0.01,
+    *,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute irradiance by one diffuse bounce, from virtual point lights.
+
+    Args:
+        gbuffer: what the camera sees.
+        rsms: a reflective shadow map, or one for each light.
+        vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
+        cutoff: >= 0, see `VplSplatParams`; with 0 every light reaches every pixel.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `VplSplatParams`.
+
+    Returns:
+        E [rows, columns, 3] float32 in W/m^2, at most 1e30; 0 where nothing is.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    chosen = VplSplatParams(vpls=vpls, cutoff=cutoff, **params)
+    device = on_device(gbuffer, runtime)
+    runtime = device.runtime
+    maps = on_device_rsms(rsms, runtime)
+    lights = choose_vpls(maps, chosen.vpls, parts=chosen.parted, runtime=runtime)
+    if len(lights) < chosen.vpls:  # all lit texels: no more memory than they need
+        chosen = replace(chosen, vpls=max(len(lights), 1), refine=0.0)
+    technique: VplSplat = runtime.prepared(
+        (VplSplat, device.size, chosen), lambda: VplSplat(runtime, device.size, chosen)
+    )
+    with runtime.frame():
+        result = technique.run(device, lights, maps).download()
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1))

@@ -4,6 +4,7 @@ from ssgi_cl import metrics, rasterize, truth
 from ssgi_cl.bench.tune import TuneError, Tuning, tune
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.drivers import Form
 from ssgi_cl.errors import (
     DeviceError,
@@ -16,18 +17,23 @@ from ssgi_cl.errors import (
 )
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.presets.choose import Choice, choose
 from ssgi_cl.render import Frame, Renderer, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
 from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
+from ssgi_cl.techniques.multi_bounce import multi_bounce
 from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
+from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
 from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
 from ssgi_cl.techniques.tonemap import Tonemap, tonemap
 from ssgi_cl.techniques.upsample import Upsample, upsample
+from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 from ssgi_cl.version import __version__
+from ssgi_cl.vpls import Vpls, choose_vpls
 
 __all__ = [
     "Bilateral",
@@ -35,8 +41,10 @@ __all__ = [
     "BitmaskAo",
     "BitmaskParams",
     "Camera",
+    "Choice",
     "DeviceError",
     "DeviceGBuffer",
+    "DeviceRsm",
     "DirectionalLight",
     "Environment",
     "Form",
@@ -55,6 +63,8 @@ __all__ = [
     "RayAo",
     "ReflectiveShadowMap",
     "Renderer",
+    "RsmGather",
+    "RsmGatherParams",
     "Runtime",
     "SceneError",
     "Shade",
@@ -67,19 +77,27 @@ __all__ = [
     "TuneError",
     "Tuning",
     "Upsample",
+    "VplSplat",
+    "VplSplatParams",
+    "Vpls",
     "__version__",
     "bilateral_blur",
     "bitmask_ao",
+    "choose",
+    "choose_vpls",
     "gtao",
     "hbao",
     "metrics",
+    "multi_bounce",
     "rasterize",
     "ray_ao",
     "render",
+    "rsm_gather",
     "shade",
     "ssao",
     "tonemap",
     "truth",
     "tune",
     "upsample",
+    "vpl_splat",
 ]

@@ -41,6 +41,12 @@ def integer(name: str, value: object, *, low: int, high: int, unit: str = "") ->
     return int(value)
 
 
+def switch(name: str, value: object) -> None:
+    """Raise TypeError unless `value` is True or False."""
+    if not isinstance(value, bool):
+        raise TypeError(f"{name} is {value!r}: expected True or False")
+
+
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:
     """Return `value` if it is one of `allowed`, else raise."""
     if value not in allowed:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import Size
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
@@ -29,6 +29,7 @@ class DeviceGBuffer:
         normal: 3 images, view space, facing the viewer; 0 where nothing is.
         normal_world: 3 images, as given.
         albedo, emission: 3 images each.
+        thickness: 1 image, scene units, or None if the contents have none.
         camera: the camera of the current contents; `camera_struct` is what kernels get.
     """
 
@@ -47,6 +48,8 @@ class DeviceGBuffer:
         self.albedo = runtime.plane(3, self.whole)
         self.emission = runtime.plane(3, self.whole)
         self.emits = False
+        self.thickness: Plane | None = None
+        self._thickness: Plane | None = None
         self.camera: Camera | None = None
         self.camera_struct: Any = None
         self._kernels = [
@@ -79,6 +82,11 @@ class DeviceGBuffer:
         self.emits = emission is not None
         if emission is not None:
             self.emission.upload(np.moveaxis(emission, -1, 0))
+        thickness = gbuffer.first("thickness")
+        if thickness is not None:
+            self._thickness = self._thickness or self.runtime.plane(1, self.whole)
+            self._thickness.upload(thickness[None])
+        self.thickness = None if thickness is None else self._thickness
         self.set_camera(gbuffer.camera)
         with self.runtime.frame():
             self.derive(given=normal is not None)

@@ -27,7 +27,8 @@ class GBuffer:
     Attributes:
         camera: the camera; its size is that of the results.
         depth: [rows, columns] or [layers, rows, columns] float32, linear view depth in scene
-            units, > 0; +inf where nothing is there. Layers go from front to back.
+            units, > 0; +inf where nothing is there. Layers go from front to back: none is nearer
+            than the one before it.
         normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
             With None, and where it is 0 on a surface, the normal is reconstructed from depth.
             [layers, rows, columns, 3] gives the deeper layers' normals too.
@@ -36,10 +37,13 @@ class GBuffer:
         emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, >= 0, or None.
         specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
+        thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
+            seen of them along the line of sight, scene units, >= 0 (+inf: without end), or None.
 
     Raises:
         TypeError: an array is not of real numbers.
-        ValueError: a wrong shape, NaN, or a value outside its range; the message names the pixel.
+        ValueError: a wrong shape, NaN, a value outside its range, or layers out of order; the
+            message names the pixel.
     """
 
     camera: Camera
@@ -49,6 +53,7 @@ class GBuffer:
     emission: ArrayLike | None = None
     specular: ArrayLike | None = None
     gloss: ArrayLike | None = None
+    thickness: ArrayLike | None = None
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
 
@@ -59,6 +64,7 @@ class GBuffer:
         check.values_in_range(
             "depth", depth, unit="scene units", low=0.0, above=True, infinite=True
         )
+        _in_order(depth)
         self._set("depth", depth)
         margin = np.subtract(depth.shape[-2:], self.camera.size)
         if (margin < 0).any() or (margin % 2).any():
@@ -78,6 +84,16 @@ class GBuffer:
             gloss = check.plane("gloss", self.gloss, unit="Phong exponent", low=0.0)
             self._same_size("gloss", gloss.shape)
             self._set("gloss", gloss)
+        if self.thickness is not None:
+            thickness = check.plane(
+                "thickness", self.thickness, unit="scene units", low=0.0, infinite=True
+            )
+            if thickness.shape != depth.shape[-2:]:
+                raise ValueError(
+                    f"thickness has shape {thickness.shape}: expected {depth.shape[-2:]} as the "
+                    "depth"
+                )
+            self._set("thickness", thickness)
 
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
@@ -110,7 +126,7 @@ class GBuffer:
         array = getattr(self, name)
         if array is None:
             return None
-        flat = 2 if name in ("depth", "gloss") else 3
+        flat = 2 if name in ("depth", "gloss", "thickness") else 3
         result: Floats = array if array.ndim == flat else array[0]
         return result
 
@@ -214,6 +230,21 @@ def _layered(
     return check.plane(
         name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite
     )
+
+
+def _in_order(depth: Floats) -> None:
+    """Raise ValueError where a layer is nearer than the one before it."""
+    if depth.ndim == 2:
+        return
+    for layer in range(1, len(depth)):
+        wrong = depth[layer] < depth[layer - 1]
+        if wrong.any():
+            row, column = (int(i) for i in np.unravel_index(int(np.argmax(wrong)), wrong.shape))
+            raise ValueError(
+                f"depth[{layer}, {row}, {column}] is {depth[layer, row, column]}: expected at "
+                f"least that of layer {layer - 1} there, {depth[layer - 1, row, column]} (scene "
+                "units); layers go from front to back"
+            )
 
 
 def _unit(normal: Floats) -> Floats:

@@ -38,8 +38,7 @@ class Params:
             if not rule or kinds[field.name] not in (int, float, str, bool):
                 continue
             if kinds[field.name] is bool:
-                if not isinstance(value, bool):
-                    raise TypeError(f"{field.name} is {value!r}: expected True or False")
+                check.switch(field.name, value)
             elif rule["choices"]:
                 check.choice(field.name, value, rule["choices"])
             elif kinds[field.name] is int:

@@ -85,6 +85,25 @@ def test_layers_come_first() -> None:
         GBuffer(camera=CAMERA, depth=depth, normal=layered[:2])
 
 
+def test_a_layer_nearer_than_the_one_before_is_refused_with_its_pixel_and_both_depths() -> None:
+    depth = np.stack([DEPTH, DEPTH, np.full_like(DEPTH, np.inf)])  # layers may touch, or be empty
+    GBuffer(camera=CAMERA, depth=depth)
+    depth[1, 2, 3] = np.nextafter(depth[0, 2, 3], np.float32(0.0))
+    with pytest.raises(
+        ValueError,
+        match=rf"depth\[1, 2, 3\] is {depth[1, 2, 3]}: expected at least that of layer 0 there, "
+        rf"{depth[0, 2, 3]} \(scene units\)",
+    ):
+        GBuffer(camera=CAMERA, depth=depth)
+
+
+def test_a_surface_behind_nothing_is_refused() -> None:
+    depth = np.stack([DEPTH, DEPTH])
+    depth[0, 4, 6] = np.inf
+    with pytest.raises(ValueError, match=r"depth\[1, 4, 6\] is .* of layer 0 there, inf"):
+        GBuffer(camera=CAMERA, depth=depth)
+
+
 def test_normals_are_made_unit_length_but_not_where_they_are_0() -> None:
     normal = NORMAL * 3
     normal[1, 2] = 0

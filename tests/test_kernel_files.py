@@ -14,12 +14,18 @@ import pytest
 
 from ssgi_cl import sources
 from ssgi_cl.device_gbuffer import ROTATION
+from ssgi_cl.device_rsm import FACE
+from ssgi_cl.device_vpls import VPL
 from ssgi_cl.drivers import FORMS
 from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.structs import CAMERA, Struct
 from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.rsm_gather import GATHER, MAP
+from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE, LIGHT
+from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
+from ssgi_cl.techniques.sparse import COARSE
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
@@ -57,21 +63,35 @@ def light(kind: int, shadow: int, add: int) -> dict[str, int]:
 
 
 def combine(*switches: int) -> dict[str, int]:
-    names = ("DIRECT", "AO", "INDIRECT", "EMISSION", "AMBIENT", "SKY")
+    names = ("DIRECT", "AO", "BOUNCES", "INDIRECT", "EMISSION", "AMBIENT", "SKY")
     return {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+
+
+def disk(listed: int, rotated: int, sphere: int) -> dict[str, int]:
+    return {
+        "RSM_GATHER_LISTED": listed, "RSM_GATHER_ROTATED": rotated, "RSM_GATHER_SPHERE": sphere
+    }
 
 
 def slices(layers: int, **switches: int) -> dict[str, int]:
     return {"SLICES_COUNT": 3, "SLICES_TAPS": 6, "SLICES_LAYERS": layers, **switches}
 
 
+SIGHT = {"VPL_GRID": 64, "VPL_STEPS": 16}
+
 USES = {
     "bilateral/bilateral_blur.cl": Use(
         (CAMERA, BLUR),
-        [{"BLUR_RADIUS": 2, "BLUR_COUNT": 3, "BLUR_SHAPE": shape} for shape in (0, 1, 2)],
+        [
+            {"BLUR_RADIUS": 2, "BLUR_COUNT": 3, "BLUR_SHAPE": shape, "BLUR_ROWS": rows}
+            for shape, rows in ((0, 1), (1, 2), (2, 1))
+        ],
     ),
     "bitmask_ao/bitmask_ao.cl": Use(
-        (CAMERA, SLICES), [slices(1, BITMASK_ANGLE=0), slices(2, BITMASK_ANGLE=1)]
+        (CAMERA, SLICES), [
+            slices(layers, BITMASK_ANGLE=a, BITMASK_JOINED=b, SLICES_THICKNESS=c, SLICES_NEXT=d)
+            for layers, a, b, c, d in ((1, 0, 1, 0, 0), (2, 1, 0, 1, 1))
+        ],
     ),
     "calibrate/calibrate_copy.cl": Use(),
     "calibrate/calibrate_gather.cl": Use(
@@ -81,10 +101,20 @@ USES = {
     "gbuffer/gbuffer_normals.cl": Use(
         (CAMERA, ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
     ),
-    "gbuffer/gbuffer_reduce.cl": Use((), [{"REDUCE_COUNT": 3}]),
-    "gtao/gtao.cl": Use((CAMERA, SLICES), [slices(1, GTAO_FALLOFF=0), slices(2, GTAO_FALLOFF=1)]),
+    "gbuffer/gbuffer_reduce.cl": Use(
+        (), [{"REDUCE_COUNT": 3, "UPSAMPLE_STEP": step} for step in (4, 8)]
+    ),
+    "gtao/gtao.cl": Use(
+        (CAMERA, SLICES),
+        [slices(1, GTAO_FALLOFF=0, GTAO_BENT=0), slices(2, GTAO_FALLOFF=1, GTAO_BENT=1)],
+    ),
+    "gtao/gtao_bent.cl": Use((ROTATION,)),
     "hbao/hbao.cl": Use(
-        (CAMERA, SLICES), [slices(1, HBAO_ATTENUATION=0), slices(2, HBAO_ATTENUATION=1)]
+        (CAMERA, SLICES),
+        [
+            slices(1, HBAO_ATTENUATION=0, HBAO_BIAS=1),
+            slices(2, HBAO_ATTENUATION=1, HBAO_BIAS=0),
+        ],
     ),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
@@ -98,17 +128,66 @@ USES = {
         rasterizer.STRUCTS, [tiles(0, 0, 32, 32), tiles(1, 1, 16, 1)]
     ),
     "raster/raster_vertices.cl": Use(rasterizer.STRUCTS),
+    "rsm/rsm_face.cl": Use((CAMERA, FACE)),
+    "rsm_gather/rsm_gather_count.cl": Use(),
+    "rsm_gather/rsm_gather_disk.cl": Use(
+        (CAMERA, GATHER, MAP), [disk(0, 0, 0), disk(1, 1, 0), disk(0, 1, 1)]
+    ),
+    "rsm_gather/rsm_gather_interpolate.cl": Use(
+        (CAMERA, COARSE), [{"RSM_GATHER_STEP": step} for step in (2, 8)]
+    ),
+    "rsm_gather/rsm_gather_list.cl": Use(),
+    "rsm_gather/rsm_gather_pick.cl": Use(),
+    "rsm_gather/rsm_gather_same.cl": Use(
+        (CAMERA, GATHER), [{"RSM_GATHER_LISTED": listed} for listed in (0, 1)]
+    ),
+    "rsm_gather/rsm_gather_sums.cl": Use((SUMS,)),
+    "rsm_gather/rsm_gather_texels.cl": Use(),
     "shade/shade_combine.cl": Use(
         (CAMERA, COMBINE),
-        [combine(0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1), combine(0, 1, 0, 0, 1, 0)],
+        [combine(0, 0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1, 1), combine(0, 1, 0, 0, 0, 1, 0)],
     ),
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
-    "slices/slices_near.cl": Use((CAMERA,), [{"NEAR_LAYERS": 2}]),
+    "slices/slices_near.cl": Use(
+        (CAMERA,), [{"NEAR_LAYERS": 2, "NEAR_THICKNESS": thick} for thick in (0, 1)]
+    ),
     "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
     "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
-    "upsample/upsample_joint.cl": Use((CAMERA, UPSAMPLE), [{"UPSAMPLE_COUNT": 3}]),
+    "upsample/upsample_blur_columns.cl": Use(
+        (CAMERA, UPSAMPLE), [{"UPSAMPLE_STEP": step, "BLUR_RADIUS": 7} for step in (2, 4)]
+    ),
+    "upsample/upsample_blur_rows.cl": Use(
+        (CAMERA, UPSAMPLE), [{"UPSAMPLE_STEP": step, "BLUR_RADIUS": 7} for step in (2, 4)]
+    ),
+    "upsample/upsample_joint.cl": Use(
+        (CAMERA, UPSAMPLE),
+        [{"UPSAMPLE_COUNT": 3, "UPSAMPLE_STEP": step} for step in (1, 2, 4)],
+    ),
+    "vpl/vpl_boxes.cl": Use((CAMERA, VPL)),
+    "vpl/vpl_grid.cl": Use((CAMERA, VPL), [SIGHT]),
+    "vpl/vpl_interleaved.cl": Use(
+        (CAMERA, VPL),
+        [
+            {**SIGHT, "VPL_NEAR": near, "VPL_CUT": cut, "VPL_ADD": add, "VPL_SIGHT": 1 - add,
+             "VPL_SHARE": 16}
+            for near, cut, add in ((0, 0, 0), (1, 1, 1), (0, 2, 1))
+        ],
+    ),
+    "vpl/vpl_lists.cl": Use(
+        (CAMERA, VPL),
+        [{"VPL_CUT": cut, "VPL_SUBSETS": 1 + 15 * cut, "VPL_PARTS": cut} for cut in (0, 1)],
+    ),
+    "vpl/vpl_occupy.cl": Use((CAMERA, VPL, TURN), [{**SIGHT, "VPL_LAYERS": n} for n in (0, 2)]),
+    "vpl/vpl_splat.cl": Use(
+        (CAMERA, VPL),
+        [
+            {"VPL_NEAR": near, "VPL_CUT": cut, "VPL_LISTS": add, "VPL_ADD": add, "VPL_PARTS": add,
+             "VPL_ROWS": 2}
+            for near, cut, add in ((0, 0, 0), (1, 1, 1), (0, 2, 1))
+        ],
+    ),
 }
 """Every kernel. A new one belongs here."""
 

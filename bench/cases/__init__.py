@@ -6,15 +6,30 @@ from collections.abc import Mapping
 
 from ..case import Family
 from ..peers import PEERS
-from . import bilateral, rasterize, shade, slices, ssao, upsample
+from . import (
+    bilateral,
+    floor,
+    lecture,
+    rasterize,
+    rsm_gather,
+    shade,
+    slices,
+    ssao,
+    upsample,
+    vpl_splat,
+)
 
 OWN: Mapping[str, Family] = {
     **ssao.FAMILIES,
     **slices.FAMILIES,
+    **lecture.FAMILIES,
+    **floor.FAMILIES,
     **bilateral.FAMILIES,
     **upsample.FAMILIES,
     **shade.FAMILIES,
+    **rsm_gather.FAMILIES,
     **rasterize.FAMILIES,
+    **vpl_splat.FAMILIES,
 }
 """This library's."""
 

@@ -67,7 +67,7 @@ class WholeFrame(Own):
         view = context.view
         return Subject(
             run=lambda: render(
-                view.scene, context.camera, view.lights, ao_radius=context.radius,
+                view.scene, context.camera, view.lights, ao="ssao", ao_radius=context.radius,
                 ao_samples=samples, runtime=context.runtime,
             )
         )

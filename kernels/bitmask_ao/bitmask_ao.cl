@@ -11,22 +11,25 @@
 //          between them goes on as before the first or behind the second, or bends from the one to
 //          the other; 1 / depth is linear along a plane's image, so that takes three slopes. The
 //          surface covers what lies between its ends, cut off exactly at the radius; only a tap
-//          that is joined to none before it has a thickness.
+//          that is joined to none before it has a thickness: the same for all, or that of its
+//          pixel (SLICES_THICKNESS), no farther than the next layer (SLICES_NEXT).
 // Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 // Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
-// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), BITMASK_ANGLE, BITMASK_JOINED (0, 1)
+// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), BITMASK_ANGLE, BITMASK_JOINED,
+//          SLICES_THICKNESS, SLICES_NEXT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
+#if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
+    !defined(BITMASK_ANGLE) || !defined(BITMASK_JOINED) || !defined(SLICES_THICKNESS) ||           \
+    !defined(SLICES_NEXT)
+#error "SLICES_COUNT, _TAPS, _LAYERS, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED must be defined"
+#endif
+
 #define SSGI_SCAN_BY_LAYER
 #include "common/slices.clh"
-
-#if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
-    !defined(BITMASK_ANGLE) || !defined(BITMASK_JOINED)
-#error "SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS, BITMASK_ANGLE and BITMASK_JOINED must be defined"
-#endif
 
 // A tap, or the receiver, as the end of a surface.
 typedef struct {
@@ -35,6 +38,9 @@ typedef struct {
     vfloat x, y;       // offset, slope
     vmask there;
     bool high, inside; // is any lane's above the tangent plane, within the radius?
+#if SLICES_THICKNESS || SLICES_NEXT
+    vfloat behind;     // see SsgiTap
+#endif
 } BitmaskEnd;
 
 // Change of f per px between two ends; empty (least > most) where an end is missing.
@@ -61,7 +67,7 @@ typedef struct {
 #if !BITMASK_ANGLE
 // c s + arcsin c for c = cos, s = sin of an angle in [0, pi], absolute error < 1.1e-3, which is
 // 1/50 of a sector. Odd in c.
-static inline __attribute__((always_inline)) vfloat bitmask_turn(const vfloat c)
+SSGI_INLINE vfloat bitmask_turn(const vfloat c)
 {
     const vfloat c2 = c * c;
     vfloat p = v_splat(-0.18065745f); // minimax on [0, 1]
@@ -71,7 +77,7 @@ static inline __attribute__((always_inline)) vfloat bitmask_turn(const vfloat c)
 }
 #endif
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                  SsgiGathered *gathered)
 {
@@ -101,7 +107,7 @@ ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Sli
 }
 
 // The first sector beyond a cotangent on a side, 0 to 32.
-static inline __attribute__((always_inline)) vint bitmask_sector(const SsgiGathered *gathered, const vfloat cot, const int side)
+SSGI_INLINE vint bitmask_sector(const SsgiGathered *gathered, const vfloat cot, const int side)
 {
     const vfloat sine = v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
     const float sign = side == 0 ? 1.0f : -1.0f;
@@ -115,8 +121,8 @@ static inline __attribute__((always_inline)) vint bitmask_sector(const SsgiGathe
 }
 
 // Cover the sectors between two ends, in whichever order.
-static inline __attribute__((always_inline)) void bitmask_cover(SsgiGathered *gathered, const vint one, const vint other,
-                                 const vmask where)
+SSGI_INLINE void bitmask_cover(SsgiGathered *gathered, const vint one, const vint other,
+                               const vmask where)
 {
     const vint from = v_imin(one, other);
     const vint to = v_imax(one, other);
@@ -126,18 +132,9 @@ static inline __attribute__((always_inline)) void bitmask_cover(SsgiGathered *ga
     gathered->covered = gathered->covered | (mask & where & v_ilt(from, to));
 }
 
-// f of the point `thickness` behind a tap on its line of sight.
-static inline __attribute__((always_inline)) vfloat bitmask_behind(const SsgiReceiver *receiver, const vfloat f)
-{
-    const vfloat scale = ssgi_scale(receiver, f);
-    return receiver->perspective != 0.0f
-               ? 1.0f - scale / v_fma(scale, receiver->thick, v_splat(1.0f))
-               : f + receiver->thick;
-}
-
 #if BITMASK_JOINED
 
-static inline __attribute__((always_inline)) BitmaskSlope bitmask_no_slope(void)
+SSGI_INLINE BitmaskSlope bitmask_no_slope(void)
 {
     BitmaskSlope slope;
     slope.least = v_splat(INFINITY);
@@ -146,11 +143,11 @@ static inline __attribute__((always_inline)) BitmaskSlope bitmask_no_slope(void)
     return slope;
 }
 
-static inline __attribute__((always_inline)) void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side, const int layer,
-                const SliceParams params, SsgiGathered *gathered)
+SSGI_INLINE void
+ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
+                const int layer, const SliceParams params, SsgiGathered *gathered)
 {
-    // The receiver, whose surface goes on as its tangent plane, is the first end of the front layer.
+    // The receiver, whose surface goes on as its tangent plane, begins the front layer.
     BitmaskEnd *last = &gathered->last;
     last->f = v_splat(0.0f);
     last->outside = -(receiver->radius * receiver->radius);
@@ -170,9 +167,9 @@ ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int 
 }
 
 // The first sector beyond a point at an offset.
-static inline __attribute__((always_inline)) vint bitmask_sector_at(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                                     const SsgiGathered *gathered, const vfloat f, const vfloat x,
-                                     const vfloat y, const int side)
+SSGI_INLINE vint bitmask_sector_at(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                                   const SsgiGathered *gathered, const vfloat f, const vfloat x,
+                                   const vfloat y, const int side)
 {
     const vfloat cross = v_fma(receiver->x, y, -(receiver->y * x));
     const vfloat square = v_fma(x, x, v_fma(y, y, v_splat(SLICES_TINY)));
@@ -182,9 +179,9 @@ static inline __attribute__((always_inline)) vint bitmask_sector_at(const SsgiRe
 }
 
 // Cover what a surface between two ends hides, one of which lies beyond the radius.
-static inline __attribute__((always_inline)) void bitmask_cover_cut(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                                     const BitmaskEnd *one, const BitmaskEnd *other,
-                                     const int side, const vmask where, SsgiGathered *gathered)
+SSGI_INLINE void bitmask_cover_cut(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                                   const BitmaskEnd *one, const BitmaskEnd *other,
+                                   const int side, const vmask where, SsgiGathered *gathered)
 {
     const vfloat zero = v_splat(0.0f);
     // Along it `outside` is quadratic in the part t of the way: second t^2 + first t + one's.
@@ -209,9 +206,9 @@ static inline __attribute__((always_inline)) void bitmask_cover_cut(const SsgiRe
 
 // Cover what the two newest taps hide, now that the slope behind them is known: the surface between
 // them, or if there is none the thickness of the last.
-static inline __attribute__((always_inline)) void bitmask_decide(const SsgiReceiver *receiver, const SsgiSlice *slice,
-                                  const BitmaskSlope *behind, const int side,
-                                  const SliceParams params, SsgiGathered *gathered)
+SSGI_INLINE void bitmask_decide(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                                const BitmaskSlope *behind, const int side,
+                                const SliceParams params, SsgiGathered *gathered)
 {
     const BitmaskEnd *before = &gathered->before, *last = &gathered->last;
     const BitmaskSlope *link = &gathered->link;
@@ -233,14 +230,18 @@ static inline __attribute__((always_inline)) void bitmask_decide(const SsgiRecei
     }
     const vmask alone = last->there & far & ~joined;
     if (v_any(alone)) {
+#if SLICES_THICKNESS || SLICES_NEXT
+        const vfloat behind_it = last->behind;
+#else
+        const vfloat behind_it = ssgi_behind(receiver, last->f, receiver->thick);
+#endif
         const vint back =
-            bitmask_sector_at(receiver, slice, gathered, bitmask_behind(receiver, last->f),
-                              last->x, last->y, side);
+            bitmask_sector_at(receiver, slice, gathered, behind_it, last->x, last->y, side);
         bitmask_cover(gathered, last->sector, back, alone);
     }
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
          const SliceParams params, SsgiGathered *gathered)
 {
@@ -258,6 +259,9 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
     BitmaskEnd *last = &gathered->last;
     last->f = tap->f;
     last->outside = tap->outside;
+#if SLICES_THICKNESS || SLICES_NEXT
+    last->behind = tap->behind;
+#endif
     last->x = v_splat(tap->x);
     last->y = v_splat(tap->y);
     last->there = tap->there;
@@ -271,7 +275,7 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
     }
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
               const SliceParams params, SsgiGathered *gathered)
 {
@@ -281,18 +285,22 @@ ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int si
 
 #else
 
-static inline __attribute__((always_inline)) void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side, const int layer,
-                const SliceParams params, SsgiGathered *gathered)
+SSGI_INLINE void
+ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
+                const int layer, const SliceParams params, SsgiGathered *gathered)
 {
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
          const SliceParams params, SsgiGathered *gathered)
 {
-    const vfloat height =
-        v_fma(bitmask_behind(receiver, tap->f), receiver->facing, tap->along);
+#if SLICES_THICKNESS || SLICES_NEXT
+    const vfloat behind = tap->behind;
+#else
+    const vfloat behind = ssgi_behind(receiver, tap->f, receiver->thick);
+#endif
+    const vfloat height = v_fma(behind, receiver->facing, tap->along);
     const vfloat front = ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side);
     const vfloat back = ssgi_cotangent(receiver, slice, tap->inverse, height, side);
     bitmask_cover(gathered, bitmask_sector(gathered, front, side),
@@ -300,7 +308,7 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
                   tap->counts & v_gt(tap->height, v_splat(0.0f)));
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
               const SliceParams params, SsgiGathered *gathered)
 {
@@ -308,7 +316,7 @@ ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int si
 
 #endif
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                SsgiGathered *gathered)
 {

@@ -40,7 +40,7 @@ typedef struct {
 #endif
 } SsgiGathered;
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                  SsgiGathered *gathered)
 {
@@ -52,22 +52,22 @@ ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Sli
 #endif
 }
 
-static inline __attribute__((always_inline)) void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side, const int layer,
-                const SliceParams params, SsgiGathered *gathered)
+SSGI_INLINE void
+ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
+                const int layer, const SliceParams params, SsgiGathered *gathered)
 {
     gathered->rise = v_splat(0.0f);
 }
 
 #if GTAO_FALLOFF
 // Cosine of an angle from the line of sight.
-static inline __attribute__((always_inline)) vfloat gtao_cosine(const vfloat cot)
+SSGI_INLINE vfloat gtao_cosine(const vfloat cot)
 {
     return cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
 }
 #endif
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
          const SliceParams params, SsgiGathered *gathered)
 {
@@ -80,7 +80,8 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
     const vfloat distance = v_sqrt(
         v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
     const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
-    const vfloat top = gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
+    const vfloat top =
+        gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
     const vfloat rise = (top - low) * weight;
 #else
     const vfloat rise = tap->height * tap->inverse;
@@ -89,8 +90,8 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
 }
 
 // a of the angle that has this cosine and sine, g being towards the side.
-static inline __attribute__((always_inline)) vfloat gtao_integral(const vfloat cosine, const vfloat sine, const vfloat cos_normal,
-                                   const vfloat sin_normal)
+SSGI_INLINE vfloat gtao_integral(const vfloat cosine, const vfloat sine, const vfloat cos_normal,
+                                 const vfloat sin_normal)
 {
     const vfloat turned = v_fma(-cosine, sine, v_acos(cosine));
     return 0.5f * v_fma(sine * sine, cos_normal, turned * sin_normal);
@@ -98,7 +99,7 @@ static inline __attribute__((always_inline)) vfloat gtao_integral(const vfloat c
 
 #if GTAO_BENT
 // Count the directions between the horizon, with this cosine and sine, and the tangent plane.
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine, const vfloat sine,
           const vfloat sin_normal, const vmask rises, SsgiGathered *gathered)
 {
@@ -116,7 +117,7 @@ gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine, const vfl
 }
 
 // Bend away from what a slice of this weight hides.
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat weight,
           SsgiGathered *gathered)
 {
@@ -135,7 +136,7 @@ gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat wei
 }
 #endif
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
               const SliceParams params, SsgiGathered *gathered)
 {
@@ -159,7 +160,7 @@ ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int si
 #endif
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                SsgiGathered *gathered)
 {

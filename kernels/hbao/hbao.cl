@@ -31,16 +31,16 @@ typedef struct {
     vfloat occluded, whole;
 } SsgiGathered;
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                  SsgiGathered *gathered)
 {
     gathered->hidden = gathered->could_hide = v_splat(0.0f);
 }
 
-static inline __attribute__((always_inline)) void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side, const int layer,
-                const SliceParams params, SsgiGathered *gathered)
+SSGI_INLINE void
+ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
+                const int layer, const SliceParams params, SsgiGathered *gathered)
 {
     const vfloat one = v_splat(1.0f);
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
@@ -62,7 +62,7 @@ ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int 
     gathered->could_hide = gathered->could_hide + (one - gathered->horizon);
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
          const SliceParams params, SsgiGathered *gathered)
 {
@@ -83,13 +83,13 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *ta
     gathered->rise = v_select(gathered->rise, rise, raises);
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
               const SliceParams params, SsgiGathered *gathered)
 {
 }
 
-static inline __attribute__((always_inline)) void
+SSGI_INLINE void
 ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
                SsgiGathered *gathered)
 {

@@ -2,7 +2,8 @@
 // shade_combine: radiance of each pixel from direct, ambient and indirect irradiance.
 //
 // L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
-// light alone. E_ambient is a quadratic function of the normal (Ramamoorthi and Hanrahan 2001, "An
+// light alone; with SHADE_BOUNCES it is brightened, colour by colour, by the albedo (Jimenez et al.
+// 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion"). E_ambient is a quadratic function of the normal (Ramamoorthi and Hanrahan 2001, "An
 // Efficient Representation for Irradiance Environment Maps").
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
@@ -10,17 +11,30 @@
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1)
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
-// Macros:  SHADE_DIRECT, SHADE_AO, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any ambient light),
-//          SHADE_SKY: 0 or 1
+// Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any
+//          ambient light), SHADE_SKY: 0 or 1
 // Params:  ambient coefficients, view to world rotation
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 
-#if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_INDIRECT) ||                    \
-    !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) || !defined(SHADE_SKY)
-#error "SHADE_DIRECT, _AO, _INDIRECT, _EMISSION, _AMBIENT and _SKY must be defined by the host"
+#if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_BOUNCES) ||                     \
+    !defined(SHADE_INDIRECT) || !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) ||             \
+    !defined(SHADE_SKY)
+#error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT and _SKY must be defined"
+#endif
+
+#if SHADE_BOUNCES
+// A of several bounces between surfaces of this albedo.
+static inline vfloat shade_brightened(const vfloat a, const vfloat albedo)
+{
+    const vfloat cube = v_fma(albedo, v_splat(2.0404f), v_splat(-0.3324f));
+    const vfloat square = v_fma(albedo, v_splat(-4.7951f), v_splat(0.6417f));
+    const vfloat line = v_fma(albedo, v_splat(2.7552f), v_splat(0.6903f));
+    const vfloat fitted = v_fma(v_fma(cube, a, square), a, line) * a;
+    return v_min(v_max(fitted, a), v_splat(1.0f)); // at A = 1 the fit is up to 1.0001
+}
 #endif
 
 __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
@@ -65,7 +79,11 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
 #if SHADE_AO
     const vfloat a = ssgi_load(openness, size, 0, x, y);
     for (int c = 0; c < 3; ++c) {
+#if SHADE_BOUNCES
+        light[c] = light[c] * shade_brightened(a, ssgi_load(albedo, whole, c, at_x, at_y));
+#else
         light[c] = light[c] * a;
+#endif
     }
 #endif
 #endif

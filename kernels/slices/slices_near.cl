@@ -6,21 +6,27 @@
 // for nothing.
 //
 // Reads:   depth  NEAR_LAYERS x [rows, columns] with margin, scene units; INFINITY where nothing is
+//          thickness [rows, columns] with margin, scene units, with NEAR_THICKNESS alone
 // Writes:  near   NEAR_LAYERS x [rows, 4 stride], column c at (c + lead) % 4 * stride +
 //                 (c + lead) / 4: 1 / depth, 0 where nothing is (perspective);
-//                 depth in pixels' widths, INFINITY where nothing is (orthographic)
-// Macros:  NEAR_LAYERS (>= 1)
+//                 depth in pixels' widths, INFINITY where nothing is (orthographic);
+//                 with NEAR_THICKNESS another image behind them, thickness in scene units
+// Macros:  NEAR_LAYERS (>= 1), NEAR_THICKNESS (0, 1)
 // Launch:  SSGI_LANES floats of a row of `near` per work-item
 // Cost:    1 read and 1 write per pixel and layer
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 
-#ifndef NEAR_LAYERS
-#error "NEAR_LAYERS must be defined by the host"
+#if !defined(NEAR_LAYERS) || !defined(NEAR_THICKNESS)
+#error "NEAR_LAYERS and NEAR_THICKNESS must be defined by the host"
 #endif
 
-__kernel void slices_near(ssgi_plane depth, __global float *restrict near, const int2 size,
+__kernel void slices_near(ssgi_plane depth,
+#if NEAR_THICKNESS
+                          ssgi_plane thickness,
+#endif
+                          __global float *restrict near, const int2 size,
                           const int2 fine_size, const int columns, const int lead, const int step,
                           const int first_x, const int first_y, const float ortho_unit,
                           const SsgiCamera camera)
@@ -50,4 +56,8 @@ __kernel void slices_near(ssgi_plane depth, __global float *restrict near, const
                                  : v_select(v_splat(INFINITY), z * ortho_unit, there);
         ssgi_store(value, near, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
+#if NEAR_THICKNESS
+    const vfloat thick = ssgi_gather(thickness, fine_size, 0, from_x, from_y);
+    ssgi_store(v_select(v_splat(0.0f), thick, inside), near, size, NEAR_LAYERS, x, y, 0.0f);
+#endif
 }

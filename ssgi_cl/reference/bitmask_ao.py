@@ -21,7 +21,9 @@ def bitmask_reference(
 ) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
     params = params or BitmaskParams()
-    return finished(gbuffer, params, lambda scan: openness(scan, params), params.thickness)
+    return finished(
+        gbuffer, params, lambda scan: openness(scan, params), params.thickness, params.end
+    )
 
 
 def openness(scan: Scan, params: BitmaskParams) -> Doubles:
@@ -63,8 +65,8 @@ def _hidden(
     zero = np.zeros(scan.depth.shape)
     receiver = Tap(
         there=scan.active if layer == 0 else zero > 1.0, counts=zero > 1.0,
-        cot=side * plane.edge, back=zero, distance=zero, depth=zero, f=zero, x=zero, y=zero,
-        px=zero,
+        cot=side * plane.edge, back=zero, distance=zero, depth=zero, f=zero, behind=zero,
+        x=zero, y=zero, px=zero,
     )
     ends = [receiver, *taps]
     slopes = [_slope(one, other) for one, other in pairwise(ends)]
@@ -84,7 +86,7 @@ def _hidden(
         yield cut, np.where(inside[0], one.cot, other.cot), _cut(scan, plane, side, one, other)
         alone = other.there & inside[1] & ~joined
         yield alone, other.cot, scan.cotangent(
-            plane, side, scan.behind(other.f), other.x, other.y
+            plane, side, other.behind, other.x, other.y
         )
 
 

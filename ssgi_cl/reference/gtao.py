@@ -70,7 +70,8 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
             up, along = ((weight * (a - b))[..., None] for a, b in zip(all_, seen, strict=True))
             hidden += -up * sight + side * along * across
             whole += weight * arc_integral(edge, plane, side)
-    return -1.5 * hidden / whole[..., None]
+    bend: Doubles = -1.5 * hidden / whole[..., None]
+    return bend
 
 
 def horizons(

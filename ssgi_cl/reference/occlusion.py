@@ -12,17 +12,21 @@ from ssgi_cl.techniques.occlusion import RESOLUTIONS
 
 
 def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
-    """Return A at full size from what a technique of occlusion found.
+    """Return A (or what goes with it) at full size from what a technique of occlusion found.
 
     Args:
-        openness: [rows, columns] of `view`.
+        openness: [rows, columns] of `view`, or [rows, columns, channels].
         view: the G-buffer at the size of `params.resolution`.
         full: the same at full size.
         params: with the fields that `ssgi_cl.techniques.occlusion` reads.
     """
     step = RESOLUTIONS[params.resolution]
     blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
-    if step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0:
+    late = step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0
+    if late and openness.ndim > 2:
+        a = upsample_reference(openness, full, step=step, background=1.0)
+        return bilateral_reference(a, full, blur)
+    if late:
         a = upsample_blur_reference(openness, full, blur, step=step, background=1.0)
         again = BilateralParams(radius=blur.radius, passes=blur.passes - 1)
         return bilateral_reference(a, full, again)

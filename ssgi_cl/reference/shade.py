@@ -11,6 +11,7 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
+from ssgi_cl.reference.multi_bounce import multi_bounce_reference
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -29,6 +30,7 @@ def shade_reference(
     rsms: Sequence[ReflectiveShadowMap | None] | None = None,
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
+    multi_bounce: bool = False,
 ) -> Doubles:
     """Return radiance [rows, columns, 3]; the arguments are those of `shade`."""
     position, normal, there = world_surface(gbuffer)
@@ -43,11 +45,15 @@ def shade_reference(
         irradiance += direct_reference(light, position, normal) * share[..., None]
     environments = [light for light in lights if isinstance(light, Environment)]
     ambient = ambient_reference(environments, normal)
-    irradiance += ambient if ao is None else ambient * np.asarray(ao, np.float64)[..., None]
-    if indirect is not None:
-        irradiance += np.asarray(indirect, np.float64)
     albedo = gbuffer.first("albedo")
     reflectance = 0.8 if albedo is None else gbuffer.inner(albedo).astype(np.float64)
+    if ao is not None and multi_bounce:
+        ambient *= multi_bounce_reference(ao, reflectance)
+    elif ao is not None:
+        ambient *= np.asarray(ao, np.float64)[..., None]
+    irradiance += ambient
+    if indirect is not None:
+        irradiance += np.asarray(indirect, np.float64)
     radiance = reflectance * irradiance / np.pi
     emission = gbuffer.first("emission")
     if emission is not None:

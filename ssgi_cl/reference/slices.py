@@ -34,10 +34,11 @@ class Tap:
         there: whether a surface is.
         counts: whether one is, within the radius and above the tangent plane.
         cot: cotangent of the angle between the line of sight and the surface.
-        back: the same of a point `thickness` further along the tap's own line of sight.
+        back: the same of where the surface ends, on the tap's own line of sight.
         distance: from the receiver, in radii.
         depth: behind the receiver, in radii.
         f: 1 - depth of the receiver / depth of the tap; orthographic: depth behind the receiver.
+        behind: `f` of where the surface ends.
         x, y: offset from the receiver in slope.
         px: offset along the slice.
     """
@@ -49,6 +50,7 @@ class Tap:
     distance: Doubles
     depth: Doubles
     f: Doubles
+    behind: Doubles
     x: Doubles
     y: Doubles
     px: Doubles
@@ -93,13 +95,22 @@ class Scan:
         view: what is seen in front.
         depths: [layers, rows, columns] of all layers, margin included, of the view's size.
         params: see `SliceParams`.
-        thickness: of surfaces, scene units.
+        thickness: of surfaces, radii.
+        thick: [rows, columns] of the front layer's, scene units, margin included, or None.
+        end: "thickness", or "layer": no surface goes on behind the next layer.
     """
 
     def __init__(
-        self, view: SurfaceView, depths: Doubles, params: SliceParams, thickness: float = 0.0
+        self,
+        view: SurfaceView,
+        depths: Doubles,
+        params: SliceParams,
+        thickness: float = 0.0,
+        thick: Doubles | None = None,
+        end: str = "thickness",
     ) -> None:
         self.view, self.depths, self.params, self.thickness = view, depths, params, thickness
+        self.given, self.end = thick, end
         self.perspective = not view.camera.is_orthographic
         own = view.inner(view.depth)
         depth = np.where(np.isfinite(own), own, 1.0)
@@ -123,7 +134,7 @@ class Scan:
         limit_px = params.max_radius_px / view.step
         radius_px = np.minimum(wanted_px, limit_px)
         radius = np.where(wanted_px > limit_px, params.radius * limit_px / wanted_px, params.radius)
-        self.radius = np.minimum(radius / self.k, 1e6)
+        self.radius = np.minimum(radius / self.k, 1e3 if self.perspective else 1e6)
         self.thick = self.thickness * self.radius
         distance = depth / self.k * np.sqrt(self.sight)
         if not self.perspective:
@@ -141,9 +152,8 @@ class Scan:
         rows, columns = self.view.size
         column = np.broadcast_to(np.arange(columns), (rows, columns))
         first = (column // TILE // GROUP * GROUP) * TILE + column % TILE
-        middle = self.view.slopes(
-            self.row, first + self.view.margin[1] + 0.5 * TILE * GROUP
-        )[0] * (1.0 if self.perspective else 0.0)
+        centre = np.asarray(first + self.view.margin[1] + 0.5 * TILE * GROUP, np.float64)
+        middle = self.view.slopes(self.row, centre)[0] * (1.0 if self.perspective else 0.0)
         unit_px = self.view.pixels_per_unit(np.ones(1))[0]
         limit = self.params.max_radius_px / self.view.step / unit_px
         if not self.perspective:
@@ -203,9 +213,9 @@ class Scan:
                 offset=offset,
             )
 
-    def _farthest(self) -> float:
+    def _farthest(self) -> int:
         """Both sides of the image as kernels have it, padded, px: no tap is farther away."""
-        rows, columns = self.view.depth.shape
+        rows, columns = (int(count) for count in self.view.depth.shape)
         lead = -self.view.margin[1] % TILE
         quarter = -(-(columns + lead) // TILE)
         return rows + TILE * (-(-quarter // GROUP) * GROUP + GROUP)
@@ -213,7 +223,7 @@ class Scan:
     def taps(self, plane: Slice, side: int, layer: int) -> Iterator[Tap]:
         """Give what the taps see in a layer from near to far; `side` is 1 or -1."""
         for columns, rows in plane.offset:
-            yield self._tap(plane, side, self.depths[layer], side * columns, side * rows)
+            yield self._tap(plane, side, layer, side * columns, side * rows)
 
     def taps_of_all_layers(self, plane: Slice, side: int) -> Iterator[tuple[Tap, ...]]:
         """Give what all layers show at each tap, from near to far."""
@@ -242,7 +252,7 @@ class Scan:
         """Return the receiver's depth over that of a tap (1 with an orthographic camera)."""
         return 1.0 - f if self.perspective else np.ones_like(f)
 
-    def _tap(self, plane: Slice, side: int, layer: Doubles, dx: Doubles, dy: Doubles) -> Tap:
+    def _tap(self, plane: Slice, side: int, layer: int, dx: Doubles, dy: Doubles) -> Tap:
         rows, columns = self.view.depth.shape
         row, column = self.row + dy, self.column + dx
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -254,7 +264,7 @@ class Scan:
         inverse = plane.across * self._inverse(x, y, self.middle)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
         steep = self.sight / -self.clamped * inverse
-        seen = np.where(inside, layer[at], np.inf)
+        seen = np.where(inside, self.depths[layer][at], np.inf)
         there = self.active & np.isfinite(seen)
         seen = np.where(there, seen, self.depth)
         # All lengths are divided by k of the tap.
@@ -263,7 +273,8 @@ class Scan:
         outside = self.outside(f, x, y)
         height = f * self.facing + along - self.bias * scale
         # A tap without back lies on its front.
-        back = np.maximum(self.behind(f) * self.facing + along, 0.0) * steep
+        behind = self._behind(f, layer, inside, at)
+        back = np.maximum(behind * self.facing + along, 0.0) * steep
         unit = (self.radius * scale) ** 2
         return Tap(
             there=there,
@@ -273,17 +284,28 @@ class Scan:
             distance=np.sqrt(np.maximum(outside / unit + 1.0, 0.0)),
             depth=f / (self.radius * scale),
             f=f,
+            behind=behind,
             x=x,
             y=y,
             px=side * (dx * plane.cosine + dy * plane.sine),
         )
 
-    def behind(self, f: Doubles) -> Doubles:
-        """Return `Tap.f` of the point `thickness` behind a tap on its line of sight."""
-        if not self.perspective:
-            return f + self.thick
+    def _behind(
+        self, f: Doubles, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]
+    ) -> Doubles:
+        """Return `Tap.behind` of taps at array elements that may lie inside the image."""
+        thick = self.thick
+        if self.given is not None and layer == 0:
+            thick = np.where(inside, self.given[at], 0.0) / self.k
         # 1 - scale with scale = depth / (seen + thickness).
-        return 1.0 - 1.0 / (1.0 / (1.0 - f) + self.thick)
+        behind = 1.0 - 1.0 / (1.0 / (1.0 - f) + thick) if self.perspective else f + thick
+        if self.end == "layer" and layer + 1 < len(self.depths):
+            following = np.where(inside, self.depths[layer + 1][at], np.inf)
+            there = np.isfinite(following)
+            seen = np.where(there, following, 1.0)
+            own = 1.0 - self.depth / seen if self.perspective else (seen - self.depth) / self.k
+            behind = np.where(there, np.minimum(behind, own), behind)
+        return behind
 
     def _inverse(self, ax: Doubles, ay: Doubles, slope: Doubles | None = None) -> Doubles:
         """1 / (what the offset (ax, ay, 0) has across the line of sight, times its length)."""
@@ -296,18 +318,25 @@ def finished(
     gbuffer: GBuffer,
     params: SliceParams,
     openness: Callable[[Scan], Doubles],
-    thickness: float = 0.0,
+    thickness: float | None = None,
+    end: str = "thickness",
 ) -> Doubles:
     """Return A [rows, columns]: `openness` of the scan, then contrast, blur and upsampling."""
-    scan, full = scanned(gbuffer, params, thickness)
+    scan, full = scanned(gbuffer, params, thickness, end)
     a = np.where(scan.active, np.clip(openness(scan), 0.0, 1.0), 1.0) ** params.contrast
     return complete(a, scan.view, full, params)
 
 
 def scanned(
-    gbuffer: GBuffer, params: SliceParams, thickness: float = 0.0
+    gbuffer: GBuffer,
+    params: SliceParams,
+    thickness: float | None = None,
+    end: str = "thickness",
 ) -> tuple[Scan, SurfaceView]:
-    """Return the scan of a G-buffer at the size that is asked for, and its view at full size."""
+    """Return the scan of a G-buffer at the size that is asked for, and its view at full size.
+
+    Where surfaces end, see `Scan`: the G-buffer's own thickness counts unless `thickness` is None.
+    """
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
@@ -315,4 +344,7 @@ def scanned(
     rows, columns = (
         view.origin[i] - full.origin[i] + step * np.arange(view.depth.shape[i]) for i in (0, 1)
     )
-    return Scan(view, depths[:, rows[:, None], columns], params, thickness), full
+    given = None if thickness is None else gbuffer.first("thickness")
+    thick = None if given is None else given.astype(np.float64)[rows[:, None], columns]
+    layers = depths[:, rows[:, None], columns]
+    return Scan(view, layers, params, thickness or 0.0, thick, end), full

@@ -69,7 +69,13 @@ TECHNIQUES: dict[str, Entry] = {
         gtao, GtaoParams, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}, layers=_LAYERS
     ),
     "bitmask_ao": Entry(
-        bitmask_ao, BitmaskParams, "ao", tunable={**_SLICES, "thickness": (0.05, 2.0)},
+        bitmask_ao,
+        BitmaskParams,
+        "ao",
+        tunable={
+            **_SLICES, "taps": [6, 9, 12, 14, 16, 20, 24], "thickness": (0.02, 0.5),
+            "slack": (0.1, 1.0),
+        },
         layers=_LAYERS,
     ),
 }

@@ -17,6 +17,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
 
 SECTORS = ("cosine", "angle")
+ENDS = ("thickness", "layer")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,10 @@ class BitmaskParams(SliceParams):
     thickness: float = param(
         0.1, "of surfaces, along the line of sight; joined, of those that a single tap meets",
         low=0.0, high=1e3, unit="radii"
+    )
+    end: str = param(
+        "thickness", "where such surfaces end: `thickness` behind their front (that of each pixel "
+        "where the G-buffer has it), or at the next depth layer if that is nearer", choices=ENDS
     )
     joined: bool = param(True, "surfaces cover what lies between neighbouring taps")
     slack: float = param(
@@ -53,11 +58,14 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
 
     name = "bitmask_ao"
     defaults = BitmaskParams
+    reads_thickness = True
 
     def _macros(self) -> Mapping[str, int]:
         params = self.params
         return {
-            "BITMASK_ANGLE": SECTORS.index(params.sectors), "BITMASK_JOINED": int(params.joined)
+            "BITMASK_ANGLE": SECTORS.index(params.sectors),
+            "BITMASK_JOINED": int(params.joined),
+            "SLICES_NEXT": int(params.end == "layer"),
         }
 
     def _values(self) -> Mapping[str, float]:

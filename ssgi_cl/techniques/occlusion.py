@@ -29,28 +29,35 @@ class OcclusionTechnique(ABC):
         size: (rows, columns) of the result.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
         params: with the fields `resolution`, `blur_radius`, `blur_passes` and `blur_resolution`.
+        channels: images of a result, of which A is the first; all are blurred and upsampled.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, margin: Size, params: Any) -> None:
+    def __init__(
+        self, runtime: Runtime, size: Size, margin: Size, params: Any, channels: int = 1
+    ) -> None:
         self.runtime = runtime
         self.size = size
         self.margin = margin
         self._step = step = RESOLUTIONS[params.resolution]
         coarse = coarse_size(size, step)
-        self._openness = runtime.plane(1, coarse, 1.0)
+        self._openness = runtime.plane(channels, coarse, 1.0)
         self._reduced: ReducedGBuffer | None = None
         blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
         self._upsample: Upsample | UpsampleBlur | None = None
-        self._blur = Bilateral(runtime, coarse, blur)
-        if step > 1 and self._blur.active and params.blur_resolution == "full":
+        late = step > 1 and blur.passes * blur.radius > 0 and params.blur_resolution == "full"
+        if late and channels == 1:
             self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0)
-            self._blur = Bilateral(runtime, size, replace(blur, passes=blur.passes - 1))
+            blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
-            self._upsample = Upsample(runtime, size, step, background=1.0)
-        self._blur_first = not isinstance(self._upsample, UpsampleBlur)
+            self._upsample = Upsample(runtime, size, step, channels, background=1.0)
+        self._blur = Bilateral(runtime, size if late else coarse, blur, channels)
+        self._blur_first = not late
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return the plane of A. Nothing is allocated after the first call."""
+        """Queue the passes; return the plane of A, and of what else the technique finds.
+
+        Nothing is allocated after the first call.
+        """
         self._check(gbuffer)
         source: Any = gbuffer
         if self._upsample is not None:

@@ -75,10 +75,12 @@ class Shade:
         shadows: Sequence[ShadowMap | None] | None = None,
         openness: Plane | None = None,
         indirect: Plane | None = None,
+        multi_bounce: bool = False,
     ) -> Plane:
         """Queue the passes; return the plane of radiance.
 
-        `shadows` has one entry for each light (None: it casts no shadow), `openness` is A.
+        `shadows` has one entry for each light (None: it casts no shadow), `openness` is A;
+        `multi_bounce` brightens A, see `shade`.
         """
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         lit = False
@@ -86,11 +88,11 @@ class Shade:
             if isinstance(light, Environment):
                 continue
             if not power(light).any():
-                self.runtime.skip(f"light {_kind_name(light)}", "it emits nothing")
+                self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
                 continue
             self._light(gbuffer, light, shadow, add=lit)
             lit = True
-        return self._combine(gbuffer, lights, lit, openness, indirect)
+        return self._combine(gbuffer, lights, lit, openness, indirect, multi_bounce)
 
     def _light(
         self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool
@@ -108,7 +110,7 @@ class Shade:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         light_camera = shadow.cameras[0] if shadow else camera
         kernel.run(
-            f"light {_kind_name(light)}",
+            f"light {kind_name(light)}",
             self.size,
             reads=[gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing],
             writes=[self._direct],
@@ -126,6 +128,7 @@ class Shade:
         lit: bool,
         openness: Plane | None,
         indirect: Plane | None,
+        multi_bounce: bool,
     ) -> Plane:
         self._set_environments([light for light in lights if isinstance(light, Environment)])
         sky_rows, sky_columns = self._sky_size
@@ -134,6 +137,7 @@ class Shade:
             {
                 "SHADE_DIRECT": int(lit),
                 "SHADE_AO": int(openness is not None),
+                "SHADE_BOUNCES": int(multi_bounce and openness is not None),
                 "SHADE_INDIRECT": int(indirect is not None),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_AMBIENT": int(self._has_ambient),
@@ -188,6 +192,7 @@ def shade(
     rsms: Sequence[ReflectiveShadowMap | None] | None = None,
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
+    multi_bounce: bool = False,
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
@@ -199,6 +204,7 @@ def shade(
             no shadow. None for all lights by default.
         ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lamps.
         indirect: irradiance [rows, columns, 3] in W/m^2 to add, >= 0.
+        multi_bounce: whether A is brightened by the surface's albedo, see `multi_bounce`.
         runtime: the device; by default the fastest found.
 
     Returns:
@@ -216,6 +222,7 @@ def shade(
         raise ValueError(
             f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light"
         )
+    check.switch("multi_bounce", multi_bounce)
     for index, rsm in enumerate(rsms or ()):
         if rsm is not None and not isinstance(lights[index], Environment):
             _checked(rsm, lights[index], index)
@@ -243,7 +250,8 @@ def shade(
             shadows[index] = _uploaded(rsm, runtime, index)
     with runtime.frame():
         result = technique.run(
-            device, lights, shadows=shadows, openness=openness, indirect=added
+            device, lights, shadows=shadows, openness=openness, indirect=added,
+            multi_bounce=multi_bounce,
         ).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
@@ -288,7 +296,8 @@ def power(light: Lamp) -> NDArray[np.float64]:
     return np.asarray(value)
 
 
-def _kind_name(light: Lamp) -> str:
+def kind_name(light: Lamp) -> str:
+    """Return "spot", "point" or "directional"."""
     return type(light).__name__.removesuffix("Light").lower()
 
 

@@ -14,7 +14,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Kernel, Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import BLUR_RESOLUTIONS, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER
@@ -23,7 +23,8 @@ SLICES = Struct(
     "SliceParams",
     (
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
-        *floats("thickness", "slack", "falloff_scale", "thin", "attenuation", "bias_cos", "bias_sin"),
+        *floats("thickness", "slack", "falloff_scale", "thin"),
+        *floats("attenuation", "bias_cos", "bias_sin"),
         *(
             (name, "int")
             for name in (
@@ -175,6 +176,8 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
     name: ClassVar[str]
     """Of the kernel and of its pass."""
     defaults: ClassVar[type[SliceParams]]
+    reads_thickness: ClassVar[bool] = False
+    """Whether it looks at the thickness that a G-buffer may have for each pixel."""
 
     def __init__(
         self,
@@ -185,22 +188,11 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         layers: int = 1,
     ) -> None:
         chosen: Any = params or self.defaults()
-        super().__init__(runtime, size, margin, chosen)
+        super().__init__(runtime, size, margin, chosen, chosen.channels)
         self.params: P = chosen
         self.layers = layers
-        self._kernel = runtime.kernel(
-            f"{self.name}/{self.name}.cl",
-            {
-                "SLICES_COUNT": chosen.slices,
-                "SLICES_TAPS": chosen.taps,
-                "SLICES_LAYERS": layers,
-                **self._macros(),
-            },
-            (CAMERA, SLICES),
-        )
-        self._measure = runtime.kernel(
-            "slices/slices_near.cl", {"NEAR_LAYERS": layers}, (CAMERA,)
-        )
+        self._kernels: dict[bool, tuple[Kernel, Kernel]] = {}
+        self._kernels_for(thick=False)
         self._table = runtime.array(table(chosen))
         coarse = self._openness.size
         reduced_margin = (margin[0] // self._step, margin[1] // self._step)
@@ -209,8 +201,26 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         self._lead = -reduced_margin[1] % TILE
         quarter = -(-(self._whole[1] + self._lead) // TILE)
         self._stride = -(-quarter // GROUP) * GROUP + GROUP
-        # Of a perspective and of an orthographic camera: what lies outside differs.
-        self._near: dict[bool, Plane] = {}
+        # What lies outside differs between perspective and orthographic cameras.
+        self._near: dict[tuple[bool, bool], Plane] = {}
+
+    def _kernels_for(self, *, thick: bool) -> tuple[Kernel, Kernel]:
+        """Return the kernels that measure and that scan, without or with thickness by pixel."""
+        if thick not in self._kernels:
+            params, kernel = self.params, self.runtime.kernel
+            macros = {
+                "SLICES_COUNT": params.slices,
+                "SLICES_TAPS": params.taps,
+                "SLICES_LAYERS": self.layers,
+                **({"SLICES_THICKNESS": int(thick)} if self.reads_thickness else {}),
+                **self._macros(),
+            }
+            near = {"NEAR_LAYERS": self.layers, "NEAR_THICKNESS": int(thick)}
+            self._kernels[thick] = (
+                kernel("slices/slices_near.cl", near, (CAMERA,)),
+                kernel(f"{self.name}/{self.name}.cl", macros, (CAMERA, SLICES)),
+            )
+        return self._kernels[thick]
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers)
@@ -221,8 +231,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
             )
 
     def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
-        near = self._measured(gbuffer)
-        self._kernel.run(
+        thickness = gbuffer.thickness if self.reads_thickness else None
+        measure, scan = self._kernels_for(thick=thickness is not None)
+        near = self._measured(measure, gbuffer, thickness)
+        scan.run(
             self.name,
             self._openness.size,
             reads=[near, source.normal, self._table],
@@ -236,20 +248,25 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         rows, columns = self._openness.size
         return rows, TILE * -(-columns // (TILE * self.runtime.form.lanes))
 
-    def _measured(self, gbuffer: DeviceGBuffer) -> Plane:
+    def _measured(
+        self, measure: Kernel, gbuffer: DeviceGBuffer, thickness: Plane | None
+    ) -> Plane:
         """Queue the pass that brings all layers into the measure and the size of the scan."""
         perspective = bool(gbuffer.camera_struct["perspective"])
-        if perspective not in self._near:
-            outside = 0.0 if perspective else math.inf
-            size = (self._whole[0], TILE * self._stride)
-            self._near[perspective] = self.runtime.plane(self.layers, size, outside)
-        near = self._near[perspective]
+        thick = thickness is not None
+        if (perspective, thick) not in self._near:
+            self._near[perspective, thick] = self.runtime.plane(
+                self.layers + thick,
+                (self._whole[0], TILE * self._stride),
+                0.0 if perspective else math.inf,
+            )
+        near = self._near[perspective, thick]
         rows, columns = gbuffer.whole
         first = (gbuffer.margin[0] % self._step, gbuffer.margin[1] % self._step)
-        self._measure.run(
+        measure.run(
             "near",
             near.size,
-            reads=[gbuffer.depth],
+            reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
             writes=[near],
             values=[
                 np.array([columns, rows], np.int32), np.int32(self._whole[1]),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bitmask_ao import turn
+from ssgi_cl.reference.bitmask_ao import bitmask_reference, turn
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import gtao
 
 from ..closed_forms import hidden_by_wall
@@ -107,3 +107,44 @@ def test_joined_taps_do_not_bridge_a_silhouette(runtime: Runtime) -> None:
     a = bitmask_ao(plate, 1.0, thickness=0.0, blur_radius=0, runtime=runtime)
     # Nothing lies within the radius of anything else; a bridge to the plate would reach the wall.
     np.testing.assert_array_equal(a, 1.0)
+
+
+THIN: list[dict[str, Any]] = [
+    {"joined": joined, "end": end} for joined in (True, False) for end in ("thickness", "layer")
+]
+
+
+@pytest.mark.parametrize("choice", THIN, ids=str)
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_twin(
+    form_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
+) -> None:
+    front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=(2, 3))
+    depth = np.asarray(front.depth)
+    thickness = rng.uniform(0.0, 0.4, depth.shape).astype(np.float32)
+    thickness[::5, ::3] = np.inf
+    deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
+    gbuffer = GBuffer(
+        camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness
+    )
+    params = {"radius": 0.6, "blur_radius": 0, **choice}
+    a = bitmask_ao(gbuffer, **params, runtime=form_runtime)
+    wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
+    # A sector or the radius may fall to the other side in a pixel or two.
+    assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 2e-3
+
+
+def test_even_thickness_is_that_of_the_parameter(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("bumpy", made := camera(), rng)
+    own = GBuffer(
+        camera=made, depth=gbuffer.depth, normal=gbuffer.normal,
+        thickness=np.full(np.shape(gbuffer.depth), 0.25 * 0.6, np.float32),
+    )
+    a = bitmask_ao(gbuffer, 0.6, thickness=0.25, blur_radius=0, runtime=runtime)
+    b = bitmask_ao(own, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
+    # One is a share of the radius, the other scene units: they round differently.
+    assert np.mean(np.abs(a - b) > 1e-5) <= 2e-3
+    thick = bitmask_ao(gbuffer, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
+    assert np.abs(a - thick).max() > 0.05

@@ -280,6 +280,19 @@ def test_radius_below_a_pixel_leaves_everything_open(
     np.testing.assert_array_equal(a, 1.0)
 
 
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_radius_beyond_the_scene_sees_the_scene_and_no_more(
+    runtime: Runtime, rng: np.random.Generator, subject: Subject, kind: str
+) -> None:
+    gbuffer = scene("bumpy", camera(kind), rng)
+    far, farther = (
+        subject.function(gbuffer, radius, blur_radius=0, runtime=runtime) for radius in (1e4, 1e8)
+    )
+    assert far.min() < 0.5
+    # Nor does what is infinitely far away occlude, however large the radius.
+    assert share_off(far, farther, ROUNDING) <= FLIPS
+
+
 @pytest.mark.parametrize("radius", [1e-30, 1e-6, 1e3, 1e6, 1e30])
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_any_radius_gives_openness_between_0_and_1(

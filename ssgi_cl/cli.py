@@ -28,7 +28,7 @@ from ssgi_cl.errors import KernelBuildError, SsgiError
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.params import Params, describe
-from ssgi_cl.render import Frame, render
+from ssgi_cl.render import AO_DEFAULT, AO_PARAMS, BOUNCES, Frame, render
 from ssgi_cl.runtime import PassTime, Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.version import __version__
@@ -123,9 +123,17 @@ _vector: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
               "A file named like the scene with .scene.json at its end is found by itself.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
               "W m^-2 sr^-1.")
+@click.option("--ao", type=click.Choice((*AO_PARAMS, "none")), default=AO_DEFAULT,
+              show_default=True, help="What dims ambient light.")
 @click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
               "diagonal.")
-@click.option("--ao-samples", type=int, default=16, show_default=True, help="Points per pixel.")
+@click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
+@click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light of lamps that surfaces "
+              "reflect once, shot by virtual point lights or gathered; by default none.")
+@click.option("--vpls", type=int, default=1024, show_default=True,
+              help="Virtual point lights of --indirect vpl.")
+@click.option("--layers", type=int, default=1, show_default=True,
+              help="Depth layers; with 2 or more, walls block light of --indirect vpl.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,
               help="Texels along a shadow map's side.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
@@ -157,6 +165,10 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         if options["ambient"] is not None:
             lights = (*lights, Environment(options["ambient"]))
         arguments: dict[str, Any] = {
+            "ao": False if options["ao"] == "none" else options["ao"],
+            "indirect": options["indirect"],
+            "vpls": options["vpls"],
+            "layers": options["layers"],
             "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
             "ao_samples": options["ao_samples"],
             "shadow_size": options["shadow_size"],
@@ -249,6 +261,8 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
     arrays = {"image": frame.radiance}
     if frame.ao is not None:
         arrays["ao"] = frame.ao
+    if frame.indirect is not None:
+        arrays["indirect"] = frame.indirect
     for name in ("depth", "normal", "albedo", "emission"):
         array = gbuffer.first(name)
         if array is not None:
@@ -335,7 +349,12 @@ def apply_command(
         result = entry.function(gbuffer, runtime=runtime, **parameters)
         passes = runtime.times()
         step("writing the file")
-        exr.write(output, {entry.channel: result})
+        channels = {entry.channel: result}
+        if isinstance(result, tuple):  # with bent normals
+            a, bent = result
+            channels = {entry.channel: a}
+            channels |= {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
+        exr.write(output, channels)
     _report(as_json, runtime, passes, [output], {"width": columns, "height": rows})
 
 

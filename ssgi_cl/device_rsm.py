@@ -35,7 +35,7 @@ class DeviceRsm:
     Args:
         runtime: the device.
         face_size: (rows, columns) of one face in texels.
-        faces: 1, or 6 for a point light.
+        faces: 1, or 6 for a point light; of several lights, those of all of them in turn.
 
     Attributes:
         size: (rows, columns) of the planes: all faces, stacked from top to bottom.
@@ -46,7 +46,7 @@ class DeviceRsm:
         area: 1 image, the surface that the texel stands for in square scene units; 0 where
             nothing is.
         origin: [3] float64, world space: where the light's first camera is.
-        light, cameras: of the current contents; None and () before there are any.
+        light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
     """
 

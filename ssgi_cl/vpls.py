@@ -170,7 +170,8 @@ def _cut(
     """
     sums = np.zeros((4, amounts.shape[1] + 1))
     np.cumsum(amounts, axis=1, dtype=np.float64, out=sums[:, 1:])
-    before = LUMINANCE @ sums[:3]
+    # Not `@`: a BLAS's threads would wait for more work on the cores that the passes need.
+    before = np.einsum("c,cn->n", LUMINANCE, sums[:3])
     edges = np.linspace(0.0, before[-1], count + 1)
     middle = np.searchsorted(before[1:-1], 0.5 * (edges[1:] + edges[:-1]))
     # An edge may fall into the middle of a light.

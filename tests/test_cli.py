@@ -20,6 +20,7 @@ from ssgi_cl.cli import main
 from ssgi_cl.drivers import DeviceInfo
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.gtao import gtao
 from ssgi_cl.techniques.ssao import ssao
 
 SMALL = ("--width", "64", "--height", "48")
@@ -133,6 +134,22 @@ def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
     np.testing.assert_allclose(twice - dark, 2.0 * (once - dark), rtol=1e-3, atol=1e-4)
 
 
+def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
+    facts = answer("render", "cornell_box", *SMALL, "--shadow-size", 128, "--indirect", "vpl",
+                   "--vpls", 200, "--layers", 2, "-o", tmp_path / "a.exr")
+    assert {"vpl occupy", "vpl splat"} <= {p["name"] for p in facts["passes"]}
+    channels = exr.read(tmp_path / "a.exr")
+    assert all(channels[f"indirect.{c}"].mean() > 0.0 for c in "RGB")
+
+
+def test_render_dims_ambient_light_by_the_technique_asked_for(tmp_path: Path) -> None:
+    arguments = ("render", "cornell_box", *SMALL, "--ambient", 0.5, "-o", tmp_path / "a.exr")
+    for name, more in (("ssao", ["--ao-samples", 8]), ("hbao", []), ("none", [])):
+        facts = answer(*arguments, "--ao", name, *more)
+        assert (name in {p["name"] for p in facts["passes"]}) == (name != "none")
+        assert ("ao" in exr.read(tmp_path / "a.exr")) == (name != "none")
+
+
 def test_render_writes_views_beside_the_picture(tmp_path: Path) -> None:
     facts = answer("render", "cornell_box", *SMALL, "--ambient", 1, "--views", "-o",
                    tmp_path / "a.png")
@@ -160,7 +177,7 @@ def test_render_reports_passes_and_device_as_json(tmp_path: Path, runtime: Runti
     assert passes["tonemap"]["ms"] >= 0.0
     assert passes["tonemap"]["skipped"] is None
     # The built-in box has no ambient light, so that nothing needs occlusion.
-    assert "ambient" in passes["ssao"]["skipped"]
+    assert "ambient" in passes["gtao"]["skipped"]
 
 
 def test_passes_that_were_skipped_say_why_in_the_table(tmp_path: Path) -> None:
@@ -235,7 +252,7 @@ def test_an_eye_alone_moves_the_camera_of_a_built_in_scene(tmp_path: Path) -> No
 
 
 def test_ao_radius_is_in_scene_units(corner: Path, tmp_path: Path) -> None:
-    arguments = ("render", corner, *SMALL, "-o")
+    arguments = ("render", corner, *SMALL, "--ao", "ssao", "-o")
     succeeds(*arguments, tmp_path / "a.exr", "--ao-radius", 0.05, "--ao-samples", 32)
     succeeds(*arguments, tmp_path / "b.exr", "--ao-radius", 0.8, "--ao-samples", 32)
     near, far = (exr.read(tmp_path / f"{name}.exr")["ao"] for name in "ab")
@@ -278,6 +295,18 @@ def test_apply_gives_what_the_library_gives(
                     runtime=runtime)
     settings = ("--set", "radius=0.3", "--set", "falloff=exponential")
     np.testing.assert_array_equal(applied(depth_file, *options.split(), *settings), expected)
+
+
+def test_apply_writes_bent_normals_beside_openness(depth_file: Path, runtime: Runtime) -> None:
+    output = depth_file.with_name("bent.exr")
+    succeeds("apply", "gtao", depth_file, "-o", output, "--set", "bent_normals=true")
+    gbuffer = GBuffer(camera=CAMERAS[""], depth=exr.read(depth_file)["Z"])
+    a, bent = gtao(gbuffer, bent_normals=True, runtime=runtime)
+    channels = exr.read(output)
+    assert set(channels) == {"ao", "bent.X", "bent.Y", "bent.Z"}
+    np.testing.assert_array_equal(channels["ao"], a)
+    for i, axis in enumerate("XYZ"):
+        np.testing.assert_array_equal(channels[f"bent.{axis}"], bent[..., i])
 
 
 def test_settings_take_lists_booleans_and_infinity(depth_file: Path, runtime: Runtime) -> None:
@@ -405,7 +434,11 @@ def test_version_is_printed() -> None:
         (["--fov", 180], "--fov is 180.0"),
         (["--ao-radius", -1], "radius is -1.0"),
         (["--ao-radius", 0], "radius is 0.0"),
-        (["--ao-samples", 0], "samples is 0"),
+        (["--ao", "ssao", "--ao-samples", 0], "samples is 0"),
+        (["--ao-samples", 8], "ao_samples is 8: expected None with ao='gtao'"),
+        (["--ao", "best"], "'best' is not one of 'ssao', 'hbao', 'gtao', 'bitmask_ao', 'none'"),
+        (["--indirect", "vpl", "--vpls", 0], "vpls is 0"),
+        (["--layers", 0], "layers is 0"),
         (["--shadow-size", 1], "shadow_size is 1"),
         (["--exposure", 0], "exposure is 0.0"),
         (["--exposure", "nan"], "exposure is nan"),

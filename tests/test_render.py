@@ -17,6 +17,7 @@ from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.reference.tonemap import encoded_reference
 from ssgi_cl.render import Frame, Renderer, render
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ssao import SsaoParams
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
@@ -86,7 +87,7 @@ def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, smal
     frame = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
     ran = names(frame)
     wanted = [
-        "view normals", "ssao", "light directional", "light point", "light spot", "combine",
+        "view normals", "gtao", "light directional", "light point", "light spot", "combine",
         "tonemap",
     ]
     first = [ran.index(name) for name in wanted]
@@ -164,15 +165,15 @@ def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(
     for lights in ([SUN], [SUN, Environment(0.0)], []):
         frame = render(small, viewer(), lights, shadow_size=64, runtime=runtime)
         assert frame.ao is None
-        assert skipped(frame)["ssao"] == "no ambient light for it to dim"
-        assert "ssao" not in names(frame)
+        assert skipped(frame)["gtao"] == "no ambient light for it to dim"
+        assert "gtao" not in names(frame)
 
 
 def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), [SKY], ao=False, runtime=runtime)
     assert frame.ao is None
     assert frame.gbuffer is None
-    assert "ssao" not in [p.name for p in frame.passes]
+    assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
 
 
 def test_skipped_ao_gives_the_same_bits_as_none(runtime: Runtime, small: Scene) -> None:
@@ -195,6 +196,128 @@ def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) ->
     assert frame.gbuffer is not None
     np.testing.assert_array_equal(frame.radiance, np.asarray(frame.gbuffer.emission))
     assert frame.radiance.any()
+
+
+# ---- ambient occlusion by each technique, and indirect light
+
+
+@pytest.mark.parametrize("name", ["ssao", "hbao", "gtao", "bitmask_ao"])
+def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
+    runtime: Runtime, small: Scene, name: str
+) -> None:
+    frame = render(
+        small, viewer(), [SKY], ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True,
+        runtime=runtime,
+    )
+    assert frame.gbuffer is not None
+    assert frame.ao is not None
+    by_hand = TECHNIQUES[name].function(frame.gbuffer, radius=0.3, runtime=runtime)
+    np.testing.assert_array_equal(frame.ao, by_hand)
+    assert frame.ao.min() < 0.9
+    assert name in names(frame)
+
+
+def box(runtime: Runtime, **options: Any) -> Frame:
+    """Return a small picture of the Cornell box, lit by its lamp alone."""
+    built = BUILTIN_SCENES["cornell_box"]()
+    given = {"shadow_size": 128, "exposure": 1.0, "runtime": runtime, **options}
+    return render(built.scene, built.camera(64, 48), built.lights, **given)
+
+
+@pytest.mark.parametrize(
+    "options", [{"indirect": "vpl"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}],
+    ids=str,
+)
+def test_indirect_light_brightens_what_the_lamp_does_not_reach(
+    form_runtime: Runtime, options: dict[str, Any]
+) -> None:
+    direct = box(form_runtime, layers=options.get("layers", 1))
+    frame = box(form_runtime, gbuffer=True, **options)
+    assert direct.indirect is None
+    assert frame.indirect is not None
+    assert frame.gbuffer is not None
+    dark = np.isfinite(frame.gbuffer.first("depth")) & ~direct.radiance.any(axis=-1)
+    assert dark.mean() > 0.1
+    assert (frame.radiance[dark].max(axis=-1) > 0.0).mean() > 0.9
+    # What is added is albedo / pi times the irradiance, and nothing else; float32 roundings.
+    added = np.asarray(frame.gbuffer.albedo) / math.pi * frame.indirect
+    np.testing.assert_allclose(
+        frame.radiance, direct.radiance + added, rtol=1e-5, atol=1e-6 * frame.radiance.max()
+    )
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: int) -> None:
+    frame = box(runtime, indirect="vpl", vpls=300, layers=layers, gbuffer=True)
+    built = BUILTIN_SCENES["cornell_box"]()
+    assert frame.indirect is not None
+    assert frame.gbuffer is not None
+    by_hand = gi.vpl_splat(
+        frame.gbuffer, gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
+        300, 0.0, interleave=True, visibility=layers > 1, runtime=runtime,
+    )
+    # Maps drawn on the device and uploaded ones differ by roundings of float32.
+    assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
+
+
+def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
+    runtime: Runtime, small: Scene
+) -> None:
+    def bounced(lights: list[Light], way: str) -> float:
+        frame = render(
+            small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime
+        )
+        assert frame.indirect is not None
+        return float(frame.indirect.mean(dtype=float))
+
+    # The samples are shared among the lamps: measured 1.2 % (vpl) and 3.5 % (gather).
+    for way, share in (("vpl", 0.02), ("gather", 0.06)):
+        alone = sum(bounced([lamp], way) for lamp in (SUN, LAMP, SPOT))
+        assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
+
+
+def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -> None:
+    plain = render(small, viewer(), [SKY], runtime=runtime)
+    for way, name in (("vpl", "vpl splat"), ("gather", "rsm gather")):
+        frame = render(small, viewer(), [SKY], indirect=way, runtime=runtime)
+        assert frame.indirect is None
+        assert skipped(frame) == {name: "no light that a map could be made of"}
+        assert names(frame) == names(plain)
+        np.testing.assert_array_equal(frame.radiance, plain.radiance)
+
+
+@pytest.mark.parametrize("way", ["vpl", "gather"])
+def test_a_lamp_that_lights_nothing_leaves_the_light_of_the_others(
+    runtime: Runtime, small: Scene, way: str
+) -> None:
+    away = SpotLight((0.2, 1.5, 0.3), (0.0, 1.0, 0.0), 0.3, 1.0)
+    options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "runtime": runtime}
+    alone = render(small, viewer(), [LAMP], **options)
+    both = render(small, viewer(), [LAMP, away], **options)
+    assert alone.indirect is not None
+    assert both.indirect is not None
+    assert skipped(both)["bounce spot"] == "it lights nothing that reflects"
+    np.testing.assert_array_equal(alone.indirect, both.indirect)
+    nothing = render(small, viewer(), [away], **options)
+    assert nothing.indirect is None
+    assert not any(name.startswith(("vpl", "rsm gather")) for name in names(nothing))
+
+
+@pytest.mark.parametrize(
+    "options", [{"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
+)
+def test_frames_with_indirect_light_repeat_and_allocate_nothing(
+    runtime: Runtime, small: Scene, options: dict[str, Any]
+) -> None:
+    given = {"shadow_size": 64, "runtime": runtime, **options}
+    first = render(small, viewer(), LIGHTS, **given)
+    before = runtime.allocated_bytes, runtime.builds
+    again = render(small, viewer(), LIGHTS, **given)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+    assert first.indirect is not None
+    assert again.indirect is not None
+    np.testing.assert_array_equal(first.indirect, again.indirect)
+    np.testing.assert_array_equal(first.image, again.image)
 
 
 # ---- repeating
@@ -336,8 +459,13 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
         ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),
         ({"ao_radius": -1.0}, ValueError, r"radius is -1.0: expected a number > 0.*scene units"),
         ({"ao_radius": math.inf}, ValueError, r"radius is inf"),
-        ({"ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1 and <= 256"),
-        ({"ao": "yes"}, TypeError, r"ao is 'yes': expected True or False"),
+        ({"ao": "ssao", "ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1"),
+        ({"ao_samples": 8}, ValueError, r"ao_samples is 8: expected None with ao=True"),
+        ({"ao": "hbao", "ao_samples": 8}, ValueError, r"ao_samples is 8: .* ao='hbao'"),
+        ({"ao": "yes"}, ValueError, r"ao is 'yes': expected one of 'ssao', 'hbao'"),
+        ({"ao": None}, TypeError, r"ao is None: expected True, False or the name"),
+        ({"indirect": "rays"}, ValueError, r"indirect is 'rays': expected one of 'vpl', 'gather'"),
+        ({"indirect": "vpl", "vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
         ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
     ],
     ids=str,

@@ -37,7 +37,7 @@ SLICES = Struct(
 GROUP = 16
 """Pixels that scan together, every fourth of a row."""
 
-SIMILAR = 0.6
+SIMILAR = 0.4
 """Those whose 1 / depth is at least this part of the nearest's share its slices."""
 
 TILE = 4

@@ -11,11 +11,16 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
-
-ROTATION = Struct(
-    "GbufferRotation", floats("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+from ssgi_cl.structs import (
+    CAMERA,
+    ROTATION,
+    Struct,
+    camera_values,
+    floats,
+    rotation_values,
 )
+
+VIEW_ROTATION = Struct("GbufferRotation", floats(*ROTATION))
 
 
 class DeviceGBuffer:
@@ -54,7 +59,7 @@ class DeviceGBuffer:
         self.camera_struct: Any = None
         self._kernels = [
             runtime.kernel(
-                "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": given}, (CAMERA, ROTATION)
+                "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": given}, (CAMERA, VIEW_ROTATION)
             )
             for given in (0, 1)
         ]
@@ -101,14 +106,12 @@ class DeviceGBuffer:
         camera = self.camera
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
-        turn = camera.view[:3, :3]
-        rotation = dict(zip([n for n, _ in ROTATION.members], turn.ravel(), strict=True))
         self._kernels[given].run(
             "view normals",
             self.whole,
             reads=[self.depth, self.normal_world],
             writes=[self.linear, self.normal],
-            values=[self.camera_struct, ROTATION.pack(rotation)],
+            values=[self.camera_struct, VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
         )
 
 

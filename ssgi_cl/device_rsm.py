@@ -10,11 +10,17 @@ from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.structs import (
+    CAMERA,
+    ROTATION,
+    Struct,
+    camera_values,
+    floats,
+    rotation_values,
+)
 
 Doubles = NDArray[np.float64]
 
-ROTATION = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 FACE = Struct(
     "RsmFace",
     (*floats(*ROTATION, "x", "y", "z", "brightest"), ("first_row", "int"), ("rows", "int")),
@@ -108,7 +114,7 @@ class DeviceRsm:
         """
         camera = self.cameras[face]
         values = {
-            **dict(zip(ROTATION, camera.view[:3, :3].T.ravel(), strict=True)),
+            **rotation_values(camera.view[:3, :3].T),
             **dict(zip("xyz", camera.position - self.origin, strict=True)),
             "brightest": BRIGHTEST,
             "first_row": face * self.face_size[0],

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
 
@@ -54,6 +55,15 @@ CAMERA = Struct(
         "to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective"
     ),
 )
+
+
+ROTATION = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
+"""Members that hold a 3 x 3 matrix, row by row."""
+
+
+def rotation_values(matrix: NDArray[np.float64]) -> dict[str, float]:
+    """Return the members of a struct that hold a [3, 3] matrix; see `ROTATION`."""
+    return dict(zip(ROTATION, matrix.ravel().tolist(), strict=True))
 
 
 def camera_values(camera: Camera, margin: tuple[int, int] = (0, 0)) -> dict[str, float]:

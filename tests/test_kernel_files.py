@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ssgi_cl import sources
-from ssgi_cl.device_gbuffer import ROTATION
+from ssgi_cl.device_gbuffer import VIEW_ROTATION
 from ssgi_cl.device_rsm import FACE
 from ssgi_cl.device_vpls import VPL
 from ssgi_cl.drivers import FORMS
@@ -99,7 +99,7 @@ USES = {
     ),
     "calibrate/calibrate_multiply_add.cl": Use((), [{"CALIBRATE_STEPS": 128}]),
     "gbuffer/gbuffer_normals.cl": Use(
-        (CAMERA, ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
+        (CAMERA, VIEW_ROTATION), [{"GBUFFER_GIVEN": given} for given in (0, 1)]
     ),
     "gbuffer/gbuffer_reduce.cl": Use(
         (), [{"REDUCE_COUNT": 3, "UPSAMPLE_STEP": step} for step in (4, 8)]
@@ -108,7 +108,7 @@ USES = {
         (CAMERA, SLICES),
         [slices(1, GTAO_FALLOFF=0, GTAO_BENT=0), slices(2, GTAO_FALLOFF=1, GTAO_BENT=1)],
     ),
-    "gtao/gtao_bent.cl": Use((ROTATION,)),
+    "gtao/gtao_bent.cl": Use((VIEW_ROTATION,)),
     "hbao/hbao.cl": Use(
         (CAMERA, SLICES),
         [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import ROTATION
+from ssgi_cl.device_gbuffer import VIEW_ROTATION
 from ssgi_cl.device_rsm import FACE
 from ssgi_cl.device_vpls import VPL
 from ssgi_cl.rasterize import rasterizer, shadow_map
@@ -23,7 +23,7 @@ from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
 STRUCTS = (
-    CAMERA, ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW,
+    CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW,
     shadow_map.FLUX, FACE, GATHER, MAP, SUMS, COARSE, VPL, TURN,
 )
 

@@ -232,7 +232,7 @@ class Scan:
 
     def cotangent(self, plane: Slice, side: int, f: Doubles, x: Doubles, y: Doubles) -> Doubles:
         """Return the cotangent of a point at an offset, at least that of the tangent plane."""
-        scale = 1.0 - f if self.perspective else np.ones_like(f)
+        scale = self.scale(f)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
         height = f * self.facing + along - self.bias * scale
         rise = np.maximum(height, 0.0) * self._inverse(x, y) * self.sight / -self.clamped
@@ -241,7 +241,7 @@ class Scan:
 
     def outside(self, f: Doubles, x: Doubles, y: Doubles) -> Doubles:
         """Return (squared distance - squared radius) of a point, times its scale squared."""
-        scale = 1.0 - f if self.perspective else np.ones_like(f)
+        scale = self.scale(f)
         q = x * self.slope[0] + y * self.slope[1]
         result: Doubles = (
             f * (f * self.sight + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2

@@ -12,13 +12,13 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import ROTATION, DeviceGBuffer, on_device
+from ssgi_cl.device_gbuffer import VIEW_ROTATION, DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
-from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for, prepared
+from ssgi_cl.structs import rotation_values
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
 LEAST_OPEN = 0.02
 """What a bent normal has along the normal at least, relative to where all is open: where less is
@@ -69,7 +69,7 @@ class Gtao(SliceTechnique[GtaoParams]):
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
         if self.params.bent_normals:
-            self._bend = runtime.kernel("gtao/gtao_bent.cl", {}, (ROTATION,))
+            self._bend = runtime.kernel("gtao/gtao_bent.cl", {}, (VIEW_ROTATION,))
             self._bent = runtime.plane(4, size)
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
@@ -80,7 +80,6 @@ class Gtao(SliceTechnique[GtaoParams]):
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         to_world = camera.view[:3, :3].T
-        names = [name for name, _ in ROTATION.members]
         self._bend.run(
             "bent normals",
             self.size,
@@ -88,7 +87,7 @@ class Gtao(SliceTechnique[GtaoParams]):
             writes=[self._bent],
             values=[
                 np.array(self.margin[::-1], np.int32), np.float32(LEAST_OPEN),
-                ROTATION.pack(dict(zip(names, to_world.ravel(), strict=True))),
+                VIEW_ROTATION.pack(rotation_values(to_world)),
             ],
         )
         return self._bent
@@ -194,11 +193,8 @@ def gtao(
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    chosen: GtaoParams = params_for(
-        "gtao", gbuffer, runtime, radius=radius, slices=slices, taps=taps,
+    technique, device = made_for(
+        Gtao, gbuffer, runtime, radius=radius, slices=slices, taps=taps,
         bent_normals=bent_normals, preset=preset, error=error, budget_ms=budget_ms, **params,
     )
-    if not bent_normals:
-        return prepared(Gtao, gbuffer, runtime, chosen)
-    device = on_device(gbuffer, runtime)
-    return made_for(device, Gtao, chosen).both(device)
+    return technique.both(device) if bent_normals else technique(device)

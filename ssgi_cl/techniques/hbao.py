@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.params import param
-from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, prepared
+from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +84,8 @@ def hbao(
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    chosen: HbaoParams = params_for(
-        "hbao", gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
+    technique, device = made_for(
+        Hbao, gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
         error=error, budget_ms=budget_ms, **params,
     )
-    return prepared(Hbao, gbuffer, runtime, chosen)
+    return technique(device)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
+from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
@@ -21,6 +23,33 @@ BLUR_RESOLUTIONS = ("own", "full")
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class OcclusionParams(Params):
+    """Parameters of every technique of ambient occlusion."""
+
+    max_radius_px: float = param(
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
+        unit="px",
+    )
+    resolution: str = param(
+        "full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS)
+    )
+    blur_radius: int = param(
+        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
+        unit="px",
+    )
+    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+    blur_resolution: str = param(
+        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
+        choices=BLUR_RESOLUTIONS,
+    )
+
+    @property
+    def channels(self) -> int:
+        """Images of a result: A, and what else the technique finds; all are blurred alike."""
+        return 1
+
+
 class OcclusionTechnique(ABC):
     """A technique of ambient occlusion, prepared for images of one size.
 
@@ -28,18 +57,17 @@ class OcclusionTechnique(ABC):
         runtime: the device.
         size: (rows, columns) of the result.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        params: with the fields `resolution`, `blur_radius`, `blur_passes` and `blur_resolution`.
-        channels: images of a result, of which A is the first; all are blurred and upsampled.
+        params: of the technique.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, margin: Size, params: Any, channels: int = 1
+        self, runtime: Runtime, size: Size, margin: Size, params: OcclusionParams
     ) -> None:
         self.runtime = runtime
         self.size = size
         self.margin = margin
         self._step = step = RESOLUTIONS[params.resolution]
-        coarse = coarse_size(size, step)
+        coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)
         self._reduced: ReducedGBuffer | None = None
         blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)

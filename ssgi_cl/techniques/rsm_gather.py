@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.device_rsm import ROTATION, DeviceRsm, on_device_rsm
+from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Kernel, Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.structs import (
+    CAMERA,
+    ROTATION,
+    Struct,
+    camera_values,
+    floats,
+    rotation_values,
+)
 from ssgi_cl.techniques.rsm_samples import (
     FluxSamples,
     TexelRecords,
@@ -211,7 +218,7 @@ class RsmGather:
         to_map = rsm.from_view(camera)
         packed = GATHER.pack(
             {
-                **dict(zip(ROTATION, to_map[:, :3].ravel(), strict=True)),
+                **rotation_values(to_map[:, :3]),
                 **dict(zip("xyz", to_map[:, 3], strict=True)),
                 "margin_columns": source.margin[1],
                 "margin_rows": source.margin[0],
@@ -254,7 +261,7 @@ class RsmGather:
         light = camera_values(camera)
         rows, columns = rsm.face_size
         values = {
-            **dict(zip(ROTATION, camera.view[:3, :3].ravel(), strict=True)),
+            **rotation_values(camera.view[:3, :3]),
             "radius": params.radius * max(rows, columns) if math.isfinite(params.radius) else 0.0,
             "density": 1.0 / abs(light["to_x"] * light["to_y"]),
             "columns": columns,

@@ -16,20 +16,26 @@ from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.structs import (
+    CAMERA,
+    ROTATION,
+    Struct,
+    camera_values,
+    floats,
+    rotation_values,
+)
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
 BRIGHTEST = 1e30
 """W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
-_ROTATION = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz")
 LIGHT = Struct(
     "LightParams",
     (
         *floats("position_x", "position_y", "position_z"),
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "red", "green", "blue"),
-        *floats(*_ROTATION, "shift_x", "shift_y", "shift_z"),
+        *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
         ("map_size", "int"),
         ("margin_columns", "int"),
         ("margin_rows", "int"),
@@ -38,7 +44,7 @@ LIGHT = Struct(
 COMBINE = Struct(
     "CombineParams",
     (
-        *floats(*_ROTATION),
+        *floats(*ROTATION),
         *((n, "int") for n in ("sky_columns", "sky_rows", "margin_columns", "margin_rows")),
     ),
 )
@@ -149,7 +155,7 @@ class Shade:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         to_world = camera.view[:3, :3].T
         values = {
-            **dict(zip(_ROTATION, to_world.ravel().tolist(), strict=True)),
+            **rotation_values(to_world),
             "sky_columns": sky_columns,
             "sky_rows": sky_rows,
             "margin_columns": gbuffer.margin[1],
@@ -326,7 +332,7 @@ def _light_values(
         **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
         "least_cosine": least,
         "red": red, "green": green, "blue": blue,
-        **dict(zip(_ROTATION, to_light.ravel(), strict=True)),
+        **rotation_values(to_light),
         **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),
         "map_size": light_camera.height,
         "margin_columns": margin[1],

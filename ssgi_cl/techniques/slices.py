@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
-from ssgi_cl.params import Params, param
+from ssgi_cl.params import param
+from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Kernel, Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.occlusion import BLUR_RESOLUTIONS, OcclusionTechnique
+from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER
 
 SLICES = Struct(
@@ -54,7 +55,7 @@ LEAST_FACING = 0.0017
 
 
 @dataclass(frozen=True, kw_only=True)
-class SliceParams(Params):
+class SliceParams(OcclusionParams):
     """Parameters of every technique that scans slices.
 
     Two slices of nine taps a side find occlusion better than three of six, and taps almost evenly
@@ -77,32 +78,11 @@ class SliceParams(Params):
         unit="radii",
     )
     contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
-    max_radius_px: float = param(
-        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
-        unit="px",
-    )
-    resolution: str = param(
-        "full", "size at which occlusion is computed", choices=("full", "half", "quarter")
-    )
-    blur_radius: int = param(
-        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
-        unit="px",
-    )
-    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
-    blur_resolution: str = param(
-        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
-        choices=BLUR_RESOLUTIONS,
-    )
 
     @property
     def overshoot(self) -> float:
         """By how many taps the taps are moved away from the receiver."""
         return 0.0
-
-    @property
-    def channels(self) -> int:
-        """Images of a result: A, and what else the technique finds."""
-        return 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +168,7 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         layers: int = 1,
     ) -> None:
         chosen: Any = params or self.defaults()
-        super().__init__(runtime, size, margin, chosen, chosen.channels)
+        super().__init__(runtime, size, margin, chosen)
         self.params: P = chosen
         self.layers = layers
         self._kernels: dict[bool, tuple[Kernel, Kernel]] = {}
@@ -314,21 +294,19 @@ def _ortho_unit(camera: Any, step: int) -> float:
     return abs(float(camera["from_x"])) / step
 
 
-def prepared(
-    technique: type[SliceTechnique[Any]],
-    gbuffer: GBuffer | DeviceGBuffer,
-    runtime: Runtime | None,
-    params: SliceParams,
-) -> NDArray[np.float32]:
-    """Return A of a G-buffer by a technique, prepared unless it was before."""
+def made_for(
+    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+) -> tuple[T, DeviceGBuffer]:
+    """Return a technique, prepared unless it was before, and the G-buffer on its device.
+
+    Args:
+        technique: its class.
+        gbuffer, runtime, **given: what its function was called with; see `params_for`.
+    """
+    params = params_for(technique.name, gbuffer, runtime, **given)
     device = on_device(gbuffer, runtime)
-    return made_for(device, technique, params)(device)
-
-
-def made_for(device: DeviceGBuffer, technique: type[T], params: SliceParams) -> T:
-    """Return a technique for G-buffers like this one, prepared unless it was before."""
     made: T = device.runtime.prepared(
         (technique, device.size, device.margin, device.layers, params),
         lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
     )
-    return made
+    return made, device

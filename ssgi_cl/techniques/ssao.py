@@ -14,11 +14,11 @@ from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Size
-from ssgi_cl.params import Params, param
+from ssgi_cl.params import param
 from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.occlusion import BLUR_RESOLUTIONS, OcclusionTechnique
+from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 
 SSAO = Struct(
     "SsaoParams",
@@ -44,7 +44,7 @@ FALLOFFS = ("exponential", "ramp")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SsaoParams(Params):
+class SsaoParams(OcclusionParams):
     """Parameters of SSAO (Mittring 2007; Filion and McNaughton 2008)."""
 
     radius: float | tuple[float, ...] = param(
@@ -82,30 +82,14 @@ class SsaoParams(Params):
         "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
         "or the depth of a border in scene units"
     )
-    max_radius_px: float = param(
-        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
-        unit="px",
-    )
     near_px: float = param(
         math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
         low=1.0, high=math.inf, unit="px",
     )
     max_samples: int = param(0, "most points per pixel; 0 for `samples`", low=0, high=256)
-    resolution: str = param(
-        "full", "size at which occlusion is computed", choices=("full", "half", "quarter")
-    )
-    blur_radius: int = param(
-        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
-        unit="px",
-    )
-    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
-    blur_resolution: str = param(
-        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
-        choices=BLUR_RESOLUTIONS,
-    )
 
     def __post_init__(self) -> None:
-        Params.__post_init__(self)
+        OcclusionParams.__post_init__(self)
         set_ = object.__setattr__
         radii = self.radius if isinstance(self.radius, (Sequence, np.ndarray)) else (self.radius,)
         if not 1 <= len(radii) <= 4:

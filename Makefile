@@ -5,6 +5,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 SCENE ?=
+# Most of the time goes into compiling kernels, one at a time. A file has one process, which builds
+# what its tests share once.
+PARALLEL ?= --numprocesses 2 --dist loadfile
 
 .PHONY: help setup system demo test test-all lint clean
 
@@ -40,17 +43,17 @@ demo: setup
 	fi
 
 test: setup
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" $(PARALLEL)
 
 # The slow tests on the default device, then the fast ones on every other device, each in its own
 # process.
 test-all: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(PARALLEL)
 	@$(BIN)/python -c "from ssgi_cl import drivers as d; best = d.choose(None); \
 		print(*(i.label for i in d.devices() if i.best and i != best), sep='\n')" | \
 	while read -r label; do \
 		[ -z "$$label" ] || { echo "on $$label"; \
-		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" || exit 1; }; \
+		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" $(PARALLEL) || exit 1; }; \
 	done
 
 # mypy does not follow an editable installation into folders of other names.

@@ -19,7 +19,7 @@ from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import device_scene, downloaded, margin_of
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import Lamp
+from ssgi_cl.techniques.lamps import Lamp
 from ssgi_cl.truth import Truth
 
 Progress = Callable[[str, float], object]

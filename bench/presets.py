@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +31,11 @@ BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
 OVERSCAN = 0.1
 """Of the G-buffers tuned on; the error without it is recorded too."""
 
-ROUNDS = (4, 2, 2, 2, 1, 0, 0, 0)
-"""Of the searches with the fewest layers, through all budgets and through them again."""
-FURTHER_ROUNDS = (0, 0, 0, 0)
-"""Of those with more layers, which begin with the settings that are best for fewer."""
+ROUNDS = {"high": 3, "ultra": 0, "medium": 0, "low": 0}
+"""Of the searches with the fewest layers: the first looks all over, the others near its best."""
+FURTHER_ROUNDS = {"high": 0, "medium": 0, "low": 0}
+"""Of those with more layers, which begin with the settings that are best for fewer; there the
+dearest budget finds nothing that a cheaper one does not."""
 
 SPACING = 1.12
 """Times of neighbours on a recorded curve differ by about this factor."""
@@ -84,16 +84,15 @@ def record_presets(
 
 
 def search(
-    session: Session, rounds: Sequence[int], progress: Report | None = None
+    session: Session, rounds: Mapping[str, int], progress: Report | None = None
 ) -> dict[str, Any]:
     """Return the curve of a session, and the presets on it.
 
-    Searches begin with all that is known and go from dear to cheap budgets, again and again, so
-    that what one of them found serves the others too.
+    Each search begins with all that is known, so that what one found serves the others too.
 
     Args:
         session: of one number of layers.
-        rounds: of each search.
+        rounds: of the search for each budget, in this order; see `Session.explore`.
         progress: called with what is under way.
 
     Raises:
@@ -101,10 +100,10 @@ def search(
     """
     usual_ms = session.trials.confirm(session.trials.measure({})).ms
     budgets = {name: share * usual_ms for name, share in BUDGETS.items()}
-    for number, name in zip(rounds, cycle(reversed(BUDGETS)), strict=False):
+    for name, number in rounds.items():
         if progress is not None:
             progress(f"preset {name}", 0.0)
-        session.explore(Bound(budgets[name], None), rounds=number, seed=int(number == 1))
+        session.explore(Bound(budgets[name], None), rounds=number)
     curve = session.front(SPACING)
     presets = {}
     for name, budget in budgets.items():

@@ -32,6 +32,8 @@ RUNS = 3
 """Repetitions of a first, rough time, at most."""
 ENOUGH_MS = 50.0
 """Of a device's time: a rough time ends when the repetitions took this long."""
+TOO_SLOW = 3.0
+"""Times a limit: where the first view takes so long, the others are not looked at."""
 CAREFUL_SECONDS = 0.4
 """How long what decides is repeated."""
 REFERENCE_RUNS = 50
@@ -104,8 +106,10 @@ class Trials:
         kept = self._kept.get(key)
         if kept is not None and (kept.error is not None or kept.ms > limit_ms):
             return kept
-        images = self.images(parameters)  # the first run, which compiles, is not timed
-        ms = self._rough_ms(parameters) if kept is None else kept.ms
+        if kept is None:
+            ms, images = self._rough(parameters, limit_ms)
+        else:
+            ms, images = kept.ms, self.images(parameters)
         error = self._error(images) if ms <= limit_ms else None
         trial = self._kept[key] = Trial(dict(parameters), ms, error)
         return trial
@@ -123,13 +127,23 @@ class Trials:
         gbuffers: Sequence[DeviceGBuffer] | None = None,
     ) -> list[NDArray[np.float32]]:
         """Return the technique's result on each view, or on other G-buffers of the views."""
-        results = []
-        for context, gbuffer in zip(self._contexts, gbuffers or self._gbuffers, strict=True):
-            values = {**self._fixed, **parameters}
-            if self._takes_radius:
-                values.setdefault("radius", context.radius)
-            results.append(self._entry.function(gbuffer, runtime=self._runtime, **values))
-        return results
+        return [
+            self._image(context, gbuffer, parameters)
+            for context, gbuffer in zip(
+                self._contexts, gbuffers or self._gbuffers, strict=True
+            )
+        ]
+
+    def _image(
+        self, context: Context, gbuffer: DeviceGBuffer, parameters: Mapping[str, Any]
+    ) -> NDArray[np.float32]:
+        values = {**self._fixed, **parameters}
+        if self._takes_radius:
+            values.setdefault("radius", context.radius)
+        image: NDArray[np.float32] = self._entry.function(
+            gbuffer, runtime=self._runtime, **values
+        )
+        return image
 
     def error(
         self,
@@ -150,15 +164,28 @@ class Trials:
         truth: NDArray[np.float32] = getattr(context, self._entry.quantity)().mean
         return truth
 
-    def _rough_ms(self, parameters: Mapping[str, Any]) -> float:
+    def _rough(
+        self, parameters: Mapping[str, Any], limit_ms: float
+    ) -> tuple[float, list[NDArray[np.float32]]]:
+        """Return milliseconds and the images; none of what is much too slow."""
+        first, gbuffer = self._contexts[0], self._gbuffers[0]
+        self._image(first, gbuffer, parameters)  # the first run compiles
+        alone = self._device_ms(lambda: self._image(first, gbuffer, parameters))
+        if alone > TOO_SLOW * limit_ms:
+            return alone, []
+        images: list[NDArray[np.float32]] = []
+
+        def run() -> None:
+            images[:] = self.images(parameters)
+
         ratios: list[float] = []
         took = 0.0
         while len(ratios) < RUNS and took < ENOUGH_MS:
             beside = self._device_ms(self._reference.run)
-            ms = self._device_ms(lambda: self.images(parameters))
+            ms = self._device_ms(run)
             ratios.append(ms / beside)
             took += ms
-        return self._ms(statistics.median(ratios))
+        return self._ms(statistics.median(ratios)), images
 
     def _device_ms(self, run: Callable[[], object]) -> float:
         with self._runtime.frame():

@@ -40,6 +40,12 @@ STRUCTS = (CAMERA, VIEW)
 class Rasterizer:
     """Draws scenes at one size; see `render`.
 
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+        layers, margin, attributes: of the target, see `DeviceGBuffer`.
+        shaded: whether there is more to draw than depth.
+
     Attributes:
         target: the device G-buffer that it draws into.
     """
@@ -52,6 +58,7 @@ class Rasterizer:
         layers: int = 1,
         margin: Size = (0, 0),
         shaded: bool = True,
+        attributes: int = 1,
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
@@ -60,7 +67,9 @@ class Rasterizer:
                 f"size is {size} and margin {margin} (rows, columns): expected at most "
                 f"{LARGEST_SIZE} px with the margin on both sides"
             )
-        self.target = DeviceGBuffer(runtime, size, layers=layers, margin=margin)
+        self.target = DeviceGBuffer(
+            runtime, size, layers=layers, margin=margin, attributes=attributes
+        )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
         count = self._tiles[0] * self._tiles[1]
@@ -167,7 +176,7 @@ class Rasterizer:
                 STRUCTS,
                 most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
             )
-            shaded = self.shaded and layer == 0
+            shaded = self.shaded and layer < target.attributes
             attributes = self.runtime.kernel(
                 "raster/raster_attributes.cl",
                 {

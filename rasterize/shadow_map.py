@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
+from ssgi_cl.device_gbuffer import VIEW_ROTATION
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.memory import Plane
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.structs import CAMERA, Struct, camera_values, floats, rotation_values
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
@@ -32,7 +33,8 @@ class RsmRenderer:
     """Draws what a light sees, and its reflected flux, at one size per face.
 
     Attributes:
-        target: the device G-buffer of the face drawn last; its normals are in world space.
+        target: the device G-buffer of the face drawn last; with flux, `normal_world` has what the
+            depth shows where the mesh has no normals.
         flux: 3 images, W.
     """
 
@@ -43,6 +45,8 @@ class RsmRenderer:
         self.target = self._rasterizer.target
         self.flux = runtime.plane(3, (size, size))
         self._kernel = runtime.kernel("raster/raster_flux.cl", structs=(CAMERA, FLUX))
+        self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
+        self._bare: tuple[Scene, bool] | None = None
 
     def render(
         self,
@@ -61,7 +65,19 @@ class RsmRenderer:
                 reads=[self.target.depth, self.target.albedo], writes=[self.flux],
                 values=[CAMERA.pack(camera_values(camera)), FLUX.pack(values)],
             )
+            if self._lacks_normals(scene.scene):
+                self.target.derive()
+                turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
+                self._normals.run(
+                    "rsm normals", (self.size, self.size), reads=[self.target.normal],
+                    writes=[self.target.normal_world], values=[turn],
+                )
         return self.flux
+
+    def _lacks_normals(self, scene: Scene) -> bool:
+        if self._bare is None or self._bare[0] is not scene:
+            self._bare = (scene, not scene.normals.any(axis=1).all())
+        return self._bare[1]
 
 
 def light_cameras(

@@ -10,7 +10,7 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import Floats, GBuffer
-from ssgi_cl.memory import Size
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 
 from .device_scene import DeviceScene
@@ -18,6 +18,8 @@ from .rasterizer import Rasterizer
 from .scene import Scene
 
 MOST_LAYERS = 16
+ATTRIBUTES = ("first", "all")
+"""Layers that have normal, albedo and emission."""
 
 
 def margin_of(camera: Camera, overscan: float) -> Size:
@@ -48,6 +50,7 @@ def gbuffer(
     *,
     layers: int = 1,
     overscan: float = 0.0,
+    attributes: str = "first",
     backend: str = "opencl",
     runtime: Runtime | None = None,
 ) -> GBuffer:
@@ -60,12 +63,15 @@ def gbuffer(
             1e-5 of the depth behind the layer before.
         overscan: share of the image's height and width by which the arrays exceed it on every
             side, in [0, 1].
+        attributes: "first" for normal, albedo and emission of the front layer, "all" for those of
+            every layer.
         backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).
         runtime: the device of the OpenCL backend; by default the fastest found.
 
     Returns:
         depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
-        emits light, emission. Normals are the mesh's own, not turned to the viewer.
+        emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer).
+        Normals are the mesh's own, not turned to the viewer.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.
@@ -74,6 +80,7 @@ def gbuffer(
     _check_scene(scene)
     layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
     check.choice("backend", backend, ("opencl", "pyrender"))
+    shaded = layers if check.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     margin = margin_of(camera, overscan)
@@ -81,14 +88,19 @@ def gbuffer(
         from . import opengl
 
         arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
-        depth, normal = arrays["depth"], arrays["normal"][0]
-        albedo, emission = arrays["albedo"][0], arrays["emission"][0]
-        return _host(camera, depth, normal, albedo, emission if emission.any() else None)
+        normal, albedo, emission = (
+            arrays[name][:shaded] for name in ("normal", "albedo", "emission")
+        )
+        return _host(
+            camera, arrays["depth"], normal, albedo, emission if emission.any() else None
+        )
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
     rasterizer: Rasterizer = runtime.prepared(
-        (Rasterizer, camera.size, layers, margin, True),
-        lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin),
+        (Rasterizer, camera.size, layers, margin, True, shaded),
+        lambda: Rasterizer(
+            runtime, camera.size, layers=layers, margin=margin, attributes=shaded
+        ),
     )
     with runtime.frame():
         return downloaded(rasterizer.render(kept, camera))
@@ -101,19 +113,30 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
     return _host(
         target.camera,
         target.depth.download(),
-        np.moveaxis(target.normal_world.download(), 0, -1),
-        np.moveaxis(target.albedo.download(), 0, -1),
-        np.moveaxis(target.emission.download(), 0, -1) if target.emits else None,
+        _layers_of(target.normal_world),
+        _layers_of(target.albedo),
+        _layers_of(target.emission) if target.emits else None,
     )
+
+
+def _layers_of(plane: Plane) -> Floats:
+    """Return [layers, rows, columns, 3] of a plane that has three images for each layer."""
+    return np.moveaxis(plane.download().reshape(-1, 3, *plane.size), 1, -1)
 
 
 def _host(
     camera: Camera, depth: Floats, normal: Floats, albedo: Floats, emission: Floats | None
 ) -> GBuffer:
+    """Return a G-buffer of arrays whose first axis is that of layers."""
     return GBuffer(
         camera=camera,
-        depth=depth[0] if len(depth) == 1 else depth,
-        normal=normal,
-        albedo=albedo,
-        emission=emission,
+        depth=_flat(depth),
+        normal=_flat(normal),
+        albedo=_flat(albedo),
+        emission=None if emission is None else _flat(emission),
     )
+
+
+def _flat(array: Floats) -> Floats:
+    """Return the array without the axis of layers if there is one layer alone."""
+    return array[0] if len(array) == 1 else array

@@ -15,6 +15,7 @@ from ssgi_cl.errors import (
     SsgiError,
     TruthError,
 )
+from ssgi_cl.extra_cameras import extra_cameras
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.presets.choose import Choice, choose
@@ -25,10 +26,17 @@ from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
 from ssgi_cl.techniques.multi_bounce import multi_bounce
+from ssgi_cl.techniques.multires_splat import (
+    MultiresSplat,
+    MultiresSplatParams,
+    multires_splat,
+)
 from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
 from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
 from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.techniques.ssdo import Ssdo, ssdo
+from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.tonemap import Tonemap, tonemap
 from ssgi_cl.techniques.upsample import Upsample, upsample
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
@@ -58,6 +66,8 @@ __all__ = [
     "KernelSourceError",
     "Light",
     "MissingExtraError",
+    "MultiresSplat",
+    "MultiresSplatParams",
     "PassTime",
     "PointLight",
     "RayAo",
@@ -71,6 +81,8 @@ __all__ = [
     "SpotLight",
     "Ssao",
     "SsaoParams",
+    "Ssdo",
+    "SsdoParams",
     "SsgiError",
     "Tonemap",
     "TruthError",
@@ -85,16 +97,19 @@ __all__ = [
     "bitmask_ao",
     "choose",
     "choose_vpls",
+    "extra_cameras",
     "gtao",
     "hbao",
     "metrics",
     "multi_bounce",
+    "multires_splat",
     "rasterize",
     "ray_ao",
     "render",
     "rsm_gather",
     "shade",
     "ssao",
+    "ssdo",
     "tonemap",
     "truth",
     "tune",

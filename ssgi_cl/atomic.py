@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -22,9 +23,13 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
             written; the message names it.
     """
     target = Path(os.path.realpath(path))
-    if target.is_dir():
+    try:
+        mode = target.stat().st_mode  # looked at once: others may replace or remove it
+    except OSError:
+        mode = stat.S_IFREG
+    if stat.S_ISDIR(mode):
         raise _error(IsADirectoryError, errno.EISDIR, "it is a folder", path)
-    if target.exists() and not target.is_file():
+    if not stat.S_ISREG(mode):
         raise _error(OSError, errno.EINVAL, "it is not a regular file", path)
     temporary = target.parent / f".ssgi-{secrets.token_hex(8)}.tmp"
     try:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.gbuffer import Floats, GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import (
@@ -29,29 +31,42 @@ class DeviceGBuffer:
     Attributes:
         size: (rows, columns) of the camera's image and of every result.
         margin: (rows, columns) by which the planes exceed it on every side.
+        layers: of depth.
+        attributes: layers, from the front, that have normal, albedo and emission: 1 or all.
+        front: the layer that shading works on, see `layer`.
         depth: `layers` images, scene units; INFINITY where nothing is.
-        linear: 1 / depth (orthographic: depth); INFINITY where nothing is.
-        normal: 3 images, view space, facing the viewer; 0 where nothing is.
-        normal_world: 3 images, as given.
-        albedo, emission: 3 images each.
+        linear: 1 / depth (orthographic: depth) of layer 0; INFINITY where nothing is.
+        normal: 3 images a layer (number 3 layer + channel), view space, facing the viewer; 0 where
+            nothing is.
+        normal_world: likewise, as given.
+        albedo, emission: likewise.
         thickness: 1 image, scene units, or None if the contents have none.
         camera: the camera of the current contents; `camera_struct` is what kernels get.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, *, layers: int = 1, margin: Size = (0, 0)
+        self,
+        runtime: Runtime,
+        size: Size,
+        *,
+        layers: int = 1,
+        margin: Size = (0, 0),
+        attributes: int = 1,
     ) -> None:
+        if attributes not in (1, layers):
+            raise ValueError(f"attributes is {attributes}: expected 1 or {layers}, all layers")
         self.runtime = runtime
         self.size = size
         self.margin = margin
         self.layers = layers
+        self.attributes = attributes
+        self.front = 0
         self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
         self.depth = runtime.plane(layers, self.whole, math.inf)
         self.linear = runtime.plane(1, self.whole, math.inf)
-        self.normal = runtime.plane(3, self.whole)
-        self.normal_world = runtime.plane(3, self.whole)
-        self.albedo = runtime.plane(3, self.whole)
-        self.emission = runtime.plane(3, self.whole)
+        self.normal, self.normal_world, self.albedo, self.emission = (
+            runtime.plane(3 * attributes, self.whole) for _ in range(4)
+        )
         self.emits = False
         self.thickness: Plane | None = None
         self._thickness: Plane | None = None
@@ -65,7 +80,11 @@ class DeviceGBuffer:
         ]
 
     def upload(self, gbuffer: GBuffer) -> None:
-        """Replace the contents by a G-buffer of the same size, margin and number of layers."""
+        """Replace the contents by a G-buffer of the same size, margin and number of layers.
+
+        A deeper layer has what the G-buffer's array has for it; else it is taken as one where the
+        array is None.
+        """
         shape = (gbuffer.size, gbuffer.margin, gbuffer.layers)
         if shape != (self.size, self.margin, self.layers):
             raise ValueError(
@@ -74,19 +93,12 @@ class DeviceGBuffer:
             )
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
-        normal = gbuffer.first("normal")
-        if normal is not None:
-            self.normal_world.upload(np.moveaxis(normal, -1, 0))
-        albedo = gbuffer.first("albedo")
-        self.albedo.upload(
-            np.full((3, *self.whole), 0.8, np.float32)
-            if albedo is None
-            else np.moveaxis(albedo, -1, 0)
-        )
-        emission = gbuffer.first("emission")
-        self.emits = emission is not None
-        if emission is not None:
-            self.emission.upload(np.moveaxis(emission, -1, 0))
+        if gbuffer.normal is not None:
+            self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
+        self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
+        self.emits = gbuffer.emission is not None
+        if self.emits:
+            self.emission.upload(self._layered(gbuffer.emission, 0.0))
         thickness = gbuffer.first("thickness")
         if thickness is not None:
             self._thickness = self._thickness or self.runtime.plane(1, self.whole)
@@ -94,7 +106,37 @@ class DeviceGBuffer:
         self.thickness = None if thickness is None else self._thickness
         self.set_camera(gbuffer.camera)
         with self.runtime.frame():
-            self.derive(given=normal is not None)
+            self.derive(given=gbuffer.normal is not None)
+
+    def _layered(self, array: ArrayLike | None, instead: float) -> Floats:
+        """Return [3 attributes, rows, columns] of an array with or without layers."""
+        if array is None:
+            return np.full((3 * self.attributes, *self.whole), instead, np.float32)
+        given = np.asarray(array).reshape(-1, *self.whole, 3)[: self.attributes]
+        planar = np.moveaxis(given, -1, 1).reshape(-1, *self.whole)
+        missing = 3 * self.attributes - len(planar)
+        if missing:
+            rest = np.full((missing, *self.whole), instead, np.float32)
+            planar = np.concatenate([planar, rest])
+        return planar
+
+    def layer(self, number: int) -> DeviceGBuffer:
+        """Return a layer of the current contents as an image of its own that has no margin.
+
+        It shares all memory: planes still hold every layer, and `front` says which is meant.
+        Shading (`Shade`, `LitLayers`) looks at that layer; other techniques read layer 0.
+
+        Raises:
+            ValueError: the layer has no normals, albedo and emission.
+        """
+        if not 0 <= number < self.attributes:
+            raise ValueError(
+                f"number is {number}: expected 0 to {self.attributes - 1}, the layers that have "
+                "normals, albedo and emission"
+            )
+        view = copy(self)
+        view.size, view.margin, view.front = self.whole, (0, 0), number
+        return view
 
     def set_camera(self, camera: Camera) -> None:
         """Note the camera that saw the contents."""
@@ -106,30 +148,39 @@ class DeviceGBuffer:
         camera = self.camera
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
-        self._kernels[given].run(
-            "view normals",
-            self.whole,
-            reads=[self.depth, self.normal_world],
-            writes=[self.linear, self.normal],
-            values=[self.camera_struct, VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
-        )
+        rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
+        for layer in range(self.attributes):
+            self._kernels[given].run(
+                "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
+                self.whole,
+                reads=[self.depth, self.normal_world],
+                writes=[self.linear, self.normal],
+                values=[self.camera_struct, rotation, np.int32(layer)],
+            )
 
 
-def on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None) -> DeviceGBuffer:
+def on_device(
+    gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, place: int = 0
+) -> DeviceGBuffer:
     """Return the G-buffer in device memory, uploaded unless it is there already.
 
-    Memory for uploads is kept by the runtime and used again for G-buffers of the same size.
+    Memory for uploads is kept by the runtime and used again for G-buffers of the same size;
+    several that are needed at a time have a `place` each.
     """
     if isinstance(gbuffer, DeviceGBuffer):
         return gbuffer
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     runtime = runtime or Runtime.open()
-    key = (DeviceGBuffer, gbuffer.size, gbuffer.margin, gbuffer.layers)
+    shapes = [np.shape(a) for a in (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
+              if a is not None]
+    attributes = gbuffer.layers if any(len(shape) == 4 for shape in shapes) else 1
+    key = (DeviceGBuffer, gbuffer.size, gbuffer.margin, gbuffer.layers, attributes, place)
     device: DeviceGBuffer = runtime.prepared(
         key,
         lambda: DeviceGBuffer(
-            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin
+            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+            attributes=attributes,
         ),
     )
     device.upload(gbuffer)

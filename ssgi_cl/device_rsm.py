@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,10 @@ Doubles = NDArray[np.float64]
 
 FACE = Struct(
     "RsmFace",
-    (*floats(*ROTATION, "x", "y", "z", "brightest"), ("first_row", "int"), ("rows", "int")),
+    (
+        *floats(*ROTATION, "x", "y", "z", "brightest"),
+        *((name, "int") for name in ("first_row", "rows", "stamp")),
+    ),
 )
 
 LEAST_COSINE = 0.1
@@ -54,6 +59,8 @@ class DeviceRsm:
         origin: [3] float64, world space: where the light's first camera is.
         light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
+        reach: how far surfaces are from `origin` along each axis, at most; scene units.
+        brightest: flux of a texel, at most; W.
     """
 
     def __init__(self, runtime: Runtime, face_size: Size, faces: int = 1) -> None:
@@ -69,6 +76,11 @@ class DeviceRsm:
         self.light: SpotLight | PointLight | DirectionalLight | None = None
         self.cameras: tuple[Camera, ...] = ()
         self.version = 0
+        self.reach = math.inf
+        self.brightest = BRIGHTEST
+        # A face is lit where the device has what it was stamped with when it was written.
+        self._lit = runtime.array(np.zeros(faces, np.int32))
+        self._stamps = np.full(faces, -1, np.int32)
         self._uploaded: ReflectiveShadowMap | None = None
         self._kernel = runtime.kernel("rsm/rsm_face.cl", structs=(CAMERA, FACE))
 
@@ -76,19 +88,33 @@ class DeviceRsm:
         """Replace the contents by a map of the same size, unless they are that very map's."""
         if rsm is self._uploaded:
             return
-        self.begin(rsm.light, rsm.cameras)
         position, normal, area = (array.astype(np.float32) for array in surfaces(rsm))
+        flux = np.asarray(rsm.flux) * np.isfinite(rsm.depth)[..., None]
+        flux = np.minimum(flux, np.float32(BRIGHTEST))
+        self.begin(
+            rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
+            brightest=float(flux.max()),
+        )
         self.position.upload(np.moveaxis(position, -1, 0))
         self.normal.upload(np.moveaxis(normal, -1, 0))
         self.area.upload(area[None])
-        flux = np.asarray(rsm.flux) * np.isfinite(rsm.depth)[..., None]
-        self.flux.upload(np.moveaxis(np.minimum(flux, np.float32(BRIGHTEST)), -1, 0))
+        self.flux.upload(np.moveaxis(flux, -1, 0))
+        self._stamps[:] = self.version
+        lit = flux.reshape(self.faces, -1).any(axis=1)
+        self._lit.upload(np.where(lit, self.version, -1).astype(np.int32))
         self._uploaded = rsm
 
     def begin(
-        self, light: SpotLight | PointLight | DirectionalLight, cameras: tuple[Camera, ...]
+        self, light: SpotLight | PointLight | DirectionalLight, cameras: tuple[Camera, ...], *,
+        reach: float, brightest: float,
     ) -> None:
         """Note whose map comes next; `write_face` or `upload` bring it.
+
+        Args:
+            light: the light, of several the first.
+            cameras: of all faces.
+            reach, brightest: as the attributes. Kernels count in them, so they may be some 10^6
+                times too large.
 
         Raises:
             ValueError: another number or size of faces.
@@ -99,6 +125,7 @@ class DeviceRsm:
                 f"the reflective shadow map has {len(cameras)} faces of {sorted(sizes)} texels: "
                 f"expected {self.faces} of {self.face_size} (rows, columns)"
             )
+        self.reach, self.brightest = reach, brightest
         self.light, self.cameras, self.origin = light, cameras, cameras[0].position
         self.version += 1
         self._uploaded = None
@@ -113,19 +140,26 @@ class DeviceRsm:
             flux: 3 images, W.
         """
         camera = self.cameras[face]
+        self.version += 1
+        self._stamps[face] = self.version
         values = {
             **rotation_values(camera.view[:3, :3].T),
             **dict(zip("xyz", camera.position - self.origin, strict=True)),
             "brightest": BRIGHTEST,
             "first_row": face * self.face_size[0],
             "rows": self.size[0],
+            "stamp": self.version,
         }
         self._kernel.run(
             "rsm face", self.face_size, reads=[depth, normal, flux],
-            writes=[self.position, self.normal, self.flux, self.area],
+            writes=[self.position, self.normal, self.flux, self.area, self._lit],
             values=[CAMERA.pack(camera_values(camera)), FACE.pack(values)],
         )
-        self.version += 1
+
+    def lit(self) -> NDArray[np.bool_]:
+        """Return [faces] whether a face reflects anything. Waits for the device."""
+        lit: NDArray[np.bool_] = self._lit.download() == self._stamps
+        return lit
 
     def to_view(self, camera: Camera) -> Doubles:
         """Return the [3, 4] matrix from `position`'s space to a camera's view space.

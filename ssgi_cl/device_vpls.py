@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
+from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.flux_curve import FluxCurve, curve_key
+from ssgi_cl.memory import DeviceArray
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import Struct, floats
-from ssgi_cl.vpls import PARTS, Vpls
+from ssgi_cl.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.vpls import PARTS, ChosenVpls, Vpls
 
 VPL = Struct(
     "VplParams",
     (
-        *floats("per_unit", "gain", "low_x", "low_y", "low_z", "high_x", "high_y", "high_z"),
-        *floats("cut", "lobe_centre", "lobe_squared", "lift"),
-        *floats("refine"),
+        *floats("per_unit", "gain", "cut", "lobe_centre", "lobe_squared", "lift", "refine"),
         *((n, "int") for n in ("segment", "count", "stride", "span", "room")),
         *((n, "int") for n in ("margin_columns", "margin_rows")),
+    ),
+)
+PLACE = Struct(
+    "VplPlaceParams",
+    (
+        *floats(*ROTATION, "x", "y", "z", "per_unit", "per_brightest"),
+        *((n, "int") for n in ("lights", "split", "batch", "subsets", "stride", "span")),
+        *((n, "int") for n in ("edge_stride", "place_stride")),
     ),
 )
 
@@ -43,7 +52,7 @@ class DeviceVpls:
 
     Light i of a batch is number i / subsets of the segment i % subsets, so that each subset is
     spread like the whole. With parts, those of number n follow the segment's own lights, at
-    stride + 16 n.
+    stride + 16 n. Places without a light hold one without flux where another light is.
 
     Args:
         runtime: the device.
@@ -56,6 +65,7 @@ class DeviceVpls:
         lights, bounds: see kernels/vpl/vpl_splat.cl and vpl_lists.cl.
         stride, span: lights of a segment, at most, without and with parts.
         room: places of a list.
+        parted: whether the lights that there are now have parts.
         values: members of the struct `VPL` that depend on the lights.
         unit: scene units of the length in which kernels count.
     """
@@ -66,11 +76,13 @@ class DeviceVpls:
         self.most = most
         self.subsets = subsets
         self.count = 0
+        self.parted = False
         self.batch = min(most, BATCH // ROOM if parts else BATCH)
         self.stride = -(-self.batch // (16 * subsets)) * 16
         self.segments = -(-most // self.batch) * subsets
         self.span = self.stride * (1 + PARTS if parts else 1)
         self.room = self.stride * (ROOM if parts else 1)
+        self.runtime = runtime
         self.lights = runtime.empty(self.segments * self.span * LIGHT, np.float32)
         self.bounds = runtime.empty(self.segments * self.stride * BOUNDS, np.float32)
         self.values: dict[str, float] = {}
@@ -83,15 +95,18 @@ class DeviceVpls:
         # In float64: both may be far from the world's origin and near each other.
         position = vpls.position @ camera.view[:3, :3].T + camera.view[:3, 3]
         self.count = count = len(vpls)
-        self.unit = unit = _power_of_two(np.abs(position).max(initial=0.0))
+        self.parted = vpls.parts is not None and self.span > self.stride
         power = np.minimum(vpls.flux, BRIGHTEST)
-        brightest = _power_of_two(power.max(initial=0.0))
+        unit, brightest = self._scale(np.abs(position).max(initial=0.0), power.max(initial=0.0))
         lights = np.zeros((self.segments, self.span, LIGHT), np.float32)
+        lights[..., 3] = LEAST_AREA
+        if count:
+            lights[..., :3] = position[0] / unit
         index = np.arange(count)
         batch, within = index // self.batch, index % self.batch
         segment, number = batch * self.subsets + within % self.subsets, within // self.subsets
         lights[segment, number] = _packed(vpls, camera, unit, brightest)
-        if vpls.parts is not None and self.span > self.stride:
+        if vpls.parts is not None and self.parted:
             places = self.stride + PARTS * number[:, None] + np.arange(PARTS)
             lights[np.repeat(segment, PARTS), places.ravel()] = _packed(
                 vpls.parts, camera, unit, brightest
@@ -100,17 +115,51 @@ class DeviceVpls:
         bounds = np.concatenate([own[..., :3], -own[..., 4:7], own[..., 3:4]], axis=-1)
         self.lights.upload(lights)
         self.bounds.upload(bounds.transpose(0, 2, 1))
-        low = position.min(axis=0) / unit if count else np.zeros(3)
-        high = position.max(axis=0) / unit if count else np.zeros(3)
+
+    def place(self, chosen: ChosenVpls, camera: Camera) -> None:
+        """Queue the passes that replace the contents by chosen lights as a camera sees them.
+
+        Nothing is read back: lengths and powers are counted in what the maps say that theirs are
+        at most.
+        """
+        if chosen.count > self.most:
+            raise ValueError(f"vpls has {chosen.count} lights: expected at most {self.most}")
+        maps = chosen.curve.maps
+        self.count = chosen.count
+        self.parted = chosen.part_places is not None and self.span > self.stride
+        to_view = maps[0].to_view(camera)
+        away = [float(np.abs(rsm.to_view(camera)[:, 3]).max()) + rsm.reach for rsm in maps]
+        unit, brightest = self._scale(max(away), max(rsm.brightest for rsm in maps))
+        values = {
+            **rotation_values(to_view[:, :3]),
+            **dict(zip("xyz", to_view[:, 3].tolist(), strict=True)),
+            "per_unit": 1.0 / unit, "per_brightest": 1.0 / brightest, "lights": chosen.count,
+            "split": chosen.split, "batch": self.batch, "subsets": self.subsets,
+            "stride": self.stride, "span": self.span, "edge_stride": chosen.edges.stride,
+        }
+        wanted = [chosen.places]
+        if chosen.part_places is not None and self.parted:
+            wanted.append(chosen.part_places)
+        for part, places in enumerate(wanted):
+            kernel = self.runtime.kernel("vpl/vpl_place.cl", {"VPL_PART": part}, (PLACE,))
+            writes: list[DeviceArray] = [self.lights, self.bounds]
+            kernel.run(
+                "vpl place", (self.segments, self.stride * (PARTS if part else 1)),
+                reads=[chosen.edges.array, places.array], writes=writes,
+                values=[PLACE.pack({**values, "place_stride": places.stride})],
+            )
+
+    def _scale(self, furthest: float, brightest: float) -> tuple[float, float]:
+        """Set and return the units of length and of power; see `values`."""
+        self.unit, power = _power_of_two(furthest), _power_of_two(min(brightest, BRIGHTEST))
         self.values = {
-            "per_unit": 1.0 / unit,
-            "gain": min(brightest / unit**2, BRIGHTEST),
+            "per_unit": 1.0 / self.unit,
+            "gain": min(power / self.unit**2, BRIGHTEST),
             "stride": self.stride,
             "span": self.span,
             "room": self.room,
-            **dict(zip(("low_x", "low_y", "low_z"), low.tolist(), strict=True)),
-            **dict(zip(("high_x", "high_y", "high_z"), high.tolist(), strict=True)),
         }
+        return self.unit, power
 
     def batches(self) -> Iterator[dict[str, float]]:
         """Yield the struct's members of each batch; of an empty one if there are no lights."""
@@ -119,6 +168,37 @@ class DeviceVpls:
                 "segment": number * self.subsets,
                 "count": min(self.count - number * self.batch, self.batch),
             }
+
+
+class VplChooser:
+    """Chooses lights from maps and places them, some numbers of lights from the same sums.
+
+    Args:
+        runtime: the device.
+        lights: what is filled.
+    """
+
+    def __init__(self, runtime: Runtime, lights: Sequence[DeviceVpls]) -> None:
+        self.runtime = runtime
+        self._lights = tuple(lights)
+        self._chosen: tuple[ChosenVpls, ...] = ()
+
+    def place(self, rsms: Sequence[DeviceRsm], camera: Camera, *, kinds: int) -> None:
+        """Queue the passes that fill the first `kinds` of the lights from at least one map.
+
+        As long as the maps stay the same, lights are placed anew but not chosen anew. Nothing is
+        allocated while the maps' sizes stay the same.
+        """
+        if not self._chosen or self._chosen[0].curve.key != curve_key(rsms):
+            curve = FluxCurve(self.runtime, curve_key(rsms))
+            self._chosen = tuple(
+                ChosenVpls(curve, min(own.most, curve.texels), parts=own.span > own.stride)
+                for own in self._lights
+            )
+        self._chosen[0].curve.update(rsms)
+        for chosen, own in zip(self._chosen[:kinds], self._lights, strict=False):
+            chosen.update()
+            own.place(chosen, camera)
 
 
 def _packed(

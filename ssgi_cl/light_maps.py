@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.lights import Environment, Light
@@ -12,14 +16,15 @@ from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import Lamp, ShadowMap, kind_name, power
+from ssgi_cl.techniques.lamps import Lamp, ShadowMap, kind_name, power
 
 
 class LightMaps:
     """Draws the maps of a frame's lamps, each face once for shadows and for reflected light.
 
     The faces of all lamps make one reflective shadow map, so that one bounce costs the same
-    however many lamps there are, and what reflects more is looked at more.
+    however many lamps there are, and what reflects more is looked at more. A lamp's maps are kept
+    as long as it and the scene stay the same.
 
     Args:
         runtime: the device.
@@ -34,11 +39,16 @@ class LightMaps:
         self._renderer = RsmRenderer(runtime, size, shaded=flux)
         self._depths: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
+        self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._scene: Scene | None = None
+        self._lamps: dict[int, Lamp] = {}
 
     def draw(
         self, scene: Scene, lights: Sequence[Light]
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
+
+        Which lamps reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
             A shadow map for each light (None: it is not a lamp, or it emits nothing), and what
@@ -52,31 +62,61 @@ class LightMaps:
         for index, light in lamps.items():
             cameras = light_cameras(light, scene.bounds, self.size)
             shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
-        rsm = self._begin(lamps, shadows) if self._flux and lamps else None
-        first, lit = 0, False
+        kept = self._kept(scene, lamps)
+        rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
+        # Should drawing fail, nothing is taken for drawn.
+        self._scene, self._lamps = None, {}
+        first = 0
         for index, light in lamps.items():
             shadow = shadows[index]
             assert shadow is not None  # noqa: S101  just made
-            reached = self._draw(scene, light, shadow, rsm, first)
+            if index in kept:
+                self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
+            else:
+                self._draw(scene, light, shadow, rsm, first)
             first += len(shadow.cameras)
-            lit |= reached
-            if rsm is not None and not reached:
-                self.runtime.skip(f"bounce {kind_name(light)}", "it lights nothing that reflects")
-        return shadows, rsm if lit else None
+        if rsm is not None and len(kept) < len(lamps):
+            self._lit = rsm.lit()
+        self._scene, self._lamps = scene, lamps
+        return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
+
+    def _kept(self, scene: Scene, lamps: dict[int, Lamp]) -> set[int]:
+        """Return which lamps' maps are there already."""
+        before = self._lamps
+        same = {
+            index for index, light in lamps.items()
+            if self._scene is scene and index in before and _equal(light, before[index])
+        }
+        if not self._flux:
+            return same
+        # All faces are in one map whose positions count from the first lamp.
+        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (lamps, before))
+        return same if kinds == old_kinds and min(lamps, default=0) in same else set()
 
     def _draw(
         self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
-    ) -> bool:
-        """Queue the passes of one lamp; return whether it lights anything, if that is asked for."""
+    ) -> None:
+        """Queue the passes of one lamp."""
         kept, target = device_scene(scene, self.runtime), self._renderer.target
-        lit = False
         for face, camera in enumerate(shadow.cameras):
             flux = self._renderer.render(kept, light, camera, flux=rsm is not None)
             shadow.depth.copy_image(face, target.depth)
             if rsm is not None:
                 rsm.write_face(first + face, target.depth, target.normal_world, flux)
-                lit = lit or bool(flux.download().any())
-        return lit
+
+    def _reflects(
+        self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
+    ) -> bool:
+        """Note the lamps that light nothing; return whether any does."""
+        first = 0
+        for index, light in lamps.items():
+            shadow = shadows[index]
+            assert shadow is not None  # noqa: S101  a lamp has one
+            faces = len(shadow.cameras)
+            if not self._lit[first : first + faces].any():
+                self.runtime.skip(f"bounce {kind_name(light)}", "it lights nothing that reflects")
+            first += faces
+        return bool(self._lit.any())
 
     def _depth(self, index: int, faces: int) -> Plane:
         """Return the plane of a lamp's depth, the same as last time if it fits."""
@@ -87,11 +127,26 @@ class LightMaps:
         return plane
 
     def _begin(
-        self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
+        self, scene: Scene, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None],
+        kept: set[int],
     ) -> DeviceRsm:
         """Return the reflective shadow map with room for all faces, the same if it fits."""
         cameras = tuple(c for shadow in shadows if shadow is not None for c in shadow.cameras)
         if self._rsm is None or self._rsm.faces != len(cameras):
             self._rsm = DeviceRsm(self.runtime, (self.size, self.size), len(cameras))
-        self._rsm.begin(next(iter(lamps.values())), cameras)
+        if len(kept) < len(lamps):
+            texels = (c.pixel_to_view[:2] for c in cameras)
+            widest = max(abs(to_x * to_y) for to_x, to_y in texels)
+            self._rsm.begin(
+                next(iter(lamps.values())), cameras,
+                reach=float(np.abs(scene.bounds - cameras[0].position).max()),
+                brightest=max(float(power(light).max()) for light in lamps.values()) * widest,
+            )
         return self._rsm
+
+
+def _equal(a: Lamp, b: Lamp) -> bool:
+    return a is b or (
+        type(a) is type(b)
+        and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    )

@@ -20,12 +20,15 @@ class SpotLight:
         direction: [3], world space, the axis of the cone; any length but zero.
         cone_angle: half-angle of the cone in radians, in (0, 1.5].
         intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside.
+        radius: of the sphere round `position` that shines, scene units, >= 0; screen-space
+            shadows soften by it, shadow maps and reflected light take a point.
     """
 
     position: ArrayLike
     direction: ArrayLike
     cone_angle: float
     intensity: ArrayLike
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         _set(self, "position", check.vector("position", self.position, 3, "scene units"))
@@ -33,6 +36,8 @@ class SpotLight:
         angle = check.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians")
         object.__setattr__(self, "cone_angle", angle)
         _set(self, "intensity", check.rgb("intensity", self.intensity, "W/sr"))
+        radius = check.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
+        object.__setattr__(self, "radius", radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +47,18 @@ class PointLight:
     Attributes:
         position: [3], world space, scene units.
         intensity: [3] or a number, RGB radiant intensity in W/sr.
+        radius: of the sphere that shines, scene units, as a spot light's.
     """
 
     position: ArrayLike
     intensity: ArrayLike
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         _set(self, "position", check.vector("position", self.position, 3, "scene units"))
         _set(self, "intensity", check.rgb("intensity", self.intensity, "W/sr"))
+        radius = check.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
+        object.__setattr__(self, "radius", radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +68,19 @@ class DirectionalLight:
     Attributes:
         direction: [3], world space, the way the light travels; any length but zero.
         irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light.
+        angle: between the centre of its disc and the rim, radians, in [0, 0.5]; the sun's is
+            0.00465. Screen-space shadows soften by it, shadow maps take a point.
     """
 
     direction: ArrayLike
     irradiance: ArrayLike
+    angle: float = 0.0
 
     def __post_init__(self) -> None:
         _set(self, "direction", check.direction("direction", self.direction))
         _set(self, "irradiance", check.rgb("irradiance", self.irradiance, "W/m^2"))
+        angle = check.number("angle", self.angle, low=0.0, high=0.5, unit="radians")
+        object.__setattr__(self, "angle", angle)
 
 
 @dataclass(frozen=True, eq=False)

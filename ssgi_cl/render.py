@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.further_views import FurtherViews
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.light_maps import LightMaps
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -20,27 +22,26 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, downloaded, margin_of
+from ssgi_cl.render_params import (
+    BounceParams,
+    ao_name,
+    ao_technique,
+    bounce_name,
+    bounce_params,
+)
 from ssgi_cl.runtime import PassTime, Runtime
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
+from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.rsm_gather import RsmGather
 from ssgi_cl.techniques.shade import Shade
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.ssdo import Ssdo
+from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.tonemap import CURVES, Tonemap, auto_exposure, picture
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import choose_vpls
 
 AO_RADIUS_SHARE = 0.05
 """Default radius of ambient occlusion, as a share of the diagonal of the scene's box."""
-AO_DEFAULT = "gtao"
-AO_PARAMS = {
-    "ssao": SsaoParams, "hbao": HbaoParams, "gtao": GtaoParams, "bitmask_ao": BitmaskParams
-}
-BOUNCES = ("vpl", "gather")
-
-AoParams = SsaoParams | HbaoParams | GtaoParams | BitmaskParams
-BounceParams = VplSplatParams | RsmGatherParams
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Frame:
     Attributes:
         image: [rows, columns, 3] uint8, sRGB encoding.
         radiance: [rows, columns, 3] float32 in W m^-2 sr^-1, not clamped.
-        ao: A [rows, columns] float32 in [0, 1], or None if it was not needed.
+        ao: A [rows, columns] float32 in [0, 1], or None if it was not needed, as with SSDO.
         indirect: irradiance by light that surfaces reflect, [rows, columns, 3] float32 in W/m^2, or
             None if it was not computed.
         gbuffer: what the camera sees, or None if it was not asked for.
@@ -76,8 +77,10 @@ class Renderer:
         runtime: the device.
         size: (rows, columns) of the pictures.
         ao: parameters of ambient occlusion, which say its technique too, or None for none.
-        indirect: parameters of one bounce of light, likewise, or None for none.
-        layers, overscan: of the G-buffer; see `rasterize.gbuffer`.
+        indirect: parameters of one bounce of light, likewise, or None for none. SSDO hides ambient
+            light too: then `ao` is not looked at.
+        layers, margin: of the G-buffer.
+        views: further cameras of SSDO, which `extra_cameras` places.
         shadow_size: texels along a shadow map's side.
         curve: see `tonemap`.
     """
@@ -87,21 +90,35 @@ class Renderer:
         runtime: Runtime,
         size: Size,
         *,
-        ao: AoParams | None = None,
+        ao: OcclusionParams | None = None,
         indirect: BounceParams | None = None,
         layers: int = 1,
         margin: Size = (0, 0),
+        views: int = 0,
         shadow_size: int = 1024,
         curve: str = "filmic",
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.rasterizer = Rasterizer(runtime, size, layers=layers, margin=margin)
-        self._maps = LightMaps(runtime, shadow_size, flux=indirect is not None)
-        self._ao = _ao_technique(runtime, size, ao, margin, layers) if ao else None
-        self._ao_name = next((n for n, kind in AO_PARAMS.items() if isinstance(ao, kind)), "")
-        self._bounce: VplSplat | RsmGather | None = None
-        if isinstance(indirect, VplSplatParams):
+        near = isinstance(indirect, SsdoParams)
+        attributes = layers if near else 1
+        self.rasterizer = Rasterizer(
+            runtime, size, layers=layers, margin=margin, attributes=attributes
+        )
+        self._maps = LightMaps(runtime, shadow_size, flux=indirect is not None and not near)
+        self._ao_name = "ambient occlusion"
+        self._ao: OcclusionTechnique | None = None
+        if ao is not None and not near:
+            self._ao_name, self._ao = ao_technique(runtime, size, ao, margin, layers)
+        self._bounce: MultiresSplat | VplSplat | RsmGather | None = None
+        self._ssdo: Ssdo | None = None
+        self._views: FurtherViews | None = None
+        if isinstance(indirect, SsdoParams):
+            self._ssdo = Ssdo(runtime, size, indirect, margin, layers, attributes)
+            self._views = FurtherViews(runtime, views) if views else None
+        elif isinstance(indirect, MultiresSplatParams):
+            self._bounce = MultiresSplat(runtime, size, indirect)
+        elif isinstance(indirect, VplSplatParams):
             self._bounce = VplSplat(runtime, size, indirect)
         elif indirect is not None:
             self._bounce = RsmGather(runtime, size, indirect, margin)
@@ -126,16 +143,18 @@ class Renderer:
             seen = self.rasterizer.render(kept, camera)
             seen.derive()
             shadows, rsm = self._maps.draw(scene, lights)
-            openness = None
-            if self._ao is not None:
-                if any(_is_ambient(light) for light in lights):
-                    openness = self._ao.run(seen)
-                else:
-                    runtime.skip(self._ao_name, "no ambient light for it to dim")
-            bounced = self._bounced(seen, rsm)
+            openness = direct = None
+            if self._ssdo is not None:
+                runtime.skip(self._ao_name, "ssdo hides ambient light by itself")
+                views = self._views.drawn(scene, camera, seen) if self._views else ()
+                found = self._ssdo.run(seen, lights, shadows=shadows, views=views)
+                direct, bounced = found.direct, found.bounce
+            else:
+                openness = self._openness(seen, lights)
+                bounced = self._bounced(seen, rsm)
             radiance = self._shade.run(
                 seen, lights, shadows=shadows, openness=openness, indirect=bounced,
-                multi_bounce=multi_bounce,
+                multi_bounce=multi_bounce, direct=direct,
             )
             values = radiance.download()
             factor = auto_exposure(np.moveaxis(values, 0, -1)) if exposure is None else exposure
@@ -156,18 +175,26 @@ class Renderer:
             wall_ms=(perf_counter() - start) * 1e3,
         )
 
+    def _openness(self, seen: DeviceGBuffer, lights: Sequence[Light]) -> Plane | None:
+        """Queue the passes of ambient occlusion; return A, or None if nothing needs it."""
+        if self._ao is None:
+            return None
+        if not any(_is_ambient(light) for light in lights):
+            self.runtime.skip(self._ao_name, "no ambient light for it to dim")
+            return None
+        return self._ao.run(seen)
+
     def _bounced(self, seen: DeviceGBuffer, rsm: DeviceRsm | None) -> Plane | None:
         """Queue the passes of one bounce; return its plane of irradiance, or None if it is dark."""
         bounce = self._bounce
         if bounce is None:
             return None
         if rsm is None:
-            name = "vpl splat" if isinstance(bounce, VplSplat) else "rsm gather"
-            self.runtime.skip(name, "no light that a map could be made of")
+            self.runtime.skip(bounce.name, "no light that a map could be made of")
             return None
         if isinstance(bounce, RsmGather):
             return bounce.run(seen, rsm)
-        return bounce.run(seen, choose_vpls(rsm, bounce.params.vpls), [rsm])
+        return bounce.run(seen, None, [rsm])
 
 
 def render(
@@ -179,10 +206,11 @@ def render(
     ao_radius: float | None = None,
     ao_samples: int | None = None,
     multi_bounce: bool = False,
-    indirect: str | None = None,
+    indirect: bool | str | None = None,
     vpls: int = 1024,
     layers: int = 1,
     overscan: float = 0.0,
+    extra_cameras: int = 0,
     shadow_size: int = 1024,
     exposure: float | None = None,
     curve: str = "filmic",
@@ -197,15 +225,21 @@ def render(
         lights: any number of lights.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
             for none. All but "ssao" look into all `layers`, all four into the overscan.
-        ao_radius: its radius in scene units; by default 5 % of the diagonal of the scene's box.
+        ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the diagonal of
+            the scene's box.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
-        indirect: how the light of all lamps is reflected once: "vpl" (`vpl_splat`; with two layers
-            or more, walls that camera and lamps see block it), "gather" (`rsm_gather`; nothing
-            blocks it), or None.
-        vpls: virtual point lights of "vpl" in all, 1 to 2^24.
+        indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
+            the fastest; nothing blocks it), "vpl" (`vpl_splat`; with two layers or more, walls that
+            camera and lamps see block it), "gather" (`rsm_gather`; nothing blocks it). That of
+            lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
+            light of environments too, so `ao` is not needed). What surfaces emit is
+            seen and lights nothing. True for "multires", None or False for none.
+        vpls: virtual point lights of "multires" and "vpl" in all, 1 to 2^24.
         layers: depth layers of the G-buffer, 1 to 16.
         overscan: share of the image by which the G-buffer exceeds it on every side, in [0, 1].
+        extra_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to 64,
+            placed by `extra_cameras`.
         shadow_size: texels along the side of each shadow map, 16 to 8192; what reflects light is
             chosen from the same map.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
@@ -231,26 +265,36 @@ def render(
     check.choice("curve", curve, CURVES)
     for name, switch in (("multi_bounce", multi_bounce), ("gbuffer", gbuffer)):
         check.switch(name, switch)
-    bounce = _bounce_params(indirect, vpls, layers)
-    dims = _ao_name(ao, ao_samples)
+    dims, indirect = ao_name(ao, ao_samples), bounce_name(indirect)
+    if multi_bounce and indirect == "ssdo":
+        raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
+    extra_cameras = check.integer("extra_cameras", extra_cameras, low=0, high=64)
+    if extra_cameras and indirect != "ssdo":
+        raise ValueError(
+            f"extra_cameras is {extra_cameras}: expected 0 with indirect={indirect!r}, they are of "
+            "'ssdo'"
+        )
     if exposure is not None:
         exposure = check.number("exposure", exposure, low=0.0, above=True)
     margin = margin_of(camera, overscan)
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
-    params: AoParams | None = None
-    if dims is not None:
-        if ao_radius is None:
-            extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
-            ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
+    if ao_radius is None:
+        extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+        ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
+    bounce = bounce_params(indirect, vpls, layers, ao_radius)
+    params: Any = None
+    if dims is not None and indirect != "ssdo":
         samples = {} if ao_samples is None else {"samples": ao_samples}
-        params = AO_PARAMS[dims](radius=ao_radius, **samples)
-    key = (Renderer, camera.size, params, bounce, layers, margin, shadow_size, curve)
+        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)  # type: ignore[call-arg]
+    key = (
+        Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size, curve
+    )
     renderer: Renderer = runtime.prepared(
         key,
         lambda: Renderer(
             runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
-            shadow_size=shadow_size, curve=curve,
+            views=extra_cameras, shadow_size=shadow_size, curve=curve,
         ),
     )
     return renderer(
@@ -260,35 +304,3 @@ def render(
 
 def _is_ambient(light: Light) -> bool:
     return isinstance(light, Environment) and bool(np.any(np.asarray(light.radiance)))
-
-
-def _ao_name(ao: object, samples: int | None) -> str | None:
-    """Return the name of the technique that dims ambient light, or None."""
-    if not isinstance(ao, (bool, str)):
-        raise TypeError(f"ao is {ao!r}: expected True, False or the name of a technique")
-    name = AO_DEFAULT if ao is True else ao
-    if isinstance(name, str):
-        check.choice("ao", name, tuple(AO_PARAMS))
-    if samples is not None and name != "ssao":
-        raise ValueError(f"ao_samples is {samples}: expected None with ao={ao!r}, it is of 'ssao'")
-    return name or None
-
-
-def _ao_technique(
-    runtime: Runtime, size: Size, params: AoParams, margin: Size, layers: int
-) -> Ssao | Hbao | Gtao | BitmaskAo:
-    if isinstance(params, SsaoParams):
-        return Ssao(runtime, size, params, margin)
-    if isinstance(params, HbaoParams):
-        return Hbao(runtime, size, params, margin, layers)
-    if isinstance(params, GtaoParams):
-        return Gtao(runtime, size, params, margin, layers)
-    return BitmaskAo(runtime, size, params, margin, layers)
-
-
-def _bounce_params(indirect: str | None, vpls: int, layers: int) -> BounceParams | None:
-    if indirect is None:
-        return None
-    if check.choice("indirect", indirect, BOUNCES) == "gather":
-        return RsmGatherParams(resolution="quarter")
-    return VplSplatParams(vpls=vpls, cutoff=0.0, interleave=True, visibility=layers >= 2)

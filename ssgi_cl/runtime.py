@@ -340,5 +340,5 @@ class Kernel:
 
     def _group(self, rows: int, columns: int) -> Size:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":
-            return (1, min(columns, 64))
+            return (1, 16 if columns <= 16 else 64)
         return (8, 8) if rows >= 8 else (1, 64)

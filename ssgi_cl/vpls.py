@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
+from ssgi_cl.flux_curve import FluxCurve, FoundPlaces, curve_key
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.runtime import Runtime
 
@@ -51,8 +52,64 @@ class Vpls:
         """
         if len(self) <= count:
             return self
-        middle, flux, area = _cut(np.vstack([self.flux.T, self.area]), count)
+        middle, flux, area = cut_evenly(np.vstack([self.flux.T, self.area]), count)
         return Vpls(self.position[middle], self.normal[middle], flux, area)
+
+
+class ChosenVpls:
+    """Virtual point lights chosen from maps in device memory, where they stay.
+
+    The texels of all maps are strung along Hilbert curves and cut into pieces of equal luminous
+    flux. Each piece gives a light at its middle, with all of its flux and area. Where no more
+    texels are lit than `count`, each of them is a light, and those beyond have no flux.
+
+    Args:
+        curve: the sums along the maps' texels.
+        count: of lights, at most that of all texels.
+        parts: whether the lights have parts.
+
+    Attributes:
+        places: where the lights are.
+        part_places: where their parts are, or None.
+        edges: flux and area in front of each light, or of each part if there are any.
+        split: pieces of a light: 1, or PARTS.
+    """
+
+    def __init__(self, curve: FluxCurve, count: int, *, parts: bool = False) -> None:
+        runtime = curve.runtime
+        self.curve = curve
+        self.count = count
+        self.split = PARTS if parts else 1
+        self.places = FoundPlaces(runtime, count, middle=True)
+        self.part_places = FoundPlaces(runtime, count * PARTS, middle=True) if parts else None
+        self.edges = FoundPlaces(runtime, count * self.split + 1, middle=False)
+        self._version = 0
+
+    def update(self) -> None:
+        """Queue the passes that choose, unless the sums are those of last time."""
+        if self._version == self.curve.version:
+            return
+        self._version = self.curve.version
+        self.curve.cut(self.edges, self.count, self.split)
+        self.curve.cut(self.places, self.count, 1)
+        if self.part_places is not None:
+            self.curve.cut(self.part_places, self.count, PARTS)
+
+    def download(self) -> Vpls:
+        """Return a copy in host memory, parts left out where each light is a texel."""
+        lit = self.curve.lit()
+        count = min(self.count, lit)
+        edges = self.edges.download()[:, : count * self.split + 1]
+        if self.part_places is None or lit <= self.count:
+            return self._lights(self.places, edges[:, :: self.split])
+        parts = self._lights(self.part_places, edges)
+        lights = self._lights(self.places, edges[:, :: self.split])
+        return Vpls(lights.position, lights.normal, lights.flux, lights.area, parts)
+
+    def _lights(self, places: FoundPlaces, edges: Doubles) -> Vpls:
+        amounts = np.diff(edges, axis=1)
+        found = places.download()[:, : amounts.shape[1]]
+        return Vpls(found[:3].T + self.curve.origin, found[3:].T, amounts[:3].T, amounts[3])
 
 
 def choose_vpls(
@@ -74,7 +131,7 @@ def choose_vpls(
         rsms: a reflective shadow map, or one for each light.
         count: of lights, >= 1. If no more texels are lit than that, each of them is one.
         parts: give the lights' parts too, unless every texel is a light.
-        runtime: the device that maps in numpy pass through; by default the fastest found.
+        runtime: the device; by default the fastest found.
 
     Returns:
         `count` lights or fewer; none if no texel is lit.
@@ -83,18 +140,26 @@ def choose_vpls(
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
     count = check.integer("vpls", count, low=1, high=MOST_VPLS, unit="virtual point lights")
-    rows = [_Texels(rsm) for rsm in on_device_rsms(rsms, runtime)]
-    lit = sum(len(row.order) for row in rows)
-    if lit == 0:
+    maps = on_device_rsms(rsms, runtime)
+    if not maps:
         return Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    amounts = np.concatenate([row.amounts() for row in rows], axis=1)
-    if lit <= count:
-        middle, flux, area = np.arange(lit), amounts[:3].T.astype(np.float64), amounts[3]
-        return Vpls(*_places(rows, middle), flux, area.astype(np.float64))
-    # With parts, where texels are fewer, some pieces are pieces of texels.
-    middle, flux, area = _cut(amounts, PARTS * count if parts else count)
-    chosen = Vpls(*_places(rows, middle), flux, area)
-    return replace(chosen.merged(count), parts=chosen) if parts else chosen
+    chosen = chosen_vpls(maps, count, parts=parts)
+    with chosen.curve.runtime.frame():
+        chosen.curve.update(maps)
+        chosen.update()
+    return chosen.download()
+
+
+def chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool) -> ChosenVpls:
+    """Return what chooses from maps of these sizes, the same as last time; nothing is queued."""
+    runtime, key = maps[0].runtime, curve_key(maps)
+
+    def make() -> ChosenVpls:
+        curve: FluxCurve = runtime.prepared((FluxCurve, key), lambda: FluxCurve(runtime, key))
+        return ChosenVpls(curve, min(count, curve.texels), parts=parts)
+
+    chosen: ChosenVpls = runtime.prepared((ChosenVpls, key, count, parts), make)
+    return chosen
 
 
 def on_device_rsms(
@@ -121,42 +186,7 @@ def on_device_rsms(
     return maps
 
 
-class _Texels:
-    """The lit texels of a map along the curve.
-
-    Attributes:
-        order: their flat indices.
-        values: [10, all texels] position from `origin`, normal, flux, area.
-    """
-
-    def __init__(self, rsm: DeviceRsm) -> None:
-        planes = (rsm.position, rsm.normal, rsm.flux, rsm.area)
-        self.values = np.concatenate([p.download().reshape(p.count, -1) for p in planes])
-        self.origin = rsm.origin
-        order = hilbert_order(*rsm.face_size)
-        order = np.concatenate([order + face * len(order) for face in range(rsm.faces)])
-        lit = np.any(self.values[6:9] > 0.0, axis=0, keepdims=True)[0]
-        self.order = order[lit[order]]
-
-    def amounts(self) -> NDArray[np.float32]:
-        """Return [4, texels] flux and area."""
-        found: NDArray[np.float32] = self.values[6:].take(self.order, axis=1)
-        return found
-
-
-def _places(rows: Sequence[_Texels], index: NDArray[np.intp]) -> tuple[Doubles, Doubles]:
-    """Return the position and the normal of texels of all rows, one after the other."""
-    positions, normals, first = [], [], 0
-    for row in rows:
-        own = index[(index >= first) & (index < first + len(row.order))] - first
-        at = row.values[:6].take(row.order[own], axis=1).T.astype(np.float64)
-        positions.append(at[:, :3] + row.origin)
-        normals.append(at[:, 3:])
-        first += len(row.order)
-    return np.concatenate(positions), np.concatenate(normals)
-
-
-def _cut(
+def cut_evenly(
     amounts: NDArray[np.floating], count: int
 ) -> tuple[NDArray[np.intp], Doubles, Doubles]:
     """Cut a row into pieces of equal luminous flux.
@@ -177,28 +207,3 @@ def _cut(
     # An edge may fall into the middle of a light.
     pieces = np.diff([np.interp(edges, before, column) for column in sums], axis=-1)
     return middle, pieces[:3].T, pieces[3]
-
-
-@lru_cache(maxsize=8)
-def hilbert_order(rows: int, columns: int) -> NDArray[np.intp]:
-    """Return the flat indices of an image's pixels in the order of a Hilbert curve.
-
-    Of the curve on the least square of 2^k pixels a side that holds the image.
-    """
-    side = 1 << max(rows - 1, columns - 1, 1).bit_length()
-    row, column = (index.ravel() for index in np.indices((rows, columns)))
-    x, y, place = column.copy(), row.copy(), np.zeros(rows * columns, np.int64)
-    step = side // 2
-    while step:
-        right, low = (x & step) > 0, (y & step) > 0
-        place += step * step * ((3 * right) ^ low)
-        # Turn the quarter so that the curve in it starts where that of the one before ends.
-        turned = ~low
-        mirrored = turned & right
-        x = np.where(mirrored, step - 1 - (x & (step - 1)), x & (step - 1))
-        y = np.where(mirrored, step - 1 - (y & (step - 1)), y & (step - 1))
-        x, y = np.where(turned, y, x), np.where(turned, x, y)
-        step //= 2
-    order: NDArray[np.intp] = np.argsort(place, kind="stable")
-    order.flags.writeable = False
-    return order

@@ -16,14 +16,38 @@ def runtime() -> Runtime:
     return Runtime.open()
 
 
-@pytest.fixture(scope="session", params=FORMS, ids=lambda form: f"{form.lanes}-{form.storage}")
-def form_runtime(request: pytest.FixtureRequest) -> Runtime:
-    """The device under test with each build of the kernels that it takes."""
-    form: Form = request.param
+def _opened(form: Form) -> Runtime:
     try:
         return Runtime.open(lanes=form.lanes, storage=form.storage)
     except DeviceError as error:
         pytest.skip(str(error))
+
+
+def _named(form: Form) -> str:
+    return f"{form.lanes}-{form.storage}"
+
+
+@pytest.fixture(scope="session", params=FORMS, ids=_named)
+def every_form(request: pytest.FixtureRequest) -> Runtime:
+    """The device under test with each build of the kernels that it takes."""
+    return _opened(request.param)
+
+
+@pytest.fixture(
+    scope="session",
+    params=[
+        form if form in (FORMS[0], FORMS[-1]) else pytest.param(form, marks=pytest.mark.slow)
+        for form in FORMS
+    ],
+    ids=_named,
+)
+def form_runtime(request: pytest.FixtureRequest) -> Runtime:
+    """As `every_form`, but the builds between the first and the last are for the slow tests.
+
+    What is a form's own lies in `lanes.clh` and `gbuffer.clh`; their tests, and those that hold the
+    forms' results to each other, use `every_form`.
+    """
+    return _opened(request.param)
 
 
 @pytest.fixture

@@ -55,7 +55,7 @@ def test_drawn_without_read_back_is_what_is_uploaded(form_runtime: Runtime, kind
     uploaded = on_device_rsm(rsm(scene, light, size=37, runtime=runtime), runtime)
     renderer, cameras = RsmRenderer(runtime, 37), light_cameras(light, scene.bounds, 37)
     drawn = DeviceRsm(runtime, (37, 37), len(cameras))
-    drawn.begin(light, cameras)
+    drawn.begin(light, cameras, reach=10.0, brightest=1.0)
     for face, camera in enumerate(cameras):
         flux = renderer.render(device_scene(scene, runtime), light, camera)
         drawn.write_face(face, renderer.target.depth, renderer.target.normal_world, flux)

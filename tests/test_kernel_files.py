@@ -15,19 +15,29 @@ import pytest
 from ssgi_cl import sources
 from ssgi_cl.device_gbuffer import VIEW_ROTATION
 from ssgi_cl.device_rsm import FACE
-from ssgi_cl.device_vpls import VPL
+from ssgi_cl.device_vpls import PLACE, VPL
 from ssgi_cl.drivers import FORMS
+from ssgi_cl.flux_curve import CURVE
 from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.structs import CAMERA, Struct
+from ssgi_cl.techniques import ssdo_bitmask
 from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.lamp_shadows import LAMP_SHADOW
+from ssgi_cl.techniques.lamps import LIGHT
+from ssgi_cl.techniques.lit_layers import LIT
+from ssgi_cl.techniques.multires_grid import MULTIRES
 from ssgi_cl.techniques.rsm_gather import GATHER, MAP
 from ssgi_cl.techniques.rsm_samples import SUMS
-from ssgi_cl.techniques.shade import COMBINE, LIGHT
+from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
 from ssgi_cl.techniques.sparse import COARSE
 from ssgi_cl.techniques.ssao import SSAO
+from ssgi_cl.techniques.ssdo import SPLIT
+from ssgi_cl.techniques.ssdo_points import POINTS
+from ssgi_cl.techniques.ssdo_views import VIEWS
 from ssgi_cl.techniques.upsample import UPSAMPLE
+from ssgi_cl.techniques.vpl_tree import CUT
 
 
 @dataclass(frozen=True)
@@ -116,6 +126,40 @@ USES = {
             slices(2, HBAO_ATTENUATION=1, HBAO_BIAS=0),
         ],
     ),
+    "lamp_shadows/lamp_shadows.cl": Use(
+        (CAMERA, LIGHT, LAMP_SHADOW),
+        [
+            {"LAMP_KIND": kind, "LAMP_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers}
+            for kind, add, layers in ((0, 0, 1), (1, 1, 2), (2, 0, 1))
+        ],
+    ),
+    "lit_layers/lit_layers.cl": Use(
+        (LIT,),
+        [
+            {"LIT_LAMPS": lamps, "LIT_AMBIENT": sky, "LIT_OPENNESS": openness,
+             "LIT_EMISSION": emission, "LIT_STEP": step}
+            for lamps, sky, openness, emission, step in ((0, 0, 0, 1, 1), (1, 1, 1, 0, 2))
+        ],
+    ),
+    "multires/cluster_order.cl": Use((CAMERA, VPL)),
+    "multires/cluster_runs.cl": Use((CAMERA, VPL)),
+    "multires/cut_limits.cl": Use(),
+    "multires/cut_lists.cl": Use((CAMERA, VPL, CUT)),
+    "multires/cut_mean.cl": Use(
+        (CAMERA, VPL), [{"VPL_NEAR": near, "VPL_CUT": near} for near in (0, 1)]
+    ),
+    "multires/multires_count.cl": Use(),
+    "multires/multires_interpolate.cl": Use(
+        (CAMERA, MULTIRES), [{"MULTIRES_CHANNELS": channels} for channels in (1, 3)]
+    ),
+    "multires/multires_list.cl": Use(),
+    "multires/multires_reduce.cl": Use((CAMERA,)),
+    "multires/multires_rough.cl": Use((CAMERA, MULTIRES), [{"MULTIRES_CHANNELS": 3}]),
+    "multires/multires_start.cl": Use((), [{"MULTIRES_CHANNELS": 3}]),
+    "multires/shade_list.cl": Use(
+        (CAMERA, VPL, CUT),
+        [{"VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "SHADE_ROWS": 2} for n in (0, 1)],
+    ),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
         rasterizer.STRUCTS, [attributes(0, 0, 0, 0), attributes(1, 0, 0, 0), attributes(1, 1, 1, 1)]
@@ -129,6 +173,7 @@ USES = {
     ),
     "raster/raster_vertices.cl": Use(rasterizer.STRUCTS),
     "rsm/rsm_face.cl": Use((CAMERA, FACE)),
+    "rsm/rsm_normals.cl": Use((VIEW_ROTATION,)),
     "rsm_gather/rsm_gather_count.cl": Use(),
     "rsm_gather/rsm_gather_disk.cl": Use(
         (CAMERA, GATHER, MAP), [disk(0, 0, 0), disk(1, 1, 0), disk(0, 1, 1)]
@@ -150,10 +195,47 @@ USES = {
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
+    "slices/slices_sorted.cl": Use((), [{"SORTED_COUNT": 6}]),
+    "ssdo_bitmask/ssdo_bitmask.cl": Use(
+        (CAMERA, SLICES, ssdo_bitmask.OWN),
+        [
+            slices(
+                layers, SLICES_THICKNESS=a, SLICES_NEXT=b, BITMASK_BOUNCE=c, BITMASK_BACKS=d,
+                BITMASK_CONES=e, BITMASK_KEPT=f, SKY_SIZE=32,
+            )
+            for layers, a, b, c, d, e, f in ((1, 0, 0, 1, 0, 8, 1), (2, 1, 1, 1, 1, 0, 0))
+        ],
+    ),
     "slices/slices_near.cl": Use(
         (CAMERA,), [{"NEAR_LAYERS": 2, "NEAR_THICKNESS": thick} for thick in (0, 1)]
     ),
     "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
+    "ssdo/ssdo_split.cl": Use(
+        (SPLIT,),
+        [
+            {"SPLIT_GATHERED": gathered, "SPLIT_SKY": sky, "SPLIT_BOUNCE": bounce,
+             "SPLIT_LAMPS": lamps}
+            for gathered, sky, bounce, lamps in ((0, 0, 0, 1), (1, 0, 0, 0), (1, 1, 1, 1))
+        ],
+    ),
+    "ssdo_points/ssdo_points.cl": Use(
+        (CAMERA, POINTS),
+        [
+            {"POINTS_COUNT": 16, "POINTS_LAYERS": layers, "POINTS_SENDERS": senders,
+             "POINTS_STEP": step, "POINTS_SKY": sky, "POINTS_PAPER": paper}
+            for layers, senders, step, sky, paper in (
+                (1, 0, 1, 0, 0), (2, 2, 2, 1, 0), (2, 1, 4, 0, 1)
+            )
+        ],
+    ),
+    "ssdo_views/ssdo_views.cl": Use(
+        (CAMERA, VIEWS),
+        [
+            {"VIEWS_SLICES": 2, "VIEWS_STRATA": 2, "VIEWS_TAPS": 4, "VIEWS_LAYERS": layers,
+             "VIEWS_SENDERS": senders, "VIEWS_BOUNCE": 1}
+            for layers, senders in ((1, 0), (2, 2))
+        ],
+    ),
     "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
     "upsample/upsample_blur_columns.cl": Use(
         (CAMERA, UPSAMPLE), [{"UPSAMPLE_STEP": step, "BLUR_RADIUS": 7} for step in (2, 4)]
@@ -165,7 +247,9 @@ USES = {
         (CAMERA, UPSAMPLE),
         [{"UPSAMPLE_COUNT": 3, "UPSAMPLE_STEP": step} for step in (1, 2, 4)],
     ),
+    "vpl/vpl_blocks.cl": Use((CURVE,)),
     "vpl/vpl_boxes.cl": Use((CAMERA, VPL)),
+    "vpl/vpl_cut.cl": Use((CURVE,), [{"VPL_MIDDLE": middle} for middle in (0, 1)]),
     "vpl/vpl_grid.cl": Use((CAMERA, VPL), [SIGHT]),
     "vpl/vpl_interleaved.cl": Use(
         (CAMERA, VPL),
@@ -180,6 +264,8 @@ USES = {
         [{"VPL_CUT": cut, "VPL_SUBSETS": 1 + 15 * cut, "VPL_PARTS": cut} for cut in (0, 1)],
     ),
     "vpl/vpl_occupy.cl": Use((CAMERA, VPL, TURN), [{**SIGHT, "VPL_LAYERS": n} for n in (0, 2)]),
+    "vpl/vpl_place.cl": Use((PLACE,), [{"VPL_PART": part} for part in (0, 1)]),
+    "vpl/vpl_runs.cl": Use((CURVE,)),
     "vpl/vpl_splat.cl": Use(
         (CAMERA, VPL),
         [
@@ -188,6 +274,7 @@ USES = {
             for near, cut, add in ((0, 0, 0), (1, 1, 1), (0, 2, 1))
         ],
     ),
+    "vpl/vpl_totals.cl": Use(),
 }
 """Every kernel. A new one belongs here."""
 

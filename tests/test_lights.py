@@ -33,6 +33,13 @@ def test_lights_hold_float64_arrays_that_cannot_be_changed() -> None:
                 value[...] = 5.0
 
 
+def test_a_lamp_is_a_point_unless_it_has_an_extent() -> None:
+    assert PointLight((0, 0, 0), 1).radius == SpotLight((0, 0, 0), (0, 0, 1), 0.5, 1).radius == 0.0
+    assert PointLight((0, 0, 0), 1, radius=2).radius == 2.0
+    assert DirectionalLight((0, 0, 1), 1).angle == 0.0
+    assert DirectionalLight((0, 0, 1), 1, angle=0.5).angle == 0.5
+
+
 def test_a_light_leaves_the_callers_array_writable() -> None:
     position, radiance = np.zeros(3), np.ones((2, 4, 3))
     PointLight(position, 1.0)
@@ -54,6 +61,11 @@ def test_a_light_leaves_the_callers_array_writable() -> None:
         (lambda: SpotLight((0, 0, 0), (0, 0, 1), True, 1), TypeError, "cone_angle is True"),
         (lambda: DirectionalLight((0, 0, 0), 1), ValueError, "direction is .*non-zero length"),
         (lambda: DirectionalLight((0, 1, 0), (1, 2)), ValueError, r"irradiance has shape \(2,\)"),
+        (lambda: PointLight((0, 0, 0), 1, radius=-1), ValueError, r"radius is -1.*scene units"),
+        (lambda: PointLight((0, 0, 0), 1, math.inf), ValueError, "radius is inf"),
+        (lambda: SpotLight((0, 0, 0), (0, 0, 1), 0.5, 1, "x"), TypeError, "radius is 'x'"),
+        (lambda: DirectionalLight((0, 0, 1), 1, angle=0.6), ValueError, r"angle is 0.6.*radians"),
+        (lambda: DirectionalLight((0, 0, 1), 1, math.nan), ValueError, "angle is nan"),
         (lambda: Environment(-1.0), ValueError, "radiance is .*>= 0"),
         (lambda: Environment([[[1, 1, math.nan]]]), ValueError, r"radiance\[0, 0, 2\] is nan"),
         (lambda: Environment(np.full((2, 2, 3), -1.0)), ValueError, r"radiance\[0, 0, 0\] is -1"),

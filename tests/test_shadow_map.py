@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -311,3 +312,23 @@ def test_wrong_arguments_are_refused(
     arguments = {"scene": ground(), "light": light, "size": 8, "runtime": runtime, **changes}
     with pytest.raises(error, match=words):
         rsm(**arguments)
+
+
+@pytest.mark.parametrize(
+    "light",
+    [SpotLight((0.3, 0.2, 1.0), (0.2, -1.0, 0.3), 0.6, 1.0), PointLight((0.4, 0.1, 1.2), 1.0)],
+    ids=["spot", "point"],
+)
+def test_a_mesh_without_normals_has_those_of_its_faces(
+    form_runtime: Runtime, light: SpotLight | PointLight
+) -> None:
+    scene = room()
+    bare = replace(scene, normals=np.zeros_like(scene.normals))
+    given, found = (rsm(s, light, size=33, runtime=form_runtime) for s in (scene, bare))
+    np.testing.assert_array_equal(found.flux, given.flux)
+    cosine = np.abs(np.sum(np.asarray(given.normal) * np.asarray(found.normal), axis=-1))
+    seen = np.isfinite(np.asarray(given.depth))
+    # In a corner one of two neighbours lies on the texel's own face, at an edge of the map either
+    # may be missing.
+    assert np.mean(cosine[seen] > 0.9999) > 0.95
+    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=-1)[seen], 1.0, atol=1e-5)

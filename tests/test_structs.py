@@ -13,18 +13,21 @@ from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.techniques.bilateral import BLUR
+from ssgi_cl.techniques.lamps import LIGHT
+from ssgi_cl.techniques.lit_layers import LIT
 from ssgi_cl.techniques.rsm_gather import GATHER, MAP
 from ssgi_cl.techniques.rsm_samples import SUMS
-from ssgi_cl.techniques.shade import COMBINE, LIGHT
+from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
 from ssgi_cl.techniques.sparse import COARSE
 from ssgi_cl.techniques.ssao import SSAO
+from ssgi_cl.techniques.ssdo import SPLIT
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
 STRUCTS = (
-    CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, COMBINE, rasterizer.VIEW,
-    shadow_map.FLUX, FACE, GATHER, MAP, SUMS, COARSE, VPL, TURN,
+    CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, LIT, COMBINE, SPLIT,
+    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, SUMS, COARSE, VPL, TURN,
 )
 
 

@@ -10,13 +10,16 @@ import pytest
 from numpy.typing import ArrayLike
 
 from ssgi_cl.camera import Camera
+from ssgi_cl.device_rsm import on_device_rsm
+from ssgi_cl.flux_curve import FluxCurve, curve_key, hilbert_order
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.vpls import choose_vpls_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.vpls import LUMINANCE, Vpls, choose_vpls, hilbert_order
+from ssgi_cl.vpls import LUMINANCE, PARTS, Vpls, choose_vpls
 
 from .closed_forms import made as scene_of
 
@@ -53,6 +56,83 @@ def test_the_curve_goes_from_neighbour_to_neighbour(side: int) -> None:
     np.testing.assert_array_equal(np.abs(np.diff(row)) + np.abs(np.diff(column)), 1)
 
 
+def assert_same_lights(a: Vpls, b: Vpls) -> None:
+    """Of float32 and float64. A middle may lie between two texels."""
+    assert len(a) == len(b)
+    # The luminance of texels of other colours rounds differently, so that edges move by some 1e-7
+    # of the row: of thousands of pieces, by up to 1e-3 of one.
+    np.testing.assert_allclose(a.flux, b.flux, rtol=1e-3)
+    np.testing.assert_allclose(a.area, b.area, rtol=1e-3)
+    same = np.abs(a.position - b.position).max(axis=1) < 1e-6
+    same &= np.abs(a.normal - b.normal).max(axis=1) < 1e-6
+    assert same.mean() > 0.995
+
+
+@pytest.mark.parametrize("parts", [False, True])
+@pytest.mark.parametrize("count", [1, 37, 500])
+def test_every_kernel_form_chooses_what_float64_chooses(
+    form_runtime: Runtime, count: int, parts: bool
+) -> None:
+    runtime, box = form_runtime, BUILTIN_SCENES["cornell_box"]()
+    spots = [SpotLight((x, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2) for x in (0.15, 0.4)]
+    maps = [rsm(box.scene, spot, size=size, runtime=runtime)
+            for spot, size in zip(spots, (48, 61), strict=True)]
+    maps.append(rsm(box.scene, PointLight((0.278, 0.3, 0.1), 1.0), size=17, runtime=runtime))
+    found = choose_vpls(maps, count, parts=parts, runtime=runtime)
+    wanted = choose_vpls_reference(maps, count, parts=parts)
+    assert_same_lights(found, wanted)
+    assert (found.parts is None) == (not parts)
+    if found.parts is not None and wanted.parts is not None:
+        assert_same_lights(found.parts, wanted.parts)
+
+
+def test_every_kernel_form_chooses_the_same(runtime: Runtime, form_runtime: Runtime) -> None:
+    one, other = (
+        choose_vpls(rsm(FLOOR, SPOT, size=61, runtime=r), 100, parts=True, runtime=r)
+        for r in (runtime, form_runtime)
+    )
+    assert one.parts is not None
+    assert other.parts is not None
+    for name in ("position", "normal", "flux", "area"):
+        # Maps drawn by other forms may differ by roundings of the device's divisions.
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-5, atol=1e-6)
+        a, b = getattr(one.parts, name), getattr(other.parts, name)
+        np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-6)
+
+
+def test_parts_add_up_to_their_lights(runtime: Runtime) -> None:
+    made = rsm(FLOOR, SPOT, size=64, runtime=runtime)
+    lights = choose_vpls(made, 100, parts=True, runtime=runtime)
+    assert lights.parts is not None
+    for name in ("flux", "area"):
+        whole, parts = getattr(lights, name), getattr(lights.parts, name)
+        added = parts.reshape(100, PARTS, *whole.shape[1:]).sum(axis=1)
+        np.testing.assert_allclose(added, whole, rtol=1e-9)
+
+
+def test_one_texel_in_a_million_keeps_its_flux(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    made = rsm(FLOOR, SUN, size=256, runtime=form_runtime)
+    flux = np.asarray(made.flux) * 10.0 ** rng.uniform(-5, 0, (256, 256, 1))
+    found = choose_vpls(with_flux(made, flux), 4096, runtime=form_runtime)
+    wanted = choose_vpls_reference([with_flux(made, flux)], 4096)
+    # All texels have one colour, so that edges are where they are in float64; sums of 16 texels
+    # that may be 10^5 times the piece's own.
+    np.testing.assert_allclose(found.flux, wanted.flux, rtol=1e-5)
+
+
+def test_sums_are_made_again_only_when_a_map_changes(runtime: Runtime) -> None:
+    device = on_device_rsm(rsm(FLOOR, SPOT, size=32, runtime=runtime), runtime)
+    curve = FluxCurve(runtime, curve_key([device]))
+    curve.update([device])
+    curve.update([device])
+    assert curve.version == 1
+    device.upload(rsm(FLOOR, SPOT, size=32, runtime=runtime))
+    curve.update([device])
+    assert curve.version == 2
+
+
 @pytest.mark.parametrize("count", [1, 7, 100, 1000])
 @pytest.mark.parametrize("light", [SUN, SPOT], ids=["sun", "spot"])
 def test_flux_is_that_of_the_map(
@@ -61,14 +141,14 @@ def test_flux_is_that_of_the_map(
     made = rsm(FLOOR, light, size=64, runtime=runtime)
     lights = choose_vpls(made, count, runtime=runtime)
     assert len(lights) == count
-    # Sums in float64 of some thousand texels.
-    np.testing.assert_allclose(lights.flux.sum(axis=0), total(made), rtol=1e-12)
+    # Some float32 roundings of the sums of 16 texels, on the average.
+    np.testing.assert_allclose(lights.flux.sum(axis=0), total(made), rtol=1e-6)
 
 
 def test_all_lights_have_the_same_luminous_flux(runtime: Runtime) -> None:
     made = rsm(FLOOR, SPOT, size=64, runtime=runtime)
     flux = choose_vpls(made, 100, runtime=runtime).flux @ LUMINANCE
-    np.testing.assert_allclose(flux, flux.mean(), rtol=1e-9)
+    np.testing.assert_allclose(flux, flux.mean(), rtol=2e-6)
 
 
 def test_lights_lie_where_the_flux_is(runtime: Runtime, rng: np.random.Generator) -> None:
@@ -158,7 +238,7 @@ def test_a_point_light_s_six_faces_count(runtime: Runtime) -> None:
     box = BUILTIN_SCENES["cornell_box"]()
     made = rsm(box.scene, PointLight((0.278, 0.3, 0.1), 1.0), size=32, runtime=runtime)
     lights = choose_vpls(made, 256, runtime=runtime)
-    np.testing.assert_allclose(lights.flux.sum(axis=0), total(made), rtol=1e-12)
+    np.testing.assert_allclose(lights.flux.sum(axis=0), total(made), rtol=1e-6)
     wall = made.cameras[0]
     assert isinstance(wall, Camera)
     assert len(np.unique(np.abs(lights.normal).argmax(axis=1))) == 3  # walls of every direction

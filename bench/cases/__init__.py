@@ -10,11 +10,13 @@ from . import (
     bilateral,
     floor,
     lecture,
+    multires_splat,
     rasterize,
     rsm_gather,
     shade,
     slices,
     ssao,
+    ssdo,
     upsample,
     vpl_splat,
 )
@@ -28,8 +30,10 @@ OWN: Mapping[str, Family] = {
     **upsample.FAMILIES,
     **shade.FAMILIES,
     **rsm_gather.FAMILIES,
+    **ssdo.FAMILIES,
     **rasterize.FAMILIES,
     **vpl_splat.FAMILIES,
+    **multires_splat.FAMILIES,
 }
 """This library's."""
 

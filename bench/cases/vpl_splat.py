@@ -12,7 +12,6 @@ from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.rasterize.shadow_map import rsm
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
@@ -71,29 +70,29 @@ class VplsByCut(Own):
 
 def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
     """Return splatting with any parameters as a subject."""
-    maps, vpls = _chosen(context, params)
+    maps = _drawn(context)
     gbuffer = context.layered(4, 0.1) if params.visibility else context.gbuffer
     technique = VplSplat(context.runtime, context.size, params)
     pixels = context.size[0] * context.size[1]
 
     def image() -> NDArray[np.float32]:
-        return np.moveaxis(technique.run(gbuffer, vpls, maps).download(), 0, -1)
+        return np.moveaxis(technique.run(gbuffer, None, maps).download(), 0, -1)
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:
         truths["assumption"] = lambda: context.bounce(visibility=False)
     return Subject(
-        run=lambda: technique.run(gbuffer, vpls, maps),
+        run=lambda: technique.run(gbuffer, None, maps),
         image=image,
         quantity="bounce",
         moved=pixels * PIXEL_BYTES,
         truths=truths,
-        note=f"{len(vpls)} lights, chosen before; without drawing the maps",
+        note="without drawing the maps and, as long as they stay, without choosing lights",
     )
 
 
-def _chosen(context: Context, params: VplSplatParams) -> tuple[list[DeviceRsm], Vpls]:
-    """Return the lamps' maps in device memory, and lights from them."""
+def _drawn(context: Context) -> list[DeviceRsm]:
+    """Return the lamps' maps in device memory."""
     if not context.lamps:
         raise ValueError(f"{context.view.name} has no lamp: expected at least one")
     maps = []
@@ -102,8 +101,7 @@ def _chosen(context: Context, params: VplSplatParams) -> tuple[list[DeviceRsm], 
         device = DeviceRsm(context.runtime, drawn.cameras[0].size, len(drawn.cameras))
         device.upload(drawn)
         maps.append(device)
-    vpls = choose_vpls(maps, params.vpls, parts=params.parted, runtime=context.runtime)
-    return maps, vpls
+    return maps
 
 
 FAMILIES: Mapping[str, Family] = {

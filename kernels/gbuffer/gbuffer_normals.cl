@@ -7,11 +7,11 @@
 // one surface at an edge. A pixel with neighbours in one direction alone takes the other difference
 // from one of these; a pixel without any is taken to lie across the line of sight.
 //
-// Reads:   depth   [rows, columns] scene units, > 0; INFINITY where nothing is
-//          normal  3 x [rows, columns] world space, unit length or 0 (GBUFFER_GIVEN 1)
-// Writes:  linear  [rows, columns] 1 / depth (orthographic: depth); INFINITY where nothing is
-//          normal_view  3 x [rows, columns] view space, unit length; 0 where nothing is
-// Params:  rotation  world to view, row by row
+// Reads:   depth   image `layer`: scene units, > 0; INFINITY where nothing is
+//          normal  images 3 layer + c: world space, unit length or 0 (GBUFFER_GIVEN 1)
+// Writes:  linear  1 / depth (orthographic: depth) of layer 0; INFINITY where nothing is
+//          normal_view  images 3 layer + c: view space, unit length; 0 where nothing is
+// Params:  rotation  world to view, row by row; layer  of depth
 // Macros:  GBUFFER_GIVEN  1 if `normal` holds normals, 0 to take all from depth
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -72,38 +72,41 @@ static inline Vector smaller(const Vector forward, const vmask has_forward, cons
 }
 
 // Depth of a neighbour, INFINITY outside the image.
-static inline vfloat neighbour(ssgi_plane depth, const int2 size, const int x, const int y)
+static inline vfloat neighbour(ssgi_plane depth, const int2 size, const int layer, const int x,
+                               const int y)
 {
     if (y < 0 || y >= size.y) {
         return v_splat(INFINITY);
     }
     const vint at = v_iota() + x;
     const vmask inside = v_ige(at, v_splat_int(0)) & v_ilt(at, v_splat_int(size.x));
-    return v_select(v_splat(INFINITY), ssgi_load(depth, size, 0, x, y), inside);
+    return v_select(v_splat(INFINITY), ssgi_load(depth, size, layer, x, y), inside);
 }
 
 __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
                               __global float *restrict linear,
                               __global float *restrict normal_view, const int2 size,
-                              const SsgiCamera camera, const GbufferRotation rotation)
+                              const SsgiCamera camera, const GbufferRotation rotation,
+                              const int layer)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
     if (x >= size.x || y >= size.y) {
         return;
     }
+    const int first = 3 * layer;
     const vfloat infinity = v_splat(INFINITY);
     const vfloat column = v_to_float(v_iota() + x) + 0.5f;
     const float row = (float)y + 0.5f;
 
-    const vfloat own = ssgi_load(depth, size, 0, x, y);
+    const vfloat own = ssgi_load(depth, size, layer, x, y);
     const vmask there = v_lt(own, infinity);
     const vfloat safe = v_select(v_splat(1.0f), own, there);
 
-    const vfloat left = neighbour(depth, size, x - 1, y);
-    const vfloat right = neighbour(depth, size, x + 1, y);
-    const vfloat up = neighbour(depth, size, x, y - 1);
-    const vfloat down = neighbour(depth, size, x, y + 1);
+    const vfloat left = neighbour(depth, size, layer, x - 1, y);
+    const vfloat right = neighbour(depth, size, layer, x + 1, y);
+    const vfloat up = neighbour(depth, size, layer, x, y - 1);
+    const vfloat down = neighbour(depth, size, layer, x, y + 1);
     const vmask has_left = v_lt(left, infinity);
     const vmask has_right = v_lt(right, infinity);
     const vmask has_up = v_lt(up, infinity);
@@ -130,8 +133,8 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
                 view_position(camera, column + (float)dx, row + (float)dy, depth_side);
             const int ax = dy != 0 ? 1 : 0;
             const int ay = dx != 0 ? 1 : 0;
-            const vfloat ahead = neighbour(depth, size, x + dx + ax, y + dy + ay);
-            const vfloat behind = neighbour(depth, size, x + dx - ax, y + dy - ay);
+            const vfloat ahead = neighbour(depth, size, layer, x + dx + ax, y + dy + ay);
+            const vfloat behind = neighbour(depth, size, layer, x + dx - ax, y + dy - ay);
             const Vector to_ahead = difference(camera, q, column + (float)(dx + ax),
                                                row + (float)(dy + ay), ahead, depth_side, 1.0f);
             const Vector to_behind = difference(camera, q, column + (float)(dx - ax),
@@ -172,9 +175,9 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
     g.z = v_select(g.z * scale_g, v_splat(1.0f), flat);
 
 #if GBUFFER_GIVEN
-    const vfloat wx = ssgi_load(normal, size, 0, x, y);
-    const vfloat wy = ssgi_load(normal, size, 1, x, y);
-    const vfloat wz = ssgi_load(normal, size, 2, x, y);
+    const vfloat wx = ssgi_load(normal, size, first, x, y);
+    const vfloat wy = ssgi_load(normal, size, first + 1, x, y);
+    const vfloat wz = ssgi_load(normal, size, first + 2, x, y);
     Vector n = {
         rotation.xx * wx + rotation.xy * wy + rotation.xz * wz,
         rotation.yx * wx + rotation.yy * wy + rotation.yz * wz,
@@ -191,9 +194,11 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
     g.y = v_select(g.y, n.y * sign, given);
     g.z = v_select(g.z, n.z * sign, given);
 #endif
-    const vfloat u = ssgi_linear(camera, safe);
-    ssgi_store(v_select(infinity, u, there), linear, size, 0, x, y, INFINITY);
-    ssgi_store(v_select(zero, g.x, there), normal_view, size, 0, x, y, 0.0f);
-    ssgi_store(v_select(zero, g.y, there), normal_view, size, 1, x, y, 0.0f);
-    ssgi_store(v_select(zero, g.z, there), normal_view, size, 2, x, y, 0.0f);
+    if (layer == 0) {
+        const vfloat u = ssgi_linear(camera, safe);
+        ssgi_store(v_select(infinity, u, there), linear, size, 0, x, y, INFINITY);
+    }
+    ssgi_store(v_select(zero, g.x, there), normal_view, size, first, x, y, 0.0f);
+    ssgi_store(v_select(zero, g.y, there), normal_view, size, first + 1, x, y, 0.0f);
+    ssgi_store(v_select(zero, g.z, there), normal_view, size, first + 2, x, y, 0.0f);
 }

@@ -36,7 +36,7 @@ typedef struct {
     vfloat occluded, whole;
 #if GTAO_BENT
     vfloat up, along; // sum of the directions that this slice hides, times 3
-    vfloat bend[3];   // times `whole`
+    vfloat more[3];   // times `whole`
 #endif
 } SsgiGathered;
 
@@ -130,9 +130,9 @@ gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat wei
     const vfloat offset = gathered->along * unit * half_weight;
     const vfloat sight =
         v_fma(offset, q / receiver->sight, gathered->up / receiver->length * half_weight);
-    gathered->bend[0] = gathered->bend[0] + v_fma(sight, receiver->x, -(offset * x));
-    gathered->bend[1] = gathered->bend[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
-    gathered->bend[2] = gathered->bend[2] - sight;
+    gathered->more[0] = gathered->more[0] + v_fma(sight, receiver->x, -(offset * x));
+    gathered->more[1] = gathered->more[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
+    gathered->more[2] = gathered->more[2] - sight;
 }
 #endif
 
@@ -176,7 +176,7 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 #endif
 }
 
-#define SSGI_SCAN_BENT GTAO_BENT
+#define SSGI_SCAN_MORE (3 * GTAO_BENT)
 #include "common/scan.clh"
 
 __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,

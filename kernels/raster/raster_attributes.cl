@@ -4,10 +4,10 @@
 // Reads:   triangles  [tile count][32][32] number of the triangle seen, or -1
 //          corners, positions, normals, uvs, colors: the mesh, planar
 //          material_ids [triangles], materials [count][RASTER_MATERIAL], textures, texels, decode
-// Writes:  depth     image params.layer of a plane: scene units; INFINITY where nothing is
-//          normal    3 images: world space, unit length, as the mesh has it
-//          albedo    3 images in [0, 1]
-//          emission  3 images, W m^-2 sr^-1 (RASTER_EMISSION 1)
+// Writes:  depth     image view.layer of a plane: scene units; INFINITY where nothing is
+//          normal    images 3 view.layer + c: world space, unit length, as the mesh has it
+//          albedo    likewise, in [0, 1]
+//          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION 1)
 // Macros:  RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -44,15 +44,16 @@ __kernel void raster_attributes(
     const vmask there = v_ige(seen, v_splat_int(0));
 #if RASTER_SHADED
     const vfloat zero = v_splat(0.0f);
+    const int first = 3 * view.layer;
 #endif
     if (!v_any(there)) {
         ssgi_store(v_splat(INFINITY), depth, size, view.layer, x, y, INFINITY);
 #if RASTER_SHADED
         for (int c = 0; c < 3; ++c) {
-            ssgi_store(zero, normal, size, c, x, y, 0.0f);
-            ssgi_store(zero, albedo, size, c, x, y, 0.0f);
+            ssgi_store(zero, normal, size, first + c, x, y, 0.0f);
+            ssgi_store(zero, albedo, size, first + c, x, y, 0.0f);
 #if RASTER_EMISSION
-            ssgi_store(zero, emission, size, c, x, y, 0.0f);
+            ssgi_store(zero, emission, size, first + c, x, y, 0.0f);
 #endif
         }
 #endif
@@ -75,9 +76,9 @@ __kernel void raster_attributes(
     const vfloat squared = nx * nx + ny * ny + nz * nz;
     const vmask unit = there & v_gt(squared, v_splat(1e-12f));
     const vfloat scale = v_select(zero, v_rsqrt(v_max(squared, v_splat(1e-12f))), unit);
-    ssgi_store(nx * scale, normal, size, 0, x, y, 0.0f);
-    ssgi_store(ny * scale, normal, size, 1, x, y, 0.0f);
-    ssgi_store(nz * scale, normal, size, 2, x, y, 0.0f);
+    ssgi_store(nx * scale, normal, size, first, x, y, 0.0f);
+    ssgi_store(ny * scale, normal, size, first + 1, x, y, 0.0f);
+    ssgi_store(nz * scale, normal, size, first + 2, x, y, 0.0f);
 
     const vint id = v_ifetch(material_ids, triangle, t.same) * RASTER_MATERIAL;
     vfloat r = v_fetch(materials, id, t.same);
@@ -109,13 +110,13 @@ __kernel void raster_attributes(
         b = b * v_select(one, color.b, textured);
     }
 #endif
-    ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, 0, x, y, 0.0f);
-    ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, 1, x, y, 0.0f);
-    ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, 2, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, first, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, first + 1, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, first + 2, x, y, 0.0f);
 #if RASTER_EMISSION
     for (int c = 0; c < 3; ++c) {
         const vfloat e = v_fetch(materials, id + (6 + c), t.same);
-        ssgi_store(v_select(zero, e, there), emission, size, c, x, y, 0.0f);
+        ssgi_store(v_select(zero, e, there), emission, size, first + c, x, y, 0.0f);
     }
 #endif
 #endif

@@ -11,6 +11,7 @@
 //          lit_normal  3 x [rows, columns] world space, on the side that the light falls on
 //          power       3 x [rows, columns] W, at most params.brightest
 //          area        [rows, columns] square scene units
+//          lit         [faces] params.stamp where a face has any power
 // Params:  rotation from the face's view space to the world's axes, the eye relative to the origin
 // Launch:  SSGI_LANES texels of a row per work-item
 
@@ -22,6 +23,7 @@
 __kernel void rsm_face(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux,
                        __global float *restrict position, __global float *restrict lit_normal,
                        __global float *restrict power, __global float *restrict area,
+                       __global int *restrict lit,
                        const int2 size, // of the face
                        const SsgiCamera camera, const RsmFace params)
 {
@@ -78,8 +80,15 @@ __kernel void rsm_face(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux,
     const vfloat own_area = section / v_max(v_abs(cosine), v_splat(RSM_LEAST_COSINE));
     ssgi_store(v_select(zero, own_area, there), area, whole, 0, x, row, 0.0f);
 
+    vfloat most = zero;
     for (int c = 0; c < 3; ++c) {
         const vfloat own = v_min(ssgi_load(flux, size, c, x, y), v_splat(params.brightest));
         ssgi_store(v_select(zero, own, there), power, whole, c, x, row, 0.0f);
+        most = v_max(most, v_select(zero, own, there));
+    }
+    __global int *restrict flag = lit + params.first_row / size.y;
+    const vmask inside = v_ilt(v_iota() + x, v_splat_int(size.x));
+    if (v_any(inside & v_gt(most, zero)) && *flag != params.stamp) {
+        atomic_xchg(flag, params.stamp);
     }
 }

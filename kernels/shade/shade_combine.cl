@@ -3,8 +3,7 @@
 //
 // L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
 // light alone; with SHADE_BOUNCES it is brightened, colour by colour, by the albedo (Jimenez et al.
-// 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion"). E_ambient is a quadratic function of the normal (Ramamoorthi and Hanrahan 2001, "An
-// Efficient Representation for Irradiance Environment Maps").
+// 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion").
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          openness  [rows, columns] A (SHADE_AO 1)
@@ -18,6 +17,7 @@
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
+#include "shade/ambient.clh"
 
 #if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_BOUNCES) ||                     \
     !defined(SHADE_INDIRECT) || !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) ||             \
@@ -65,16 +65,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
     const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
     for (int c = 0; c < 3; ++c) {
-        vfloat e = v_splat(ambient[c]);
-        e = v_fma(nx, v_splat(ambient[3 + c]), e);
-        e = v_fma(ny, v_splat(ambient[6 + c]), e);
-        e = v_fma(nz, v_splat(ambient[9 + c]), e);
-        e = v_fma(nx * ny, v_splat(ambient[12 + c]), e);
-        e = v_fma(ny * nz, v_splat(ambient[15 + c]), e);
-        e = v_fma(nz * nx, v_splat(ambient[18 + c]), e);
-        e = v_fma(v_fma(nz * 3.0f, nz, v_splat(-1.0f)), v_splat(ambient[21 + c]), e);
-        e = v_fma(nx * nx - ny * ny, v_splat(ambient[24 + c]), e);
-        light[c] = v_max(e, v_splat(0.0f)); // degree 2 may ring below 0 opposite a small light
+        light[c] = ssgi_ambient(ambient, c, nx, ny, nz);
     }
 #if SHADE_AO
     const vfloat a = ssgi_load(openness, size, 0, x, y);

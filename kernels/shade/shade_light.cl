@@ -3,7 +3,7 @@
 //
 // E = I cos / d^2 (spot and point light) or E = E0 cos (directional light), times the shadow map's
 // share. See kernels/shade/shadow.clh.
-// Reads:   depth   [rows, columns] with margin; normal 3 x likewise, view space
+// Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
 //          map     depth that the light sees: 1 image, or 6 of a point light, in the order
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
@@ -35,15 +35,16 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
     const int at_x = x + light.margin_columns;
     const int at_y = y + light.margin_rows;
     const vfloat zero = v_splat(0.0f);
-    const vfloat own = ssgi_load(depth, whole, 0, at_x, at_y);
+    const vfloat own = ssgi_load(depth, whole, light.layer, at_x, at_y);
     const vmask there = v_lt(own, v_splat(INFINITY));
     const vfloat z = v_select(v_splat(1.0f), own, there);
     const vfloat k = ssgi_k(camera, z);
     const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
     const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
-    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
-    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
-    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    const int first = 3 * light.layer;
+    const vfloat nx = ssgi_load(normal, whole, first, at_x, at_y);
+    const vfloat ny = ssgi_load(normal, whole, first + 1, at_x, at_y);
+    const vfloat nz = ssgi_load(normal, whole, first + 2, at_x, at_y);
 
 #if SHADE_KIND == 2
     vfloat strength = -v_fma(nx, v_splat(light.direction_x),

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 // vpl_grid: an empty grid round all tiles of the image and all lights.
 //
-// Reads:   boxes  [tiles][VPL_BOX]; see vpl_boxes
+// Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
+//          bounds  [segments][VPL_BOUNDS][params.stride] of all lights; see vpl_lists
 // Writes:  grid      VPL_GRID^3 bits, 0
 //          grid_box  4 floats; see vpl/grid.clh
 // Macros:  VPL_GRID, VPL_STEPS; see vpl/grid.clh
-// Params:  the box round the lights
+// Params:  params.count segments
 // Launch:  VPL_GRID rows of VPL_GRID work-items, each for one row of cells
 
 #include "common/camera.clh"
@@ -17,8 +18,11 @@
 #error "VPL_GRID and VPL_STEPS must be defined"
 #endif
 
-__kernel void vpl_grid(__global const float *restrict boxes, __global int *restrict grid,
-                       __global float *restrict grid_box, const int2 size, const VplParams params)
+#define VPL_BOUNDS 7 // as in vpl_lists
+
+__kernel void vpl_grid(__global const float *restrict boxes, __global const float *restrict bounds,
+                       __global int *restrict grid, __global float *restrict grid_box,
+                       const int2 size, const VplParams params)
 {
     const int y = (int)get_global_id(0);
     const int z = (int)get_global_id(1);
@@ -29,8 +33,20 @@ __kernel void vpl_grid(__global const float *restrict boxes, __global int *restr
         grid[(z * VPL_GRID + y) * VPL_ROW + i] = 0;
     }
     if (y == 0 && z == 0) {
-        float low[3] = {params.low_x, params.low_y, params.low_z};
-        float high[3] = {params.high_x, params.high_y, params.high_z};
+        float low[3], high[3];
+        for (int j = 0; j < 3; ++j) {
+            vfloat least = v_splat(INFINITY);
+            vfloat most = -least;
+            for (int segment = 0; segment < params.count; ++segment) {
+                __global const float *row = bounds + (segment * VPL_BOUNDS + j) * params.stride;
+                for (int i = 0; i < params.stride; i += SSGI_LANES) {
+                    least = v_min(least, v_load(row + i));
+                    most = v_max(most, v_load(row + i));
+                }
+            }
+            low[j] = -v_largest(-least);
+            high[j] = v_largest(most);
+        }
         const int2 tiles = vpl_tiles(size);
         for (int i = 0; i < tiles.x * tiles.y; ++i) {
             for (int j = 0; j < 3; ++j) { // an empty tile has +INFINITY and -INFINITY

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -34,33 +35,52 @@ def openness(scan: Scan, params: BitmaskParams) -> Doubles:
         covered = np.zeros((*scan.depth.shape, SECTORS), bool)
         for side in (1, -1):
             for layer in range(len(scan.depths)):
-                for where, one, other in _hidden(scan, plane, side, layer, params):
-                    front, back = (
-                        _sector(cot, plane, side, params.sectors)[..., None]
-                        for cot in (one, other)
+                for found in hidden_by(scan, plane, side, layer, params):
+                    ends = (
+                        sector_of(cot, plane, side, params.sectors)[..., None]
+                        for cot in (found.nearer, found.farther)
                     )
-                    first, last = np.minimum(front, back), np.maximum(front, back)
-                    covered |= where[..., None] & (number >= first) & (number < last)
+                    first, last = sorted_pair(*ends)
+                    covered |= found.where[..., None] & (number >= first) & (number < last)
         weight = plane.weight
         if params.sectors == "cosine":
-            weight = weight * plane.length * _whole(plane)
+            weight = weight * plane.length * whole_of(plane)
         hidden += weight * covered.mean(axis=-1)
         whole += weight
     a: Doubles = 1.0 - hidden / whole
     return a
 
 
-Hidden = tuple[NDArray[np.bool_], Doubles, Doubles]
-"""Where, and the two cotangents between which something is hidden."""
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """What a surface hides.
+
+    Attributes:
+        where: [rows, columns].
+        nearer, farther: cotangents between which it hides, on the way outward.
+        first, last: numbers of the taps at its ends, from 1; 0 is the receiver. A lone tap is both.
+        faces: of a lone tap, whether the plane through it and the next shows its front.
+    """
+
+    where: NDArray[np.bool_]
+    nearer: Doubles
+    farther: Doubles
+    first: int
+    last: int
+    faces: NDArray[np.bool_] | None = None
 
 
-def _hidden(
-    scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
+def hidden_by(
+    scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams, *, ends: bool = False
 ) -> Iterator[Hidden]:
-    """Give all that one layer hides on a side."""
+    """Give all that one layer hides on a side, from near to far.
+
+    With `ends` surfaces behind which nothing follows go on for half of the way to the next tap.
+    """
     taps = list(scan.taps(plane, side, layer))
     if not params.joined:
-        yield from ((tap.counts, tap.cot, tap.back) for tap in taps)
+        for number, tap in enumerate(taps, start=1):
+            yield Hidden(tap.counts, tap.back, tap.cot, number, number)
         return
     zero = np.zeros(scan.depth.shape)
     receiver = Tap(
@@ -68,12 +88,12 @@ def _hidden(
         cot=side * plane.edge, back=zero, distance=zero, depth=zero, f=zero, behind=zero,
         x=zero, y=zero, px=zero,
     )
-    ends = [receiver, *taps]
-    slopes = [_slope(one, other) for one, other in pairwise(ends)]
+    points = [receiver, *taps]
+    slopes = [_slope(one, other) for one, other in pairwise(points)]
     tangent = np.where(receiver.there, side * plane.rise, np.nan)
     nothing = np.full_like(zero, np.nan)
     around = [tangent, *slopes, nothing]
-    for index, (one, other) in enumerate(pairwise(ends)):
+    for index, (one, other) in enumerate(pairwise(points)):
         link = slopes[index]
         before, behind = around[index], around[index + 2]
         slack = params.slack * scan.radius * scan.scale(one.f) * scan.scale(other.f)
@@ -81,13 +101,20 @@ def _hidden(
         least, most = np.fmin(before, behind) - slack, np.fmax(before, behind) + slack
         joined = (link >= least) & (link <= most)
         inside = [scan.outside(end.f, end.x, end.y) <= 0.0 for end in (one, other)]
-        yield joined & inside[0] & inside[1], one.cot, other.cot
-        cut = joined & (inside[0] ^ inside[1])
-        yield cut, np.where(inside[0], one.cot, other.cot), _cut(scan, plane, side, one, other)
+        yield Hidden(joined & inside[0] & inside[1], one.cot, other.cot, index, index + 1)
+        cut, at = joined & (inside[0] ^ inside[1]), _cut(scan, plane, side, one, other)
+        nearer, farther = np.where(inside[0], one.cot, at), np.where(inside[0], at, other.cot)
+        yield Hidden(cut, nearer, farther, index, index + 1)
+        if ends:
+            following = points[index + 2].px - other.px if index + 2 < len(points) else 1.0
+            half = 0.5 * np.maximum(following, 0.5)
+            goes_on = joined & other.counts & np.isnan(behind)
+            at = _end(scan, plane, side, other, np.nan_to_num(link), half)
+            yield Hidden(goes_on, other.cot, at, index, index + 1)
         alone = other.there & inside[1] & ~joined
-        yield alone, other.cot, scan.cotangent(
-            plane, side, other.behind, other.x, other.y
-        )
+        back = scan.cotangent(plane, side, other.behind, other.x, other.y)
+        faces = behind * other.px <= other.f
+        yield Hidden(alone, back, other.cot, index + 1, index + 1, faces)
 
 
 def _slope(one: Tap, other: Tap) -> Doubles:
@@ -109,6 +136,17 @@ def _cut(scan: Scan, plane: Slice, side: int, one: Tap, other: Tap) -> Doubles:
     return scan.cotangent(plane, side, one.f + t * f, one.x + t * x, one.y + t * y)
 
 
+def _end(
+    scan: Scan, plane: Slice, side: int, tap: Tap, slope: Doubles, px: Doubles
+) -> Doubles:
+    """Return the cotangent px behind a tap; that of the tap where that is beyond the radius."""
+    stretch = 1.0 + px / np.maximum(tap.px, 1e-30)
+    x, y = tap.x * stretch, tap.y * stretch
+    f = np.minimum(tap.f + slope * px, 0.999 if scan.perspective else np.inf)
+    inside = scan.outside(f, x, y) <= 0.0
+    return np.where(inside, scan.cotangent(plane, side, f, x, y), tap.cot)
+
+
 def turn(c: Doubles) -> Doubles:
     """Return c sqrt(1 - c^2) + arcsin c as the kernel has it: a polynomial, within 1.1e-3."""
     c2 = c * c
@@ -126,16 +164,26 @@ def _seen(cot: Doubles, plane: Slice, side: int) -> Doubles:
     return result
 
 
-def _whole(plane: Slice) -> Doubles:
+def whole_of(plane: Slice) -> Doubles:
+    """Return the measure of a slice between its tangent planes."""
     return _seen(plane.edge, plane, 1) + _seen(-plane.edge, plane, -1)
 
 
-def _sector(cot: Doubles, plane: Slice, side: int, sectors: str) -> NDArray[np.int64]:
-    """Return the first sector beyond a cotangent on a side, 0 to 32, dithered."""
+def sorted_pair(
+    one: NDArray[np.int64], other: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the lesser and the greater of two sectors."""
+    return np.minimum(one, other), np.maximum(one, other)
+
+
+def sector_of(
+    cot: Doubles, plane: Slice, side: int, sectors: str = "cosine", count: int = SECTORS
+) -> NDArray[np.int64]:
+    """Return the first sector beyond a cotangent on a side, 0 to `count`, dithered."""
     if sectors == "angle":
         g = np.arctan2(plane.sin_normal, plane.cos_normal)
         share = 0.5 + (side * np.arctan2(1.0, cot) - g) / np.pi
     else:
-        share = (_seen(-plane.edge, plane, -1) + side * _seen(cot, plane, side)) / _whole(plane)
-    at = SECTORS * share + plane.dither
-    return np.clip(at, 0, SECTORS).astype(np.int64)
+        share = (_seen(-plane.edge, plane, -1) + side * _seen(cot, plane, side)) / whole_of(plane)
+    at = count * share + plane.dither
+    return np.clip(at, 0, count).astype(np.int64)

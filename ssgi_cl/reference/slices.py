@@ -72,7 +72,7 @@ class Slice:
             at the pixel, for offsets along the slice.
         dither: of each pixel, in [0, 1).
         cosine, sine: of the slice's angle from +columns towards +rows.
-        offset: (columns, rows) of each tap, whole numbers of pixels on the first side.
+        offset: side, 1 or -1 -> (columns, rows) of each tap, whole numbers of pixels.
     """
 
     edge: Doubles
@@ -85,7 +85,7 @@ class Slice:
     dither: Doubles
     cosine: Doubles
     sine: Doubles
-    offset: list[tuple[Doubles, Doubles]]
+    offset: dict[int, list[tuple[Doubles, Doubles]]]
 
 
 class Scan:
@@ -98,6 +98,8 @@ class Scan:
         thickness: of surfaces, radii.
         thick: [rows, columns] of the front layer's, scene units, margin included, or None.
         end: "thickness", or "layer": no surface goes on behind the next layer.
+        within: whether the taps of a side end where it leaves the arrays, for the pixel of the
+            group that is the farthest from there.
     """
 
     def __init__(
@@ -108,7 +110,10 @@ class Scan:
         thickness: float = 0.0,
         thick: Doubles | None = None,
         end: str = "thickness",
+        *,
+        within: bool = False,
     ) -> None:
+        self.within = within
         self.view, self.depths, self.params, self.thickness = view, depths, params, thickness
         self.given, self.end = thick, end
         self.perspective = not view.camera.is_orthographic
@@ -195,10 +200,14 @@ class Scan:
                 self.reach * central * self._inverse(ax, ay, self.middle), self._farthest()
             )
             span = np.maximum(reach - NEAREST_TAP, 0.0)
-            offset = []
-            for t in range(params.taps):
-                distance = table.share[y, x, s, t] * span + NEAREST_TAP
-                offset.append((np.rint(distance * cos), np.rint(distance * sin)))
+            offset: dict[int, list[tuple[Doubles, Doubles]]] = {}
+            for side in (1, -1):
+                inside = self._within(side * cos, side * sin) if self.within else span
+                offset[side] = []
+                for t in range(params.taps):
+                    distance = table.share[y, x, s, t] * np.minimum(span, inside) + NEAREST_TAP
+                    tap = np.rint(distance * cos), np.rint(distance * sin)
+                    offset[side].append((side * tap[0], side * tap[1]))
             yield Slice(
                 edge=-across / towards,
                 cos_normal=towards / projected,
@@ -220,10 +229,27 @@ class Scan:
         quarter = -(-(columns + lead) // TILE)
         return rows + TILE * (-(-quarter // GROUP) * GROUP + GROUP)
 
+    def _within(self, along: Doubles, down: Doubles) -> Doubles:
+        """Return the px from the nearest tap to where the group's farthest pixel leaves the arrays.
+
+        `along` and `down` are the direction's columns and rows per px.
+        """
+        rows, columns = self.view.depth.shape
+        column, row = self.column - 0.5, self.row - 0.5
+        own = column - self.view.margin[1]  # column of the result
+        start = own // TILE // GROUP * GROUP * TILE + own % TILE + self.view.margin[1]
+        across = np.where(along > 0.0, columns - start, start + TILE * GROUP)
+        high = np.where(down > 0.0, rows - row, row + 1.0)
+        reach = np.minimum(
+            across / np.maximum(np.abs(along), 1e-6), high / np.maximum(np.abs(down), 1e-6)
+        )
+        result: Doubles = np.maximum(reach - NEAREST_TAP, 0.0)
+        return result
+
     def taps(self, plane: Slice, side: int, layer: int) -> Iterator[Tap]:
         """Give what the taps see in a layer from near to far; `side` is 1 or -1."""
-        for columns, rows in plane.offset:
-            yield self._tap(plane, side, layer, side * columns, side * rows)
+        for columns, rows in plane.offset[side]:
+            yield self._tap(plane, side, layer, columns, rows)
 
     def taps_of_all_layers(self, plane: Slice, side: int) -> Iterator[tuple[Tap, ...]]:
         """Give what all layers show at each tap, from near to far."""
@@ -332,6 +358,8 @@ def scanned(
     params: SliceParams,
     thickness: float | None = None,
     end: str = "thickness",
+    *,
+    within: bool = False,
 ) -> tuple[Scan, SurfaceView]:
     """Return the scan of a G-buffer at the size that is asked for, and its view at full size.
 
@@ -347,4 +375,4 @@ def scanned(
     given = None if thickness is None else gbuffer.first("thickness")
     thick = None if given is None else given.astype(np.float64)[rows[:, None], columns]
     layers = depths[:, rows[:, None], columns]
-    return Scan(view, layers, params, thickness or 0.0, thick, end), full
+    return Scan(view, layers, params, thickness or 0.0, thick, end, within=within), full

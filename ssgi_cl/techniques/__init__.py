@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ssgi_cl.params import Params
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import GtaoParams, gtao
-from ssgi_cl.techniques.hbao import HbaoParams, hbao
-from ssgi_cl.techniques.ssao import SsaoParams, ssao
+from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
+from ssgi_cl.techniques.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Entry:
     Attributes:
         function: called with a G-buffer, `runtime` and the parameters.
         params: the dataclass that declares them.
+        technique: the class, to prepare once and run often.
         channel: name of the result in a file.
         quantity: what the result is, a method of the benchmark's `Context` that gives its truth.
         tunable: parameters that are worth tuning: a tuple (low, high), or a list of values.
@@ -28,6 +30,7 @@ class Entry:
 
     function: Callable[..., Any]
     params: type[Params]
+    technique: type[OcclusionTechnique]
     channel: str
     quantity: str = "occlusion"
     tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
@@ -49,6 +52,7 @@ TECHNIQUES: dict[str, Entry] = {
     "ssao": Entry(
         ssao,
         SsaoParams,
+        Ssao,
         "ao",
         tunable={
             "samples": [4, 6, 8, 12, 16, 24, 32, 48, 64, 96],
@@ -63,14 +67,16 @@ TECHNIQUES: dict[str, Entry] = {
         },
     ),
     "hbao": Entry(
-        hbao, HbaoParams, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)}, layers=_LAYERS
+        hbao, HbaoParams, Hbao, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)},
+        layers=_LAYERS,
     ),
     "gtao": Entry(
-        gtao, GtaoParams, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}, layers=_LAYERS
+        gtao, GtaoParams, Gtao, "ao", tunable={**_SLICES, "falloff": (0.0, 1.0)}, layers=_LAYERS
     ),
     "bitmask_ao": Entry(
         bitmask_ao,
         BitmaskParams,
+        BitmaskAo,
         "ao",
         tunable={
             **_SLICES, "taps": [6, 9, 12, 14, 16, 20, 24], "thickness": (0.02, 0.5),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,9 @@ class RsmGather:
         params: see `RsmGatherParams`.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
     """
+
+    name: ClassVar[str] = "rsm gather"
+    """Of the pass that is skipped where no light is."""
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import VPL
+from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
@@ -45,8 +45,8 @@ class SightGrid:
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
     def fill(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], boxes: DeviceArray, size: Size,
-        packed: Any,
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], boxes: DeviceArray,
+        lights: DeviceVpls, size: Size, packed: Any,
     ) -> None:
         """Queue what marks the surfaces of all layers and of the reflective shadow maps.
 
@@ -54,14 +54,15 @@ class SightGrid:
             gbuffer: of which the margin counts too.
             rsms: any number.
             boxes: bounds of the image's tiles; see kernels/vpl/vpl_boxes.cl.
+            lights: the grid spans them too.
             size: (rows, columns) of the image.
-            packed: the struct `VPL`.
+            packed: the struct `VPL`, whose `count` is that of the lights' segments.
         """
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         self._clear.run(
-            "vpl grid", size, reads=[boxes], writes=[self.grid, self.box], values=[packed],
-            grid=(self.cells, self.cells),
+            "vpl grid", size, reads=[boxes, lights.bounds], writes=[self.grid, self.box],
+            values=[packed], grid=(self.cells, self.cells),
         )
         sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
         sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]

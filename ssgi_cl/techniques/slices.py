@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Kernel, Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER
+from ssgi_cl.techniques.upsample import coarse_size
 
 SLICES = Struct(
     "SliceParams",
@@ -139,6 +140,135 @@ def table(params: SliceParams) -> NDArray[np.float32]:
     return rows.astype(np.float32)
 
 
+class SliceScan:
+    """What a scan of slices reads, prepared for G-buffers of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+        params: of the technique.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+        layers: depth layers of the G-buffers.
+
+    Attributes:
+        step: pixels of the image from one that is scanned to the next.
+        size: (rows, columns) of the result, every step-th pixel.
+        table: what kernels read of the pattern.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int
+    ) -> None:
+        self.runtime, self.params, self.layers = runtime, params, layers
+        self.step = step = RESOLUTIONS[params.resolution]
+        self.size = coarse_size(size, step)
+        self.table = runtime.array(table(params))
+        reduced_margin = (margin[0] // step, margin[1] // step)
+        self._whole = (self.size[0] + 2 * reduced_margin[0], self.size[1] + 2 * reduced_margin[1])
+        # Column 0 of the result begins a tile.
+        self._lead = -reduced_margin[1] % TILE
+        quarter = -(-(self._whole[1] + self._lead) // TILE)
+        self._stride = -(-quarter // GROUP) * GROUP + GROUP
+        self._first = (margin[0] % step, margin[1] % step)
+        # What lies outside differs between perspective and orthographic cameras.
+        self._near: dict[tuple[bool, bool], Plane] = {}
+        self._sorted: dict[int, DeviceArray] = {}
+
+    @property
+    def sorted_size(self) -> Size:
+        """Return (rows, columns) of the arrays that kernels scan."""
+        return self._whole[0], TILE * self._stride
+
+    @property
+    def grid(self) -> Size:
+        """Return (rows, columns) of work-items: four for each piece of four times the lanes."""
+        rows, columns = self.size
+        return rows, TILE * -(-columns // (TILE * self.runtime.form.lanes))
+
+    def macros(self, *, thick: bool, reads_thickness: bool) -> dict[str, int]:
+        """Return the macros of a kernel that scans, without or with thickness by pixel."""
+        return {
+            "SLICES_COUNT": self.params.slices,
+            "SLICES_TAPS": self.params.taps,
+            "SLICES_LAYERS": self.layers,
+            **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
+        }
+
+    def near(self, gbuffer: DeviceGBuffer, thickness: Plane | None) -> Plane:
+        """Queue the pass that brings all layers into the measure and the size of the scan."""
+        perspective = bool(gbuffer.camera_struct["perspective"])
+        thick = thickness is not None
+        kernel = self.runtime.kernel(
+            "slices/slices_near.cl",
+            {"NEAR_LAYERS": self.layers, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
+        )
+        if (perspective, thick) not in self._near:
+            self._near[perspective, thick] = self.runtime.plane(
+                self.layers + thick, self.sorted_size, 0.0 if perspective else math.inf
+            )
+        near = self._near[perspective, thick]
+        kernel.run(
+            "near",
+            near.size,
+            reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
+            writes=[near],
+            values=[
+                *self._places(gbuffer.depth),
+                np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                gbuffer.camera_struct,
+            ],
+        )
+        return near
+
+    def sorted(self, name: str, images: Plane) -> DeviceArray:
+        """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth."""
+        count = images.count
+        if count not in self._sorted:
+            rows, columns = self.sorted_size
+            pitch = columns + GUARD
+            self._sorted[count] = self.runtime.array(
+                np.zeros((count * rows + 2) * pitch, np.float32)
+            )
+        kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
+        kernel.run(
+            name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
+            values=self._places(images),
+        )
+        return self._sorted[count]
+
+    def _places(self, fine: Plane) -> list[Any]:
+        """Return which pixels of a plane are picked and where they are put."""
+        rows, columns = fine.size
+        return [
+            np.array([columns, rows], np.int32), np.int32(self._whole[1]), np.int32(self._lead),
+            np.int32(self.step), np.int32(self._first[1]), np.int32(self._first[0]),
+        ]
+
+    def packed(self, source: Any, values: Mapping[str, float]) -> Any:
+        """Return the struct for a G-buffer, or it reduced, with the technique's own `values`."""
+        params = self.params
+        camera = source.camera_struct
+        unit = _ortho_unit(camera, 1)
+        pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
+        return SLICES.pack({
+            **dict.fromkeys(SLICES.dtype.names or (), 0.0),
+            "radius": params.radius,
+            "ortho_unit": unit,
+            "unit_px": pixels / (1.0 if camera["perspective"] else unit),
+            "most_px": params.max_radius_px / self.step,
+            "bias": params.bias,
+            "depth_bias": DEPTH_BIAS,
+            "contrast": params.contrast,
+            "stride": self._stride,
+            "lead": self._lead,
+            "margin_left": source.margin[1],
+            "margin_right": source.whole[1] - self.size[1] - source.margin[1],
+            "margin_top": source.margin[0],
+            "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
+            **values,
+        })
+
+
 P = TypeVar("P", bound=SliceParams)
 
 
@@ -171,91 +301,34 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         super().__init__(runtime, size, margin, chosen)
         self.params: P = chosen
         self.layers = layers
-        self._kernels: dict[bool, tuple[Kernel, Kernel]] = {}
-        self._kernels_for(thick=False)
-        self._table = runtime.array(table(chosen))
-        coarse = self._openness.size
-        reduced_margin = (margin[0] // self._step, margin[1] // self._step)
-        self._whole = (coarse[0] + 2 * reduced_margin[0], coarse[1] + 2 * reduced_margin[1])
-        # Column 0 of the result begins a tile.
-        self._lead = -reduced_margin[1] % TILE
-        quarter = -(-(self._whole[1] + self._lead) // TILE)
-        self._stride = -(-quarter // GROUP) * GROUP + GROUP
-        # What lies outside differs between perspective and orthographic cameras.
-        self._near: dict[tuple[bool, bool], Plane] = {}
+        self._scan = SliceScan(runtime, size, chosen, margin, layers)
+        self._kernels: dict[bool, Kernel] = {}
+        self._kernel(thick=False)
 
-    def _kernels_for(self, *, thick: bool) -> tuple[Kernel, Kernel]:
-        """Return the kernels that measure and that scan, without or with thickness by pixel."""
+    def _kernel(self, *, thick: bool) -> Kernel:
+        """Return the kernel that scans, without or with thickness by pixel."""
         if thick not in self._kernels:
-            params, kernel = self.params, self.runtime.kernel
-            macros = {
-                "SLICES_COUNT": params.slices,
-                "SLICES_TAPS": params.taps,
-                "SLICES_LAYERS": self.layers,
-                **({"SLICES_THICKNESS": int(thick)} if self.reads_thickness else {}),
-                **self._macros(),
-            }
-            near = {"NEAR_LAYERS": self.layers, "NEAR_THICKNESS": int(thick)}
-            self._kernels[thick] = (
-                kernel("slices/slices_near.cl", near, (CAMERA,)),
-                kernel(f"{self.name}/{self.name}.cl", macros, (CAMERA, SLICES)),
+            scan = self._scan
+            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness)
+            self._kernels[thick] = self.runtime.kernel(
+                f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
             )
         return self._kernels[thick]
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
-        given = (gbuffer.size, gbuffer.margin, gbuffer.layers)
-        if given != (self.size, self.margin, self.layers):
-            raise ValueError(
-                f"the G-buffer's size, margin and layers are {gbuffer.size}, {gbuffer.margin} and "
-                f"{gbuffer.layers}: expected {self.size}, {self.margin} and {self.layers}"
-            )
+        check_shape(gbuffer, self.size, self.margin, self.layers)
 
     def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
-        measure, scan = self._kernels_for(thick=thickness is not None)
-        near = self._measured(measure, gbuffer, thickness)
-        scan.run(
+        near = self._scan.near(gbuffer, thickness)
+        self._kernel(thick=thickness is not None).run(
             self.name,
             self._openness.size,
-            reads=[near, source.normal, self._table],
+            reads=[near, source.normal, self._scan.table],
             writes=[self._openness],
-            values=[source.camera_struct, self._packed(source)],
-            grid=self._grid(),
+            values=[source.camera_struct, self._scan.packed(source, self._values())],
+            grid=self._scan.grid,
         )
-
-    def _grid(self) -> Size:
-        """Return (rows, columns) of work-items: four for each piece of four times the lanes."""
-        rows, columns = self._openness.size
-        return rows, TILE * -(-columns // (TILE * self.runtime.form.lanes))
-
-    def _measured(
-        self, measure: Kernel, gbuffer: DeviceGBuffer, thickness: Plane | None
-    ) -> Plane:
-        """Queue the pass that brings all layers into the measure and the size of the scan."""
-        perspective = bool(gbuffer.camera_struct["perspective"])
-        thick = thickness is not None
-        if (perspective, thick) not in self._near:
-            self._near[perspective, thick] = self.runtime.plane(
-                self.layers + thick,
-                (self._whole[0], TILE * self._stride),
-                0.0 if perspective else math.inf,
-            )
-        near = self._near[perspective, thick]
-        rows, columns = gbuffer.whole
-        first = (gbuffer.margin[0] % self._step, gbuffer.margin[1] % self._step)
-        measure.run(
-            "near",
-            near.size,
-            reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
-            writes=[near],
-            values=[
-                np.array([columns, rows], np.int32), np.int32(self._whole[1]),
-                np.int32(self._lead), np.int32(self._step), np.int32(first[1]),
-                np.int32(first[0]), np.float32(_ortho_unit(gbuffer.camera_struct, self._step)),
-                gbuffer.camera_struct,
-            ],
-        )
-        return near
 
     def _macros(self) -> Mapping[str, int]:
         """Return the technique's own switches."""
@@ -265,25 +338,14 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         """Return the technique's own members of the struct."""
         return {}
 
-    def _packed(self, source: Any) -> Any:
-        params = self.params
-        camera = source.camera_struct
-        unit = _ortho_unit(camera, 1)
-        pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
-        values = {
-            "radius": params.radius,
-            "ortho_unit": unit,
-            "unit_px": pixels / (1.0 if camera["perspective"] else unit),
-            "most_px": params.max_radius_px / self._step,
-            "bias": params.bias,
-            "depth_bias": DEPTH_BIAS,
-            "contrast": params.contrast,
-            "stride": self._stride,
-            "lead": self._lead,
-            **self._margins(source),
-        }
-        return SLICES.pack({**dict.fromkeys(SLICES.dtype.names or (), 0.0), **values,
-                            **self._values()})
+
+def check_shape(gbuffer: DeviceGBuffer, size: Size, margin: Size, layers: int) -> None:
+    """Raise ValueError if a G-buffer is not what a technique was prepared for."""
+    if (gbuffer.size, gbuffer.margin, gbuffer.layers) != (size, margin, layers):
+        raise ValueError(
+            f"the G-buffer's size, margin and layers are {gbuffer.size}, {gbuffer.margin} and "
+            f"{gbuffer.layers}: expected {size}, {margin} and {layers}"
+        )
 
 
 T = TypeVar("T", bound=SliceTechnique[Any])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import VPL, DeviceVpls
+from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import Params, param
@@ -21,7 +21,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
-from ssgi_cl.vpls import MOST_VPLS, Vpls, choose_vpls, on_device_rsms
+from ssgi_cl.vpls import MOST_VPLS, Vpls, on_device_rsms
 
 TILE = 16
 """Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""
@@ -97,6 +97,9 @@ class VplSplat:
         params: see `VplSplatParams`.
     """
 
+    name: ClassVar[str] = "vpl splat"
+    """Of the pass that is skipped where no light is."""
+
     def __init__(
         self, runtime: Runtime, size: Size, params: VplSplatParams | None = None
     ) -> None:
@@ -107,6 +110,7 @@ class VplSplat:
         subsets = 16 if params.interleave else 1
         self._lights = DeviceVpls(runtime, params.vpls, subsets, parts=params.parted)
         self._coarse = DeviceVpls(runtime, -(-params.vpls // COARSER), subsets)
+        self._chooser = VplChooser(runtime, (self._lights, self._coarse))
         self._tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         tiles = self._tiles[0] * self._tiles[1]
         lists = tiles * subsets if params.cull else 1
@@ -121,27 +125,30 @@ class VplSplat:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
 
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls, rsms: Sequence[DeviceRsm] = ()
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = ()
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
 
         Args:
             gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
                 light.
-            vpls: at most as many as the parameters say; see `choose_vpls`.
-            rsms: with `visibility`, what else blocks light.
+            vpls: at most as many as the parameters say; None to choose them from `rsms` on the
+                device, where nothing is done again as long as the maps stay the same.
+            rsms: what the lights are chosen from; with `visibility`, what else blocks light.
 
         Raises:
-            ValueError: the G-buffer has another size, or there are too many lights.
+            ValueError: the G-buffer has another size, there are too many lights, or neither lights
+                nor maps.
         """
-        values, camera = self._begin(gbuffer, vpls)
-        if self._walls is not None:
-            packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
-            self._walls.fill(gbuffer, rsms, self._boxes, self.size, packed)
         cut = self.params.cutoff > 0.0
+        values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
+        if self._walls is not None:
+            packed = VPL.pack(
+                {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
+            )
+            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
-            self._coarse.upload(vpls.merged(self._coarse.most), camera)
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
         if self._blur is None:
             return self._irradiance
@@ -151,8 +158,7 @@ class VplSplat:
         """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
         if self.params.cutoff == 0.0:
             return 0.0
-        values, camera = self._begin(gbuffer, vpls)
-        self._coarse.upload(vpls.merged(self._coarse.most), camera)
+        values = self._begin(gbuffer, vpls, coarse=True)
         sums = []
         for lights, part in ((self._lights, KEPT), (self._coarse, LOST)):
             self._shine(gbuffer, lights, values, part, walls=False)
@@ -171,7 +177,23 @@ class VplSplat:
             result[at] = numbers[at][: counts[at]] * counts.shape[-1] + at[-1]
         return result
 
-    def _begin(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> tuple[dict[str, float], Camera]:
+    def _bring(
+        self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], *, coarse: bool
+    ) -> None:
+        """Bring the lights to the device, or choose them there."""
+        if vpls is not None:
+            self._lights.upload(vpls, camera)
+            if coarse:
+                self._coarse.upload(vpls.merged(self._coarse.most), camera)
+        elif rsms:
+            self._chooser.place(rsms, camera, kinds=2 if coarse else 1)
+        else:
+            raise ValueError("vpls is None and there are no maps: expected one of them at least")
+
+    def _begin(
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
+        coarse: bool,
+    ) -> dict[str, float]:
         """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
         if gbuffer.size != self.size:
             raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
@@ -179,7 +201,7 @@ class VplSplat:
         if camera is None:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
         params, lights = self.params, self._lights
-        lights.upload(vpls, camera)
+        self._bring(camera, vpls, rsms, coarse=coarse)
         cut = params.cutoff / (math.pi * params.unit_distance**2) * lights.unit**2
         # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
         reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
@@ -188,7 +210,7 @@ class VplSplat:
             "lobe_centre": 3.0**-0.75 * reach,
             "lobe_squared": math.sqrt(4.0 / 27.0) * reach * reach * (1.0 + 1e-4),
             "lift": LIFT,
-            "refine": params.refine if vpls.parts is not None else 0.0,
+            "refine": params.refine if lights.parted else 0.0,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
         }
@@ -198,7 +220,7 @@ class VplSplat:
                 "vpl boxes", self.size, reads=[gbuffer.depth, gbuffer.normal],
                 writes=[self._boxes], values=[gbuffer.camera_struct, packed], grid=self._tiles,
             )
-        return values, camera
+        return values
 
     def _shine(
         self, gbuffer: DeviceGBuffer, lights: DeviceVpls, values: dict[str, float], part: int, *,
@@ -284,12 +306,13 @@ def vpl_splat(
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
     maps = on_device_rsms(rsms, runtime)
-    lights = choose_vpls(maps, chosen.vpls, parts=chosen.parted, runtime=runtime)
-    if len(lights) < chosen.vpls:  # all lit texels: no more memory than they need
-        chosen = replace(chosen, vpls=max(len(lights), 1), refine=0.0)
+    if not maps:
+        return np.zeros((*device.size, 3), np.float32)
+    texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
+    chosen = replace(chosen, vpls=min(chosen.vpls, texels))
     technique: VplSplat = runtime.prepared(
         (VplSplat, device.size, chosen), lambda: VplSplat(runtime, device.size, chosen)
     )
     with runtime.frame():
-        result = technique.run(device, lights, maps).download()
+        result = technique.run(device, None, maps).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))

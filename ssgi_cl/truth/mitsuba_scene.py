@@ -19,7 +19,7 @@ from ssgi_cl.errors import MissingExtraError
 from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.rasterize.scene import Material, Scene
 from ssgi_cl.rasterize.textures import srgb_to_linear
-from ssgi_cl.techniques.shade import power
+from ssgi_cl.techniques.lamps import power
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

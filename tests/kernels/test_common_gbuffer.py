@@ -62,14 +62,14 @@ def memory_of(plane: Plane) -> NDArray[np.float32]:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [1, 3])
 def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
-    form_runtime: Runtime, count: int, size: Size
+    every_form: Runtime, count: int, size: Size
 ) -> None:
-    plane, values = filled(form_runtime, count, size)
-    lanes = form_runtime.form.lanes
+    plane, values = filled(every_form, count, size)
+    lanes = every_form.form.lanes
     rows, columns = size
     starts = columns + 2 * GUARD - lanes + 1
-    result = form_runtime.empty(count * rows * starts * lanes, np.float32)
-    kernel = form_runtime.kernel_from_text("load", LOAD)
+    result = every_form.empty(count * rows * starts * lanes, np.float32)
+    kernel = every_form.kernel_from_text("load", LOAD)
     kernel.run(
         "load", size, [plane], [result], [np.int32(starts)], grid=(count * rows, starts),
         local=(1, 1),
@@ -83,24 +83,24 @@ def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
 
 @pytest.mark.parametrize("size", SIZES)
 def test_gathers_read_any_pixel_of_any_image(
-    form_runtime: Runtime, size: Size, rng: np.random.Generator
+    every_form: Runtime, size: Size, rng: np.random.Generator
 ) -> None:
-    plane, values = filled(form_runtime, 3, size)
+    plane, values = filled(every_form, 3, size)
     x = rng.integers(0, size[1], 100).astype(np.int32)
     y = rng.integers(0, size[0], 100).astype(np.int32)
     for image in range(3):
         read = run_expression(
-            form_runtime, PLANES, f"ssgi_gather(plane, size, {image}, x, y)",
+            every_form, PLANES, f"ssgi_gather(plane, size, {image}, x, y)",
             planes={"plane": plane}, x=x, y=y,
         )
         np.testing.assert_array_equal(read, values[image, y, x])
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_stores_leave_the_guard_as_it_is(form_runtime: Runtime, size: Size) -> None:
-    plane, values = filled(form_runtime, 2, size)
-    result = form_runtime.plane(2, size, OUTSIDE)
-    kernel = form_runtime.kernel_from_text("store", STORE)
+def test_stores_leave_the_guard_as_it_is(every_form: Runtime, size: Size) -> None:
+    plane, values = filled(every_form, 2, size)
+    result = every_form.plane(2, size, OUTSIDE)
+    kernel = every_form.kernel_from_text("store", STORE)
     kernel.run("store", size, [plane], [result], [np.int32(2), np.float32(OUTSIDE)])
     expected = np.full((2 * size[0] + 2, result.pitch), OUTSIDE, np.float32)
     expected[1:-1, : size[1]] = (values + 1.0).reshape(-1, size[1])
@@ -108,11 +108,11 @@ def test_stores_leave_the_guard_as_it_is(form_runtime: Runtime, size: Size) -> N
     np.testing.assert_array_equal(result.download(), values + 1.0)
 
 
-def test_what_a_kernel_wrote_is_what_the_next_one_reads(form_runtime: Runtime) -> None:
+def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_form: Runtime) -> None:
     # With images the second kernel reads a copy, which must be made anew.
-    plane, values = filled(form_runtime, 1, (3, 20))
-    other = form_runtime.plane(1, (3, 20), OUTSIDE)
-    kernel = form_runtime.kernel_from_text("store", STORE)
+    plane, values = filled(every_form, 1, (3, 20))
+    other = every_form.plane(1, (3, 20), OUTSIDE)
+    kernel = every_form.kernel_from_text("store", STORE)
     last = [np.int32(1), np.float32(OUTSIDE)]
     for _ in range(2):
         kernel.run("there", (3, 20), [plane], [other], last)
@@ -123,22 +123,22 @@ def test_what_a_kernel_wrote_is_what_the_next_one_reads(form_runtime: Runtime) -
     np.testing.assert_array_equal(other.download(), values + 1.0)
 
 
-def test_infinities_pass_through(form_runtime: Runtime) -> None:
+def test_infinities_pass_through(every_form: Runtime) -> None:
     values = np.array([[[np.inf, 1.0, np.inf], [2.0, np.inf, 3.0]]], np.float32)
-    plane = form_runtime.plane(1, (2, 3), np.inf)
+    plane = every_form.plane(1, (2, 3), np.inf)
     plane.upload(values)
-    result = form_runtime.plane(1, (2, 3), np.inf)
-    kernel = form_runtime.kernel_from_text("store", STORE)
+    result = every_form.plane(1, (2, 3), np.inf)
+    kernel = every_form.kernel_from_text("store", STORE)
     kernel.run("store", (2, 3), [plane], [result], [np.int32(1), np.float32(np.inf)])
     np.testing.assert_array_equal(result.download(), values + 1.0)
     assert np.isinf(memory_of(result)[0]).all()
 
 
-def test_pitch_and_index_are_those_of_the_host(form_runtime: Runtime) -> None:
+def test_pitch_and_index_are_those_of_the_host(every_form: Runtime) -> None:
     for size in SIZES:
-        plane = form_runtime.plane(2, size)
+        plane = every_form.plane(2, size)
         found = run_expression(
-            form_runtime, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
+            every_form, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
             returns="vint", planes={"plane": plane}, x=np.zeros(1, np.float32),
         )
         assert found[0] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD

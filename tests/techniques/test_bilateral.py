@@ -90,12 +90,12 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
     a = bilateral_blur(image, gbuffer, runtime=runtime)
-    b = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    b = bilateral_blur(image, gbuffer, runtime=every_form)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 

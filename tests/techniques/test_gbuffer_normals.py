@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize.view import downloaded
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.runtime import Runtime
 
@@ -26,7 +27,8 @@ def derived(runtime: Runtime, gbuffer: GBuffer) -> NDArray[np.float32]:
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     """Return the G-buffer on the device."""
     device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin
+        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+        attributes=gbuffer.layers,
     )
     device.upload(gbuffer)
     return device
@@ -95,12 +97,12 @@ def test_given_normals_agree_with_numpy_twin(
 
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
 def test_every_kernel_form_gives_the_same_normals(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, normals: bool
+    runtime: Runtime, every_form: Runtime, rng: np.random.Generator, normals: bool
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(131, 217)), rng, margin=(1, 3))
     if not normals:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
-    a, b = derived(runtime, gbuffer), derived(form_runtime, gbuffer)
+    a, b = derived(runtime, gbuffer), derived(every_form, gbuffer)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
 
@@ -202,6 +204,55 @@ def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(
     depth = np.asarray(gbuffer.depth)
     wanted = depth if kind == "orthographic" else np.where(np.isinf(depth), np.inf, 1.0 / depth)
     np.testing.assert_allclose(linear, wanted, rtol=2e-7)  # a division, rounded
+
+
+@pytest.mark.parametrize("given", [True, False], ids=["given", "from depth"])
+def test_each_layer_has_the_normals_that_it_would_have_alone(
+    form_runtime: Runtime, rng: np.random.Generator, given: bool
+) -> None:
+    made = camera("perspective")
+    alone = [scene(name, made, rng) for name in ("corner", "ball")]
+    # Factors of two: depths of one layer stay apart from the other's, and keep all their bits.
+    depth = np.stack([np.asarray(alone[0].depth), np.asarray(alone[1].depth) * 1024.0])
+    normal = np.stack([np.asarray(each.normal) for each in alone])
+    both = GBuffer(camera=made, depth=depth, normal=normal if given else None)
+    device = uploaded(form_runtime, both)
+    for layer in range(2):
+        single = GBuffer(camera=made, depth=depth[layer], normal=normal[layer] if given else None)
+        wanted = uploaded(form_runtime, single).normal.download()
+        images = device.normal.download()[3 * layer : 3 * layer + 3]
+        np.testing.assert_array_equal(images, wanted, err_msg=f"layer {layer}")
+    wanted = uploaded(form_runtime, GBuffer(camera=made, depth=depth[0])).linear.download()
+    np.testing.assert_array_equal(device.linear.download(), wanted)
+
+
+def test_a_deeper_layer_has_its_own_attributes_or_those_of_no_array(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    made = camera(size=(5, 7))
+    depth = np.stack([np.full((5, 7), i + 1.0) for i in range(2)])
+    albedo, emission = rng.random((2, 5, 7, 3)), rng.random((5, 7, 3))
+    gbuffer = GBuffer(camera=made, depth=depth, albedo=albedo, emission=emission)
+    device = on_device(gbuffer, runtime)
+    assert device.attributes == 2
+    back = downloaded(device)
+    np.testing.assert_array_equal(back.albedo, gbuffer.albedo)
+    np.testing.assert_array_equal(np.asarray(back.emission)[0], gbuffer.emission)
+    np.testing.assert_array_equal(np.asarray(back.emission)[1], 0.0)
+    plain = GBuffer(camera=made, depth=depth, emission=emission)
+    assert on_device(plain, runtime).attributes == 1
+
+
+def test_a_layer_is_an_image_of_its_own_size(runtime: Runtime) -> None:
+    device = DeviceGBuffer(runtime, (8, 6), layers=2, margin=(1, 2), attributes=2)
+    view = device.layer(1)
+    assert (view.size, view.margin, view.whole, view.front) == ((10, 10), (0, 0), (10, 10), 1)
+    assert view.albedo is device.albedo
+    assert (device.size, device.front) == ((8, 6), 0)
+    with pytest.raises(ValueError, match="number is 2: expected 0 to 1"):
+        device.layer(2)
+    with pytest.raises(ValueError, match="attributes is 3: expected 1 or 2, all layers"):
+        DeviceGBuffer(runtime, (8, 6), layers=2, attributes=3)
 
 
 def test_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:

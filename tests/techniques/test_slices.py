@@ -141,14 +141,14 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_twin_at_every_resolutio
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 def test_every_kernel_form_gives_the_same_result(
     runtime: Runtime,
-    form_runtime: Runtime,
+    every_form: Runtime,
     rng: np.random.Generator,
     subject: Subject,
     name: str,
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = subject.function(gbuffer, RADIUS, runtime=runtime)
-    b = subject.function(gbuffer, RADIUS, runtime=form_runtime)
+    b = subject.function(gbuffer, RADIUS, runtime=every_form)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 

@@ -100,11 +100,11 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, name: str, resolution: str
+    runtime: Runtime, every_form: Runtime, rng: np.random.Generator, name: str, resolution: str
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
-    b = ssao(gbuffer, RADIUS, resolution=resolution, runtime=form_runtime)
+    b = ssao(gbuffer, RADIUS, resolution=resolution, runtime=every_form)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 

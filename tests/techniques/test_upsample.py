@@ -84,12 +84,12 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     a = upsample(image, gbuffer, runtime=runtime)
-    b = upsample(image, gbuffer, runtime=form_runtime)
+    b = upsample(image, gbuffer, runtime=every_form)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
 

@@ -121,13 +121,13 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(61, 87)), rng), lights(rng, 300)
     for interleave in (False, True):
         one, other = (
             irradiance(r, gbuffer, vpls, cutoff=0.02, interleave=interleave, blur_radius=0)
-            for r in (runtime, form_runtime)
+            for r in (runtime, every_form)
         )
         # Contraction is off, so forms differ only where a device's division is not exact.
         np.testing.assert_allclose(one, other, rtol=1e-6)
@@ -565,12 +565,50 @@ def test_irradiance_does_not_depend_on_the_map_s_size(runtime: Runtime) -> None:
     np.testing.assert_allclose(means, means[-1], rtol=0.01)
 
 
+# ---- chosen on the device
+
+
+@pytest.mark.parametrize(
+    "params",
+    [{}, {"cutoff": 0.0, "refine": 0.0}, {"cutoff": 0.0, "interleave": True, "visibility": True}],
+    ids=str,
+)
+def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
+    form_runtime: Runtime, params: dict[str, Any]
+) -> None:
+    gbuffer, seen, _ = room(form_runtime)
+    device, maps = uploaded(form_runtime, gbuffer), [on_device_rsm(seen, form_runtime)]
+    technique = VplSplat(form_runtime, gbuffer.size, VplSplatParams(vpls=512, **params))
+    vpls = choose_vpls(maps, 512, parts=technique.params.parted, runtime=form_runtime)
+    chosen = technique.run(device, None, maps).download()
+    given = technique.run(device, vpls, maps).download()
+    # Lights may be on either side of a rounded edge; of the coarse ones for what a cut leaves out,
+    # the given are merged from lights, not from texels.
+    assert_close(chosen, given, 0.02 if technique.params.cutoff > 0.0 else ROUNDING)
+
+
+def test_lights_are_chosen_anew_when_a_map_changes(runtime: Runtime) -> None:
+    gbuffer, seen, _ = room(runtime)
+    device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
+    technique = VplSplat(runtime, gbuffer.size, VplSplatParams(vpls=512))
+    first = technique.run(device, None, maps).download()
+    maps[0].upload(replace(seen, flux=2.0 * np.asarray(seen.flux)))
+    np.testing.assert_allclose(technique.run(device, None, maps).download(), 2.0 * first, rtol=1e-5)
+
+
+def test_neither_lights_nor_maps_are_refused(runtime: Runtime) -> None:
+    technique = VplSplat(runtime, (9, 9), VplSplatParams(vpls=10))
+    with pytest.raises(ValueError, match="vpls is None and there are no maps"):
+        technique.run(uploaded(runtime, facing_wall()), None)
+
+
 # ---- prepared once, called many times
 
 
+@pytest.mark.parametrize("given_lights", [False, True])
 @pytest.mark.parametrize("visibility", [False, True])
 def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, visibility: bool
+    form_runtime: Runtime, visibility: bool, given_lights: bool
 ) -> None:
     gbuffer, seen, vpls = room(form_runtime)
     device, maps = uploaded(form_runtime, gbuffer), [on_device_rsm(seen, form_runtime)]
@@ -578,9 +616,10 @@ def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
         vpls=512, cutoff=0.5, restore=True, interleave=visibility, visibility=visibility
     )
     technique = VplSplat(form_runtime, gbuffer.size, params)
-    first = technique.run(device, vpls, maps).download()
+    given = vpls if given_lights else None
+    first = technique.run(device, given, maps).download()
     before = form_runtime.allocated_bytes, form_runtime.builds
-    second = technique.run(device, vpls, maps).download()
+    second = technique.run(device, given, maps).download()
     assert (form_runtime.allocated_bytes, form_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 

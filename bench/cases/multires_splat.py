@@ -1,0 +1,99 @@
+"""Virtual point lights at few pixels: by the error that is allowed, against all of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.memory import Plane
+from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.truth import Truth
+from ssgi_cl.vpls import Vpls, choose_vpls
+
+from ..case import Family, Own, Subject, count_of
+from ..context import Context
+from .vpl_splat import MAP_SIZE, PIXEL_BYTES
+
+
+@dataclass(frozen=True)
+class MultiresByError(Own):
+    """1024 lights; the setting is the error of interpolation, of the mean irradiance.
+
+    Attributes:
+        light_share: of it that each few lights which stand for many may be off.
+        coarsest: see `MultiresGridParams`; 1 computes every pixel.
+    """
+
+    light_share: float = 1.0
+    coarsest: int = 16
+    SETTINGS: tuple[str, ...] = ("5-permille", "10-permille", "20-permille", "40-permille")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make lights and multiresolution splatting ready."""
+        count = count_of(setting.removesuffix("-permille"), "N-permille, N a number", 1, 10_000)
+        error = 1e-3 * count
+        params = MultiresSplatParams(
+            error=error, light_error=self.light_share * error, coarsest=self.coarsest
+        )
+        vpls = _chosen(context, params.vpls)
+        technique = MultiresSplat(context.runtime, context.size, params)
+        pixels = context.size[0] * context.size[1]
+
+        def image() -> NDArray[np.float32]:
+            return _array(technique.run(context.gbuffer, vpls))
+
+        off = image() - _all_lights(context, vpls)
+        share = sum(technique.grid.counts().values()) / pixels
+        truths: dict[str, Callable[[], Truth]] = {
+            "world": context.bounce,
+            "assumption": lambda: context.bounce(visibility=False),
+        }
+        return Subject(
+            run=lambda: technique.run(context.gbuffer, vpls),
+            image=image,
+            quantity="bounce",
+            moved=pixels * PIXEL_BYTES,
+            truths=truths,
+            note=f"{len(vpls)} lights, chosen before; {100 * share:.1f} % of the pixels computed; "
+            f"off all lights at all pixels by {_relative(off, image()):.2f} % of the mean (RMSE)",
+        )
+
+
+def _chosen(context: Context, count: int) -> Vpls:
+    """Return lights from maps of the lamps."""
+    if not context.lamps:
+        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+    maps = [
+        rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=context.runtime)
+        for lamp in context.lamps
+    ]
+    return choose_vpls(maps, count, runtime=context.runtime)
+
+
+def _all_lights(context: Context, vpls: Vpls) -> NDArray[np.float32]:
+    """Return the irradiance of all lights, each pixel computed."""
+    params = VplSplatParams(vpls=len(vpls), cutoff=0.0, refine=0.0)
+    return _array(VplSplat(context.runtime, context.size, params).run(context.gbuffer, vpls))
+
+
+def _array(plane: Plane) -> NDArray[np.float32]:
+    return np.moveaxis(plane.download(), 0, -1)
+
+
+def _relative(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:
+    """Return a root of mean squares in percent of the mean of an image, where anything is lit."""
+    lit = np.any(image > 0.0, axis=-1)
+    rmse = math.sqrt(np.mean(off[lit] ** 2)) if lit.any() else 0.0
+    return 100.0 * rmse / max(float(image.sum()) / max(3 * int(lit.sum()), 1), 1e-30)
+
+
+FAMILIES: Mapping[str, Family] = {
+    "multires": MultiresByError(),
+    "multires-every-pixel": MultiresByError(coarsest=1, SETTINGS=("10-permille",)),
+}

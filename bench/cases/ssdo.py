@@ -1,0 +1,145 @@
+"""SSDO as published and from slices: one bounce by samples, and what a whole frame takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.rasterize import rsm
+from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.view import device_scene, margin_of
+from ssgi_cl.render import Renderer
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.shadow_maps import uploaded_maps
+from ssgi_cl.techniques.ssao import SsaoParams
+from ssgi_cl.techniques.ssdo import Ssdo
+from ssgi_cl.techniques.ssdo_params import SsdoParams
+
+from ..case import Family, Own, Subject, count_of
+from ..context import Context
+
+MAP_SIZE = 1024
+"""Texels along a side of each shadow map."""
+
+
+EXTRA_CAMERAS = 4
+"""As many as published."""
+
+
+@dataclass(frozen=True)
+class SsdoFamily(Own):
+    """Light of the lamps that near surfaces reflect; the setting is that of the method.
+
+    Attributes:
+        method: see `SsdoParams`. The setting is the number of samples of "points", and of slices
+            of "bitmask".
+        resolution: "full", "half" or "quarter".
+        layers, overscan: of the G-buffer.
+    """
+
+    method: str
+    resolution: str = "full"
+    layers: int = 1
+    overscan: float = 0.0
+    SETTINGS: tuple[str, ...] = ("8", "16")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Draw what the technique reads, and make it ready."""
+        number = count_of(setting, "a number of samples or slices", 1, 256)
+        if not context.lamps:
+            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        runtime = context.runtime
+        margin = margin_of(context.camera, self.overscan)
+        rasterizer = Rasterizer(
+            runtime, context.size, layers=self.layers, margin=margin, attributes=self.layers
+        )
+        counted: dict[str, Any] = {
+            "samples" if self.method == "points" else "slices": number
+        }
+        params = SsdoParams(
+            radius=context.radius, method=self.method, resolution=self.resolution, **counted
+        )
+        technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
+        with runtime.frame():
+            gbuffer = rasterizer.render(device_scene(context.view.scene, runtime), context.camera)
+            gbuffer.derive()
+        gbuffer.emits = False  # the truth is of lamps alone
+        lamps = context.lamps
+        maps = [rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime) for lamp in lamps]
+        shadows = uploaded_maps(lamps, maps, runtime)
+
+        def image() -> NDArray[np.float32]:
+            bounce = technique.run(gbuffer, lamps, shadows=shadows).bounce
+            if bounce is None:
+                return np.zeros((*context.size, 3), np.float32)
+            return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
+
+        reads = number if self.method == "points" else 2 * number * params.taps
+        pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
+        return Subject(
+            run=lambda: technique.run(gbuffer, lamps, shadows=shadows),
+            image=image,
+            quantity="bounce",
+            samples=float(pixels * reads * self.layers),
+            truths={"world": context.bounce},
+            note="direct light of the lamps included, shadow maps not",
+        )
+
+
+class Frames(Own):
+    """Scene to picture as published: SSAO, and SSDO with as many samples in its place.
+
+    The setting is what dims and reflects light, and the number of samples: "ssao-8", "direct-8"
+    (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "bitmask-2" (the
+    other method with its defaults and as many slices), "views-2" (the same with four extra
+    cameras).
+    """
+
+    SETTINGS = (
+        *(f"{kind}-{samples}" for samples in (8, 16)
+          for kind in ("ssao", "direct", "bounce", "layers")),
+        "bitmask-2",
+        "views-2",
+    )
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the pipeline ready."""
+        kind, _, text = setting.partition("-")
+        number = count_of(text, "a word, - and a number such as ssao-8", 1, 256)
+        runtime, view, radius = context.runtime, context.view, context.radius
+        if kind == "ssao":
+            renderer = Renderer(
+                runtime, context.size, ao=SsaoParams(radius=radius, samples=number)
+            )
+        elif kind in ("direct", "bounce", "layers"):
+            params = SsdoParams(
+                radius=radius, method="points", samples=number, bounce=kind != "direct"
+            )
+            layers = 2 if kind == "layers" else 1
+            renderer = Renderer(runtime, context.size, indirect=params, layers=layers)
+        elif kind in ("bitmask", "views"):
+            params = SsdoParams(radius=radius, slices=number, resolution="half")
+            views = EXTRA_CAMERAS if kind == "views" else 0
+            renderer = Renderer(runtime, context.size, indirect=params, views=views)
+        else:
+            raise ValueError(
+                f"setting is {setting!r}: expected ssao, direct, bounce, layers, bitmask or views, "
+                "and a number, such as ssao-8"
+            )
+        return Subject(run=lambda: renderer(view.scene, context.camera, view.lights, exposure=1.0))
+
+
+FAMILIES: Mapping[str, Family] = {
+    "ssdo-points": SsdoFamily("points"),
+    "ssdo-points-layers": SsdoFamily("points", layers=2, overscan=0.1),
+    "ssdo-bitmask": SsdoFamily("bitmask", SETTINGS=("1", "2", "4")),
+    "ssdo-bitmask-half": SsdoFamily("bitmask", "half", SETTINGS=("1", "2", "4")),
+    "ssdo-bitmask-layers": SsdoFamily(
+        "bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")
+    ),
+    "ssdo-frame": Frames(),
+}

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+// lit_layers: the radiance that one layer's surfaces send, on the side that the camera sees.
+//
+// L = albedo / pi (E_lamps + A E_ambient) + emission.
+// Reads:   depth, normal, albedo, emission  with margin: image `layer`, or 3 layer + c
+//          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
+//          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
+//          ambient   [9][3] coefficients, see shade/ambient.clh
+// Writes:  radiance  images 3 layer + c, W m^-2 sr^-1; 0 where nothing is
+// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS (0, 1), LIT_EMISSION (0, 1); LIT_STEP
+// Params:  view to world rotation, margin; open_size columns and rows of `openness`
+// Launch:  SSGI_LANES pixels of a row per work-item
+// Cost:    memory: 13 planes read, 3 written; one scattered read per pixel with openness
+
+#include "common/gbuffer.clh"
+#include "shade/ambient.clh"
+
+#if !defined(LIT_LAMPS) || !defined(LIT_AMBIENT) || !defined(LIT_OPENNESS) ||                      \
+    !defined(LIT_EMISSION) || !defined(LIT_STEP)
+#error "LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION and LIT_STEP must be defined by the host"
+#endif
+
+__kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
+                         ssgi_plane emission, ssgi_plane lamps, ssgi_plane openness,
+                         __global const float *restrict ambient, __global float *restrict radiance,
+                         const int2 size, const LitParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int first = 3 * params.layer;
+    const vfloat zero = v_splat(0.0f);
+    const vmask there = v_lt(ssgi_load(depth, size, params.layer, x, y), v_splat(INFINITY));
+    if (!v_any(there)) {
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(zero, radiance, size, first + c, x, y, 0.0f);
+        }
+        return;
+    }
+#if LIT_AMBIENT
+    const vfloat vx = ssgi_load(normal, size, first, x, y);
+    const vfloat vy = ssgi_load(normal, size, first + 1, x, y);
+    const vfloat vz = ssgi_load(normal, size, first + 2, x, y);
+    const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
+    const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
+    const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
+#if LIT_OPENNESS
+    // The nearest pixel that has one; the margin takes the border's.
+    const int2 open_size = (int2)(params.open_columns, params.open_rows);
+    const vint column = (v_iclamp(v_iota() + (x - params.margin_columns), 0,
+                                  open_size.x * LIT_STEP - 1) + (LIT_STEP / 2)) / LIT_STEP;
+    const int row = (clamp(y - params.margin_rows, 0, open_size.y * LIT_STEP - 1) + LIT_STEP / 2) /
+                    LIT_STEP;
+    const vfloat a = ssgi_gather(openness, open_size, 0,
+                                 v_imin(column, v_splat_int(open_size.x - 1)),
+                                 v_splat_int(min(row, open_size.y - 1)));
+#endif
+#endif
+    for (int c = 0; c < 3; ++c) {
+        vfloat light = zero;
+#if LIT_AMBIENT
+        light = ssgi_ambient(ambient, c, nx, ny, nz);
+#if LIT_OPENNESS
+        light = light * a;
+#endif
+#endif
+#if LIT_LAMPS
+        light = light + ssgi_load(lamps, size, c, x, y);
+#endif
+        vfloat sum = ssgi_load(albedo, size, first + c, x, y) * light * M_1_PI_F;
+#if LIT_EMISSION
+        sum = sum + ssgi_load(emission, size, first + c, x, y);
+#endif
+        ssgi_store(v_select(zero, sum, there), radiance, size, first + c, x, y, 0.0f);
+    }
+}

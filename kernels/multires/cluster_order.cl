@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// cluster_order: lights put in the order in which runs of them are compact and face one way.
+//
+// Lights come along Hilbert curves over what the lamp sees, where neighbours may lie on different
+// surfaces. Sorted by the axis that is nearest to their normal, and along the curve within one
+// axis, runs of them seldom mix surfaces; in scenes of many small surfaces that is worth a factor of
+// ten in the error of the runs.
+// Reads:   lights   [segments][params.stride][TREE_RECORD], see vpl/vpl_splat.cl
+// Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
+//          bounds   [segments][tree_first_bound(params.stride, 4)] likewise
+// Params:  lights of all segments: total; VplParams of the first segment
+// Launch:  a work-item for each segment
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "multires/cluster.clh"
+
+// 0 to 5: the axis nearest to a direction, and its sign. No two axes are weighed alike: a camera
+// often looks along a diagonal of a room, whose walls must not be torn by rounding.
+static inline int cluster_axis(__global const float *restrict way)
+{
+    const float x = fabs(way[0]), y = fabs(way[1]) * 0.94f, z = fabs(way[2]) * 1.13f;
+    const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    return 2 * axis + (way[axis] < 0.0f ? 1 : 0);
+}
+
+__kernel void cluster_order(__global const float *restrict lights, __global float *restrict records,
+                            __global float *restrict bounds, const int2 size,
+                            const VplParams params, const int total)
+{
+    const int segment = (int)get_global_id(0);
+    const int stride = params.stride;
+    if (segment * stride >= max(total, 1)) {
+        return;
+    }
+    const int count = min(total - segment * stride, stride);
+    lights += segment * stride * TREE_RECORD;
+    records += segment * tree_first(stride, 4) * TREE_RECORD;
+    bounds += segment * tree_first_bound(stride, 4);
+    int place[6] = {0, 0, 0, 0, 0, 0};
+    for (int i = 0; i < count; ++i) {
+        place[cluster_axis(lights + i * TREE_RECORD + 4)] += 1;
+    }
+    int before = 0;
+    for (int axis = 0; axis < 6; ++axis) {
+        const int own = place[axis];
+        place[axis] = before;
+        before += own;
+    }
+    for (int i = 0; i < stride; ++i) {
+        __global const float *restrict light = lights + i * TREE_RECORD;
+        int to = i;
+        if (i < count) {
+            const int axis = cluster_axis(light + 4);
+            to = place[axis];
+            place[axis] = to + 1;
+        }
+        for (int j = 0; j < TREE_RECORD; ++j) {
+            records[to * TREE_RECORD + j] = i < count ? light[j] : 0.0f;
+        }
+        for (int j = 0; j < 3; ++j) {
+            bounds[j * stride + to] = i < count ? light[j] : 0.0f;
+            bounds[(3 + j) * stride + to] = i < count ? light[4 + j] : 0.0f;
+        }
+    }
+}

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+// cluster_runs: what stands for the lights of each run of 4, 16 and 64.
+//
+// Method:  Walter et al. 2005, "Lightcuts", with the mean of position, normal and area in place of a
+//          representative light's: then errors of first order cancel. The mean normal isn't
+//          scaled to unit length, so that the light towards any far point where no light of the
+//          run is seen from behind is that of its lights.
+// Reads:   records  of the lights, see cluster_order
+// Writes:  records  of the runs; means in proportion to luminous flux
+//          bounds   of the runs
+// Launch:  a work-item for each run of a segment (columns), rows are segments
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "multires/cluster.clh"
+
+__kernel void cluster_runs(__global float *restrict records, __global float *restrict bounds,
+                           const int2 size, const VplParams params, const int total)
+{
+    const int stride = params.stride;
+    const int segment = (int)get_global_id(1);
+    const int record = (int)get_global_id(0) + stride;
+    if (segment * stride >= max(total, 1) || record >= tree_first(stride, 4)) {
+        return;
+    }
+    const int level = record < tree_first(stride, 2) ? 1 : record < tree_first(stride, 3) ? 2 : 3;
+    const int run = record - tree_first(stride, level);
+    const int first = run << (2 * level);
+    const int count = min(total - segment * stride, stride);
+    const int end = min(first + (1 << (2 * level)), count);
+    records += segment * tree_first(stride, 4) * TREE_RECORD;
+    bounds += segment * tree_first_bound(stride, 4) + tree_first_bound(stride, level);
+
+    float mean[7] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}; // as in a record
+    float flux[3] = {0.0f, 0.0f, 0.0f};
+    float bound[TREE_BOUNDS];
+    for (int j = 0; j < 3; ++j) {
+        bound[TREE_POSITION + j] = bound[TREE_NORMAL + j] = INFINITY;
+        bound[TREE_POSITION + 3 + j] = bound[TREE_NORMAL + 3 + j] = -INFINITY;
+    }
+    float weight = 0.0f;
+    for (int i = first; i < end; ++i) {
+        __global const float *light = records + i * TREE_RECORD;
+        // A light without flux has a little weight, so that there is some.
+        const float own =
+            0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
+        weight += own;
+        for (int j = 0; j < 7; ++j) {
+            mean[j] += own * light[j];
+        }
+        for (int j = 0; j < 3; ++j) {
+            flux[j] += light[8 + j];
+            const float at = light[j];
+            const float way = light[4 + j];
+            bound[TREE_POSITION + j] = min(bound[TREE_POSITION + j], at);
+            bound[TREE_POSITION + 3 + j] = max(bound[TREE_POSITION + 3 + j], at);
+            bound[TREE_NORMAL + j] = min(bound[TREE_NORMAL + j], way);
+            bound[TREE_NORMAL + 3 + j] = max(bound[TREE_NORMAL + 3 + j], way);
+        }
+    }
+    const bool any = end > first;
+    const float scale = any ? 1.0f / weight : 0.0f;
+    for (int j = 0; j < 7; ++j) {
+        mean[j] *= scale;
+    }
+    float spread = 0.0f, turn = 0.0f;
+    for (int i = first; i < end; ++i) {
+        __global const float *light = records + i * TREE_RECORD;
+        const float own =
+            0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
+        for (int j = 0; j < 3; ++j) {
+            const float off = light[j] - mean[j];
+            const float bent = light[4 + j] - mean[4 + j];
+            spread += own * off * off;
+            turn += own * bent * bent;
+        }
+    }
+    bound[TREE_DEVIATION] = sqrt(spread * scale);
+    bound[TREE_TURN] = sqrt(turn * scale);
+    bound[TREE_AREA] = mean[3];
+    bound[TREE_FLUX] = max(flux[0], max(flux[1], flux[2]));
+    const int width = tree_width(stride) * (level == 1 ? 4 : 1);
+    const int copies = level == 3 ? 4 : 1;
+    for (int j = 0; j < TREE_BOUNDS; ++j) {
+        for (int i = copies * run; i < min(copies * (run + 1), width); ++i) {
+            bounds[j * width + i] = any ? bound[j] : 0.0f;
+        }
+    }
+    __global float *restrict own = records + record * TREE_RECORD;
+    for (int j = 0; j < TREE_RECORD; ++j) {
+        own[j] = j < 7 ? mean[j] : j >= 8 && j < 11 ? flux[j - 8] : 0.0f;
+    }
+}

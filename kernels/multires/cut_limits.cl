@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: MIT
+// cut_limits: errors that are allowed, from the mean irradiance.
+//
+// Reads:   found   [count], see cut_mean
+// Writes:  limits  [2] of interpolation and of runs of lights, W/m^2
+// Params:  count; shares of the mean: interpolation, runs
+// Launch:  one work-item
+
+#include "common/lanes.clh"
+
+__kernel void cut_limits(__global const float *restrict found, __global float *restrict limits,
+                         const int2 size, const int count, const float interpolation,
+                         const float runs)
+{
+    if (get_global_id(0) > 0) {
+        return;
+    }
+    float sum = 0.0f;
+    for (int i = 0; i < count; ++i) {
+        sum += found[i] * (1.0f / (float)count);
+    }
+    limits[0] = sum * interpolation;
+    limits[1] = sum * runs;
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: MIT
+// cut_lists: for each group of samples, the lights and runs of lights that shine on it.
+//
+// Method:  A cut through a tree of lights as in Walter et al. 2005, "Lightcuts", but for a group of
+//          samples and by an estimate of the error in place of a bound: see cut.clh. A run stands
+//          for its lights where its error is below the tolerance; runs and lights that face away
+//          from the whole group are left out.
+// Reads:   depth, normal  of the samples' G-buffer, with margin; view space
+//          list     how many samples there are, and so many times row << 16 | column
+//          bounds   of all segments, see cluster.clh
+//          limits   [1] is the tolerance, W/m^2
+// Writes:  lists    [groups][params.room] numbers of records, in an order that depends on no lane
+//          counts   [groups]
+// Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit
+// Launch:  any number of work-items, each of which takes every so-many-th group
+// Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
+//          and 90 for each run of 4 in those that are open
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "multires/cut.clh"
+
+// What bounds the samples of a group.
+static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
+                                 __global const int *restrict list, const int start,
+                                 const int2 size, const SsgiCamera camera, const VplParams params)
+{
+    vfloat most[14];
+    for (int j = 0; j < 14; ++j) {
+        most[j] = v_splat(-INFINITY);
+    }
+    const int end = min(start + CUT_GROUP, list[0]);
+    for (int i = start; i < end; i += SSGI_LANES) {
+        const VplReceiver at =
+            cut_receiver(depth, normal, list, v_iota() + i, size, camera, params);
+        const vfloat height = v_fma(at.nx, at.x, v_fma(at.ny, at.y, at.nz * at.z));
+        const vfloat values[7] = {at.x, at.y, at.z, at.nx, at.ny, at.nz, height};
+        for (int j = 0; j < 7; ++j) {
+            most[2 * j] = v_max(most[2 * j], -values[j]);
+            most[2 * j + 1] = v_max(most[2 * j + 1], values[j]);
+        }
+    }
+    CutGroup group;
+    group.at[14] = 0.0f;
+    for (int j = 0; j < 3; ++j) {
+        group.at[j] = -v_largest(most[2 * j]);
+        group.at[3 + j] = v_largest(most[2 * j + 1]);
+        group.at[6 + j] = -v_largest(most[6 + 2 * j]);
+        group.at[9 + j] = v_largest(most[7 + 2 * j]);
+        group.at[14] += max(fabs(group.at[j]), fabs(group.at[3 + j]));
+    }
+    group.at[12] = -v_largest(most[12]);
+    group.at[13] = v_largest(most[13]);
+    return group;
+}
+
+// What becomes of a run.
+#define CUT_OPEN 0 // its parts are looked at
+#define CUT_DARK 1 // nothing
+#define CUT_FITS 2 // it stands for its lights
+#define CUT_MOST 3 // the run of 64 that it begins does
+
+static inline vint cut_state(const CutTest test)
+{
+    const vint open = v_iselect(v_splat_int(CUT_OPEN), v_splat_int(CUT_FITS), test.fits);
+    return v_iselect(open, v_splat_int(CUT_DARK), test.dark);
+}
+
+// Appends what is listed of a run of 16, given the states of its four parts; returns the new count.
+static inline int cut_append(__global const float *restrict bounds, const int stride, const int run,
+                             const int *parts, const CutGroup group, const int lights,
+                             __global int *restrict to, int count)
+{
+    int kept[16]; // 1 where a light gives the group something
+    if (parts[0] == CUT_OPEN || parts[1] == CUT_OPEN || parts[2] == CUT_OPEN ||
+        parts[3] == CUT_OPEN) {
+        for (int i = 0; i < 16; i += SSGI_LANES) {
+            const int at = 16 * run + i;
+            const vmask is_light = v_ilt(v_iota() + at, v_splat_int(lights));
+            v_ikeep(-(is_light & ~cut_dark(bounds, stride, at, group)), kept + i);
+        }
+    }
+    for (int part = 0; part < 4; ++part) {
+        if (parts[part] == CUT_OPEN) {
+            for (int i = 4 * part; i < 4 * part + 4; ++i) {
+                to[count] = 16 * run + i;
+                count += kept[i];
+            }
+        } else if (parts[part] == CUT_FITS) {
+            to[count] = stride + 4 * run + part;
+            count += 1;
+        }
+    }
+    return count;
+}
+
+__kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
+                        __global const float *restrict bounds,
+                        __global const float *restrict limits, __global int *restrict lists,
+                        __global int *restrict counts, const int2 size, const SsgiCamera camera,
+                        const VplParams params, const CutParams cut)
+{
+    const int stride = params.stride;
+    const int runs = stride / 16;
+    const int width = tree_width(stride);
+    const int fours_width = 4 * width;
+    const float tolerance = limits[1] * cut.scale;
+    bounds += params.segment * tree_first_bound(stride, 4);
+    __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
+    __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
+    __global const float *restrict most = bounds + tree_first_bound(stride, 3);
+    const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
+    for (int own = (int)get_global_id(0); own < end; own += (int)get_global_size(0)) {
+        const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
+                                         camera, params);
+        __global int *restrict to = lists + own * params.room;
+        // Of runs of 64 and 16.
+        int states[TREE_MOST_RUNS];
+        for (int run = 0; run < runs; run += SSGI_LANES) {
+            const CutTest whole = cut_test(most, width, run, group, tolerance);
+            const CutTest part = cut_test(sixteens, width, run, group, tolerance);
+            // A run of 64 is listed at the first of its four parts.
+            const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
+            const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
+            v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
+        }
+        int count = 0;
+        for (int first = 0; first < runs; first += 4) {
+            const int last = min(first + 4, runs);
+            bool open = false;
+            for (int run = first; run < last; ++run) {
+                open = open || states[run] == CUT_OPEN;
+            }
+            int parts[16]; // of 4
+            for (int i = 0; i < 16 && open; i += SSGI_LANES) {
+                const int at = 4 * first + i;
+                v_ikeep(cut_state(cut_test(fours, fours_width, at, group, tolerance)), parts + i);
+            }
+            for (int run = first; run < last; ++run) {
+                if (states[run] == CUT_OPEN) {
+                    count = cut_append(bounds, stride, run, parts + 4 * (run - first), group,
+                                       params.count, to, count);
+                } else if (states[run] != CUT_DARK) {
+                    to[count] = states[run] == CUT_FITS ? tree_first(stride, 2) + run
+                                                        : tree_first(stride, 3) + run / 4;
+                    count += 1;
+                }
+            }
+        }
+        counts[own] = count;
+    }
+}

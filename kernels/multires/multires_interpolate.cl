@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: MIT
+// multires_interpolate: values at a level's points from the next coarser level's, where possible.
+//
+// Method:  Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination": few
+//          points where a result is smooth, many where it is not.
+// Departs: points are nested and each is decided for by itself, from the error that
+//          interpolation would make there, so that cells need no balance and have no seams.
+//          Neighbours count as they fit the point's surface (common/surface.clh).
+// Reads:   coarse_linear  [coarse rows, columns], coarse_normal 3 x likewise, view space
+//          coarse_values  MULTIRES_CHANNELS x likewise
+//          coarse_rough   2 x likewise, as multires_rough writes it
+//          linear         [rows, columns] with margin, normal 3 x likewise
+//          bound          [1] largest error of values, in their unit; INFINITY: geometry decides
+// Writes:  values  MULTIRES_CHANNELS x [rows, columns]; -INFINITY where a point is to be computed,
+//                  0 where nothing is
+// Macros:  MULTIRES_CHANNELS (1 to 16)
+// Params:  scale: of the bound at this level; margin_columns, margin_rows of linear and normal;
+//          depth_scale, normal_scale: see common/surface.clh
+// Launch:  SSGI_LANES points of a coarse row, and thus 4 SSGI_LANES points, per work-item
+// Cost:    7 reads and 3 writes per point of 3 channels
+
+#define UPSAMPLE_STEP 2
+#include "multires/points.clh"
+#include "upsample/phases.clh"
+
+#ifndef MULTIRES_CHANNELS
+#error "MULTIRES_CHANNELS must be defined by the host"
+#endif
+
+// Values at the points `odd` columns and `odd_row` rows from the first of four corners, of which
+// `own` is 1 / depth and normal; every second one from (column, row) on in the camera's pixels.
+// The first corner is (x, y) of `rough`, and `range` the largest difference to it.
+MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat range,
+                                    ssgi_plane rough, const int2 coarse, const int x, const int y,
+                                    const int odd, const int odd_row, const vfloat own[4],
+                                    const int column, const int row, const float bound,
+                                    const SsgiCamera camera, const MultiresParams params,
+                                    vfloat *result)
+{
+    const vfloat zero = v_splat(0.0f);
+    const vmask there = v_lt(own[0], v_splat(INFINITY));
+    const SsgiFit fit =
+        ssgi_fit_of(camera, v_to_float(v_iota() * 2 + column) + 0.5f, v_splat((float)row + 0.5f),
+                    v_select(v_splat(1.0f), own[0], there), own[1], own[2], own[3],
+                    params.depth_scale, params.normal_scale);
+    const int lines = odd + odd_row; // on which corners lie on both sides of the point
+    vfloat mean[MULTIRES_CHANNELS];
+    vfloat weight[4];
+    vfloat sum = zero;
+    vfloat least = v_splat(INFINITY);
+#pragma unroll
+    for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+        mean[i] = zero;
+    }
+#pragma unroll
+    for (int i = 0; i < 4; ++i) {
+        const int c = i & 1;
+        const int r = i >> 1;
+        if (c > odd || r > odd_row) {
+            continue;
+        }
+        weight[i] =
+            multires_weight(fit, &corner[i], (float)(2 * c - odd), (float)(2 * r - odd_row));
+        sum = sum + weight[i];
+        least = v_min(least, weight[i]);
+#pragma unroll
+        for (int j = 0; j < MULTIRES_CHANNELS; ++j) {
+            mean[j] = v_fma(corner[i].value[j], weight[i], mean[j]);
+        }
+    }
+    const vfloat inverse = 1.0f / v_max(sum, v_splat(MULTIRES_LEAST));
+    // Corners that count for less than others move the value towards those, by half of the way.
+    const vfloat uneven = 1.0f - least * inverse * (float)(1 << lines);
+    const vmask all = v_gt(least, zero);
+    // Nothing more needs to be known where even a tilted line between the corners would do.
+    const vfloat tilted = v_fma(uneven, v_splat(0.5f), v_splat(0.25f)) * range;
+    vmask fine = all & v_le(tilted, v_splat(bound));
+    if (v_any(there & ~fine)) {
+        vfloat slope = zero;
+        vfloat bend = v_splat(-1.0f);
+#pragma unroll
+        for (int i = 0; i < 4; ++i) {
+            const int c = i & 1;
+            const int r = i >> 1;
+            if (c > odd || r > odd_row) {
+                continue;
+            }
+            const int near = min(y + r, coarse.y - 1);
+            const vmask fits = v_gt(weight[i], zero);
+            slope = v_max(slope, v_select(zero, ssgi_load(rough, coarse, 0, x + c, near), fits));
+            bend = v_max(bend, v_select(v_splat(-1.0f), ssgi_load(rough, coarse, 1, x + c, near),
+                                        fits));
+        }
+        // Of the straight line between two points, of each line: an eighth of the second difference
+        // between neighbours twice as close, thus a sixteenth of theirs where both have the same.
+        const vfloat curved = v_min(bend * (0.0625f * (float)lines), range * 0.5f);
+        const vfloat straight = v_select(range * 0.25f, curved, v_ge(bend, zero));
+        const vfloat error = v_fma(uneven * 0.5f, v_select(slope, range, all),
+                                   v_select(zero, straight, all));
+        fine = fine | (v_le(error, v_splat(bound)) & v_gt(sum, zero));
+    }
+#pragma unroll
+    for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+        const vfloat value = v_select(v_splat(-INFINITY), mean[i] * inverse, fine);
+        result[i] = v_select(zero, value, there);
+    }
+}
+
+__kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_normal,
+                                   ssgi_plane coarse_values, ssgi_plane coarse_rough,
+                                   ssgi_plane linear, ssgi_plane normal,
+                                   __global const float *restrict bound,
+                                   __global float *restrict values, const int2 size,
+                                   const int2 coarse, const SsgiCamera camera,
+                                   const MultiresParams params)
+{
+    const int coarse_x = ssgi_first_column();
+    const int coarse_y = (int)get_global_id(1);
+    if (coarse_x >= coarse.x || coarse_y >= coarse.y) {
+        return;
+    }
+    const float most = bound[0] * params.scale;
+    MultiresPoint corner[4];
+#pragma unroll
+    for (int i = 0; i < 4; ++i) {
+        const int x = coarse_x + (i & 1);
+        const int y = coarse_y + (i >> 1);
+        multires_surface(coarse_linear, coarse_normal, coarse, x, y, &corner[i]);
+        multires_values(coarse_values, coarse, x, y, &corner[i]);
+    }
+    const vfloat right = multires_apart(&corner[1], &corner[0]);
+    const vfloat below = multires_apart(&corner[2], &corner[0]);
+    const vfloat all = v_max(v_max(right, below), multires_apart(&corner[3], &corner[0]));
+    const int2 whole =
+        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int left = 2 * coarse_x + params.margin_columns;
+#pragma unroll
+    for (int odd_row = 0; odd_row < 2; ++odd_row) {
+        const int y = 2 * coarse_y + odd_row;
+        if (y >= size.y) {
+            return;
+        }
+        const int top = y + params.margin_rows;
+        vfloat own[2][4];
+        vfloat result[2][MULTIRES_CHANNELS];
+#pragma unroll
+        for (int i = 0; i < 4; ++i) {
+            vfloat phases[2];
+            if (i == 0) {
+                ssgi_load_phases(linear, whole, 0, left, top, phases);
+            } else {
+                ssgi_load_phases(normal, whole, i - 1, left, top, phases);
+            }
+            own[0][i] = phases[0];
+            own[1][i] = phases[1];
+        }
+        if (odd_row) {
+            multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0, odd_row,
+                           own[0], left, top, most, camera, params, result[0]);
+        } else {
+#pragma unroll
+            for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+                result[0][i] = corner[0].value[i];
+            }
+        }
+        multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x, coarse_y, 1,
+                       odd_row, own[1], left + 1, top, most, camera, params, result[1]);
+#pragma unroll
+        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+            const vfloat phases[2] = {result[0][i], result[1][i]};
+            ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
+        }
+    }
+}

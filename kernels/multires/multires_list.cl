@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// multires_list: the points that are to be computed, neighbours near each other.
+//
+// A tile's place in the list follows from the counts of the tiles before it, so no atomics are
+// needed and the list is the same in every run. Within a tile the order is a Z-curve's over blocks
+// of 4 x 4 points, and that of rows within a block.
+// Reads:   masks   [tiles][16] as multires_count writes them
+//          counts  [tiles, rounded up to 16]; 0 beyond the last tile
+//          tiles   [tiles] row << 16 | column
+// Writes:  list    [1 + points] their number, then row << 16 | column of each
+// Params:  tile_count
+// Launch:  MULTIRES_CHUNK tiles per work-item
+// Cost:    a read per tile before those of the work-item, a write per point
+
+#include "common/gbuffer.clh"
+#include "multires/list.clh"
+
+__kernel void multires_list(__global const int *restrict masks, __global const int *restrict counts,
+                            __global const int *restrict tiles, __global int *restrict list,
+                            const int2 size, const int tile_count)
+{
+    const int first = (int)get_global_id(0) * MULTIRES_CHUNK;
+    if (first >= tile_count) {
+        return;
+    }
+    vint sums = v_splat_int(0);
+    for (int i = 0; i < first; i += SSGI_LANES) {
+        sums = sums + v_iload(counts + i);
+    }
+    int lanes[SSGI_LANES];
+    v_ikeep(sums, lanes);
+    int at = 1;
+    for (int i = 0; i < SSGI_LANES; ++i) {
+        at += lanes[i];
+    }
+    const int end = min(first + MULTIRES_CHUNK, tile_count);
+    for (int tile = first; tile < end; ++tile) {
+        if (counts[tile] == 0) {
+            continue;
+        }
+        const int corner = tiles[tile] * MULTIRES_TILE; // of row and column at once
+        __global const int *restrict rows = masks + tile * MULTIRES_TILE;
+        for (int block = 0; block < 16; ++block) {
+            const int x = (block & 1) * 4 + (block >> 2 & 1) * 8;
+            const int y = (block >> 1 & 1) * 4 + (block >> 3 & 1) * 8;
+            for (int r = 0; r < 4; ++r) {
+                for (int bits = rows[y + r] >> x & 15; bits != 0; bits &= bits - 1) {
+                    const int lowest = 31 - (int)clz(bits & -bits);
+                    list[at] = corner + ((y + r) << 16 | (x + lowest));
+                    at += 1;
+                }
+            }
+        }
+    }
+    if (end == tile_count) {
+        list[0] = at - 1;
+    }
+}

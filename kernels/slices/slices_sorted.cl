@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+// slices_sorted: images as the scan of slices reads them beside depth, at full size or less.
+//
+// Takes the same pixels as slices_near and puts them where that does: each row is sorted by column
+// modulo 4.
+//
+// Reads:   images  SORTED_COUNT x [rows, columns] with margin
+// Writes:  sorted  SORTED_COUNT x [rows, 4 stride], column c at (c + lead) % 4 * stride +
+//                  (c + lead) / 4; 0 where no column is
+// Macros:  SORTED_COUNT (>= 1)
+// Launch:  SSGI_LANES floats of a row of `sorted` per work-item
+// Cost:    1 read and 1 write per pixel and image
+
+#include "common/gbuffer.clh"
+
+#ifndef SORTED_COUNT
+#error "SORTED_COUNT must be defined by the host"
+#endif
+
+__kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, const int2 size,
+                            const int2 fine_size, const int columns, const int lead,
+                            const int step, const int first_x, const int first_y)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int stride = size.x / 4;
+    const int phase = x / stride;
+    const int first = (x - phase * stride) * 4 + phase - lead;
+    const vint column = v_iota() * 4 + first;
+    const vmask inside = v_within(column, columns);
+    const vint from_x = v_imin(v_iselect(v_splat_int(0), column, inside) * step + first_x,
+                               v_splat_int(fine_size.x - 1));
+    const vint from_y = v_splat_int(y * step + first_y);
+    for (int image = 0; image < SORTED_COUNT; ++image) {
+        const vfloat value =
+            step == 1 ? ssgi_load_fourths(images, fine_size, image, min(first, columns) + first_x,
+                                          y + first_y)
+                      : ssgi_gather(images, fine_size, image, from_x, from_y);
+        ssgi_store(v_select(v_splat(0.0f), value, inside), sorted, size, image, x, y, 0.0f);
+    }
+}

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+// ssdo_split: direct light and the bounce of each pixel, from what was gathered and from lamps.
+//
+// direct = lamps + sky + A sky_constant; bounce is what was gathered.
+// Reads:   depth     image 0, with margin; INFINITY where nothing is
+//          gathered  A, 3 images of the sky's irradiance (SPLIT_SKY 1), 3 of the bounce's
+//                    (SPLIT_BOUNCE 1), W/m^2
+//          lamps     3 images, W/m^2, with a margin of its own (SPLIT_LAMPS 1)
+// Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
+//          SPLIT_BOUNCE 1
+// Macros:  SPLIT_GATHERED (whether there is `gathered` at all), SPLIT_SKY, SPLIT_BOUNCE,
+//          SPLIT_LAMPS: 0 or 1
+// Params:  irradiance of constant environments where A is 1; margins
+// Launch:  SSGI_LANES pixels of a row per work-item
+// Cost:    memory: up to 11 planes read, 6 written
+
+#include "common/gbuffer.clh"
+
+#if !defined(SPLIT_GATHERED) || !defined(SPLIT_SKY) || !defined(SPLIT_BOUNCE) ||                   \
+    !defined(SPLIT_LAMPS)
+#error "SPLIT_GATHERED, SPLIT_SKY, SPLIT_BOUNCE and SPLIT_LAMPS must be defined by the host"
+#endif
+
+__kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps,
+                         __global float *restrict direct, __global float *restrict bounce,
+                         const int2 size, const SplitParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const vfloat zero = v_splat(0.0f);
+    const vmask there =
+        v_lt(ssgi_load(depth, whole, 0, x + params.margin_columns, y + params.margin_rows),
+             v_splat(INFINITY));
+#if SPLIT_GATHERED
+    const vfloat a = ssgi_load(gathered, size, 0, x, y);
+#endif
+#if SPLIT_LAMPS
+    const int2 lamps_size =
+        (int2)(size.x + 2 * params.lamps_columns, size.y + 2 * params.lamps_rows);
+#endif
+    for (int c = 0; c < 3; ++c) {
+        vfloat sum = zero;
+#if SPLIT_GATHERED
+        sum = a * (c == 0 ? params.red : c == 1 ? params.green : params.blue);
+#if SPLIT_SKY
+        sum = sum + ssgi_load(gathered, size, 1 + c, x, y);
+#endif
+#endif
+#if SPLIT_LAMPS
+        sum = sum +
+              ssgi_load(lamps, lamps_size, c, x + params.lamps_columns, y + params.lamps_rows);
+#endif
+        ssgi_store(v_select(zero, sum, there), direct, size, c, x, y, 0.0f);
+#if SPLIT_BOUNCE
+        const vfloat sent = ssgi_load(gathered, size, 1 + 3 * SPLIT_SKY + c, x, y);
+        ssgi_store(v_select(zero, sent, there), bounce, size, c, x, y, 0.0f);
+#endif
+    }
+}

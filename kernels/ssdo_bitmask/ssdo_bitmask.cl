@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+// ssdo_bitmask: ambient occlusion, the sky's light through what is open, and one diffuse bounce of
+// light from what is not, in one scan of slices with 32 sectors each.
+//
+// Method:  Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
+// Departs: sectors are equal parts of the cosine-weighted measure (see bitmask_ao), so that a
+//          sender is weighted by what it covers: irradiance is pi times the mean over the measure
+//          of the radiance that arrives. There is no area of a sender, no distance and no clamp to
+//          choose, and within a furnace of radiance L it is pi L (1 - A). The first surface on the
+//          way outward in a layer to cover a sector lights it, the front layer before the deeper
+//          ones. Taps are spread over what of a side lies in the arrays, and a surface goes on for
+//          half of the way from its last tap to the next. A surface that turns its back on the
+//          camera is seen by the receiver from behind: it sends `back` of its front's radiance, or
+//          with BITMASK_BACKS what `sent` has for backs.
+// Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
+//          the direction in its middle, from a map that is filtered to the width of a step.
+// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+//          normal  3 x [rows, columns] with margin, view space, unit length
+//          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
+//          sky     [SKY_SIZE][SKY_SIZE][3] radiance by octahedral direction, see sky.clh
+//          sent    3 SLICES_LAYERS x [rows, 4 stride] from slices_sorted: senders' radiance,
+//                  W m^-2 sr^-1; with BITMASK_BACKS as many more for their backs
+// Writes:  light   images [rows, columns] without margin: A in [0, 1], 1 where nothing is; with
+//                  BITMASK_CONES 3 of irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of
+//                  irradiance by the bounce; 0 where nothing is
+//          kept    SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for each
+//                  sector that is covered; 0 where nothing is
+// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
+//          BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT (0, 1), BITMASK_CONES (0 to 16),
+//          SKY_SIZE (>= 1)
+// Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
+// Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel, with BITMASK_BOUNCE up
+//          to 6 times as many more, where a tap covers something
+
+#if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
+    !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_BOUNCE) ||             \
+    !defined(BITMASK_BACKS) || !defined(BITMASK_KEPT) || !defined(BITMASK_CONES) ||                \
+    !defined(SKY_SIZE)
+#error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
+#endif
+
+// What receivers know beside the scan; the struct SsdoBitmaskParams is generated from
+// ssgi_cl.techniques.ssdo_bitmask.
+typedef struct {
+    __global const float *sent;
+    __global const float *sky;
+    __global int *kept;
+    SsdoBitmaskParams params;
+} SsdoGiven;
+
+#define BITMASK_ANGLE 0
+#define BITMASK_JOINED 1
+#define BITMASK_ENDS 1
+#define BITMASK_MORE (3 * (BITMASK_CONES > 0) + 3 * BITMASK_BOUNCE)
+#define SSGI_SCAN_MORE BITMASK_MORE
+#define SSGI_SCAN_KEPT BITMASK_KEPT
+#define SSGI_SCAN_FAR (BITMASK_CONES > 0)
+#define SSGI_SCAN_WITHIN 1
+#define SSGI_SCAN_BY_LAYER
+#define SSGI_SCAN_GIVEN SsdoGiven
+#include "common/slices.clh"
+
+#include "bitmask_ao/surfaces.clh"
+#if BITMASK_CONES
+#include "ssdo_bitmask/sky.clh"
+#endif
+
+SSGI_INLINE void
+ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
+               SsgiGathered *gathered)
+{
+    const vfloat share = gathered->measure.share;
+    const vfloat hidden = v_to_float(v_count_bits(gathered->covered)) * (1.0f / 32.0f);
+    gathered->occluded = v_fma(share, hidden, gathered->occluded);
+    gathered->whole = gathered->whole + share;
+    const vfloat irradiance = share * (3.14159265f / 32.0f);
+#if BITMASK_CONES
+    ssdo_sky(receiver, slice, &gathered->measure, ~(gathered->covered & receiver->active),
+             irradiance, gathered->more);
+#endif
+#if BITMASK_BOUNCE
+    vfloat *bounce = gathered->more + (BITMASK_MORE - 3);
+#pragma unroll
+    for (int c = 0; c < 3; ++c) {
+        bounce[c] = v_fma(irradiance, gathered->light[c], bounce[c]);
+    }
+#endif
+}
+
+#include "common/scan.clh"
+
+__kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+                           __global const float *restrict sky, __global const float *restrict sent,
+                           __global float *restrict light, __global int *restrict kept,
+                           const int2 size, const SsgiCamera camera, const SliceParams params,
+                           const SsdoBitmaskParams own)
+{
+    SsdoGiven given;
+    given.sent = sent;
+    given.sky = sky;
+    given.kept = kept;
+    given.params = own;
+    ssgi_occlude(near, normal, table, light, size, given, camera, params);
+}

@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: MIT
+// ssdo_views: what another camera sees in the directions that are still open, after ssdo_bitmask.
+//
+// Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
+//          Space", add cameras that see what the first one misses.
+// Departs: the free sectors of a slice are split into VIEWS_STRATA parts, equal steps of the sine
+//          from the normal. Taps go in the direction of one free sector of each; the first that
+//          has come behind a surface of the other camera, no farther than its thickness or the
+//          way from tap to tap, covers all free sectors of the part. So each sector is covered
+//          once, whatever number of cameras follow one another, and its measure is that of
+//          ssdo_bitmask.
+// Reads:   linear   [rows, columns] with margin: 1 / depth (orthographic: depth), or INFINITY
+//          normal   3 x likewise, view space, unit length
+//          table    [4 rows][VIEWS_SLICES][3][16 columns]: cosine and sine of a slice's angle from
+//                   +columns towards +rows, dither in [0, 1)
+//          depth    VIEWS_LAYERS x [other rows, other columns] of the other camera, scene units
+//          seen     normals there, 3 VIEWS_SENDERS images (at least 3), its view space
+//          radiance 3 VIEWS_SENDERS x likewise, W m^-2 sr^-1
+// Writes:  light    image 0: A, less what is newly covered; from image VIEWS_BOUNCE on: 3 of
+//                   irradiance, W/m^2, added to (VIEWS_SENDERS > 0)
+//          masks    VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered sector
+// Macros:  VIEWS_SLICES (1..32), VIEWS_STRATA (1..16), VIEWS_TAPS (1..64), VIEWS_LAYERS (1..31),
+//          VIEWS_SENDERS (0..VIEWS_LAYERS), VIEWS_BOUNCE (>= 1)
+// Launch:  SSGI_LANES receivers of a row per work-item
+// Cost:    up to VIEWS_SLICES * VIEWS_STRATA * VIEWS_TAPS * VIEWS_LAYERS scattered reads; none
+//          where the other camera sees nothing within the radius
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "ssdo_views/sectors.clh"
+
+#if !defined(VIEWS_SLICES) || !defined(VIEWS_STRATA) || !defined(VIEWS_TAPS) ||                    \
+    !defined(VIEWS_LAYERS) || !defined(VIEWS_SENDERS) || !defined(VIEWS_BOUNCE)
+#error "VIEWS_SLICES, _STRATA, _TAPS, _LAYERS, _SENDERS and _BOUNCE must be defined by the host"
+#endif
+
+#define VIEWS_GOLDEN 0.618033989f
+#define VIEWS_ONSET 0.02f // radii that a surface must lie before the receiver to be in front of it
+
+// x - floor(x) for x >= 0.
+static inline vfloat views_fraction(const vfloat x) { return x - v_floor(x); }
+
+// Is any of a ball on the inner side of a plane round what the other camera sees?
+static inline vmask views_touches(const vfloat x, const vfloat y, const vfloat z,
+                                  const vfloat radius, const float a, const float b, const float c,
+                                  const float d)
+{
+    return v_gt(v_fma(x, v_splat(a), v_fma(y, v_splat(b), v_fma(z, v_splat(c), v_splat(d)))),
+                -radius);
+}
+
+// The receiver in the other camera's view space.
+typedef struct {
+    vfloat x, y, z, nx, ny, nz;
+    vfloat floor; // height that surfaces must have, plus its own
+    vfloat thick; // of surfaces
+} ViewsReceiver;
+
+// The first surface that the way has come behind.
+typedef struct {
+    vfloat x, y, depth;
+    vint layer;
+    vmask found;
+} ViewsSurface;
+
+// A bit for each layer of the other camera that lies before a depth in a pixel; to *met the first
+// of them that is not among those of `passed` and rises above the receiver's tangent plane. What
+// lies beneath and near may be the receiver's own surface, a pixel aside, and has no bit.
+static inline vint views_before(ssgi_plane depth, const int2 size, const SsgiCamera other,
+                                const ViewsReceiver *at, const vint column, const vint row,
+                                const vfloat z, const vint passed, ViewsSurface *met)
+{
+    const vfloat slope_x = ssgi_slope_x(other, v_to_float(column) + 0.5f);
+    const vfloat slope_y = ssgi_slope_y(other, v_to_float(row) + 0.5f);
+    vint before = v_splat_int(0);
+    met->x = met->y = v_splat(0.0f);
+    met->depth = z;
+    met->layer = v_splat_int(0);
+    met->found = v_splat_int(0);
+    for (int layer = 0; layer < VIEWS_LAYERS; ++layer) {
+        const vfloat surface = ssgi_gather(depth, size, layer, column, row);
+        const vmask nearer = v_lt(surface, z);
+        const vfloat front = v_select(z, surface, nearer);
+        const vfloat k = ssgi_k(other, front);
+        const vfloat x = slope_x * k, y = slope_y * k;
+        const vfloat height = v_fma(at->nx, x, v_fma(at->ny, y, -(at->nz * front)));
+        const vmask rises = nearer & v_gt(height, at->floor);
+        const vint bit = v_splat_int(1 << layer);
+        before = before | (bit & (rises | (nearer & v_gt(z - front, at->thick))));
+        const vmask first = rises & v_ieq(passed & bit, v_splat_int(0)) & ~met->found;
+        met->x = v_select(met->x, x, first);
+        met->y = v_select(met->y, y, first);
+        met->depth = v_select(met->depth, front, first);
+        met->layer = v_iselect(met->layer, v_splat_int(layer), first);
+        met->found = met->found | first;
+    }
+    return before;
+}
+
+// A point's pixel in the other camera's image, and whether it has one.
+static inline vmask views_pixel(const SsgiCamera other, const int2 size, const float nearest,
+                                const vfloat x, const vfloat y, const vfloat z, vint *column,
+                                vint *row)
+{
+    const vfloat inverse_k = 1.0f / ssgi_k(other, v_max(z, v_splat(nearest)));
+    const vfloat across = ssgi_column(other, x * inverse_k);
+    const vfloat down = ssgi_row(other, y * inverse_k);
+    *column = v_to_int(v_clamp(across, 0.0f, (float)(size.x - 1)));
+    *row = v_to_int(v_clamp(down, 0.0f, (float)(size.y - 1)));
+    const vfloat zero = v_splat(0.0f);
+    return v_gt(z, v_splat(nearest)) & v_ge(across, zero) & v_ge(down, zero) &
+           v_lt(across, v_splat((float)size.x)) & v_lt(down, v_splat((float)size.y));
+}
+
+__kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const float *restrict table,
+                         ssgi_plane depth, ssgi_plane seen, ssgi_plane radiance,
+                         __global float *restrict light, __global int *restrict masks,
+                         const int2 size, const SsgiCamera camera, const SsgiCamera other,
+                         const ViewsParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole = (int2)(size.x + params.margin_left + params.margin_right,
+                              size.y + params.margin_top + params.margin_bottom);
+    const int at_x = x + params.margin_left;
+    const int at_y = y + params.margin_top;
+    const vfloat zero = v_splat(0.0f);
+    const vfloat one = v_splat(1.0f);
+    const bool perspective = camera.perspective != 0.0f;
+    const vfloat own = ssgi_load(linear, whole, 0, at_x, at_y);
+    const vmask there = v_lt(own, v_splat(INFINITY)) &
+                        v_ilt(v_iota() + x, v_splat_int(size.x));
+    const vfloat flat = v_select(one, own, there);
+    const vfloat z = perspective ? 1.0f / flat : flat;
+    const vfloat k = ssgi_k(camera, z);
+    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f);
+    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f));
+    const vfloat wanted_px = params.radius * max(fabs(camera.from_x), fabs(camera.from_y)) / k;
+    const vfloat shrink = v_min(params.most_px / wanted_px, one);
+    const vfloat radius = params.radius * shrink;
+    const vmask active = there & v_ge(wanted_px * shrink, one);
+    // The receiver as the other camera sees it.
+    const vfloat px = slope_x * k, py = slope_y * k;
+    const vfloat ox = v_fma(px, v_splat(params.xx), v_fma(py, v_splat(params.xy),
+                                                         v_fma(z, v_splat(-params.xz),
+                                                               v_splat(params.shift_x))));
+    const vfloat oy = v_fma(px, v_splat(params.yx), v_fma(py, v_splat(params.yy),
+                                                         v_fma(z, v_splat(-params.yz),
+                                                               v_splat(params.shift_y))));
+    const vfloat oz = v_fma(px, v_splat(params.zx), v_fma(py, v_splat(params.zy),
+                                                         v_fma(z, v_splat(-params.zz),
+                                                               v_splat(params.shift_z))));
+    const vmask near = active & v_lt(oz, radius) &
+        views_touches(ox, oy, oz, radius, params.left_x, 0.0f, params.left_z, params.left_w) &
+        views_touches(ox, oy, oz, radius, params.right_x, 0.0f, params.right_z, params.right_w) &
+        views_touches(ox, oy, oz, radius, 0.0f, params.top_y, params.top_z, params.top_w) &
+        views_touches(ox, oy, oz, radius, 0.0f, params.bottom_y, params.bottom_z, params.bottom_w);
+    if (!v_any(near)) {
+        return;
+    }
+    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
+    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
+    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    ViewsReceiver at;
+    at.x = ox;
+    at.y = oy;
+    at.z = oz;
+    at.nx = v_fma(nx, v_splat(params.xx), v_fma(ny, v_splat(params.xy), nz * params.xz));
+    at.ny = v_fma(nx, v_splat(params.yx), v_fma(ny, v_splat(params.yy), nz * params.yz));
+    at.nz = v_fma(nx, v_splat(params.zx), v_fma(ny, v_splat(params.zy), nz * params.zz));
+    at.floor = v_fma(at.nx, ox, v_fma(at.ny, oy, at.nz * oz)) +
+               v_fma(z, v_splat(params.depth_bias), radius * params.bias);
+    at.thick = radius * params.thickness;
+    const ViewsSight sight = views_sight(camera, slope_x, slope_y);
+    // Surfaces in front of the receiver, which ways from it begin behind.
+    const int2 others = (int2)(params.columns, params.rows);
+    ViewsSurface met;
+    vint column, row;
+    const vmask here =
+        near & views_pixel(other, others, params.nearest, ox, oy, -oz, &column, &row);
+    const vint passed_here = views_before(depth, others, other, &at, column, row,
+                                          v_fma(radius, v_splat(-VIEWS_ONSET), -oz),
+                                          v_splat_int(0), &met) & here;
+
+    __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);
+    vfloat hidden = zero;
+    vfloat total = v_splat(1e-30f);
+    vfloat bounce[3] = {zero, zero, zero};
+    for (int s = 0; s < VIEWS_SLICES; ++s) {
+        __global const float *restrict slice_at = pattern + s * 48;
+        const vfloat dither = v_load(slice_at + 32);
+        const ViewsSlice slice = views_slice(camera, &sight, v_load(slice_at),
+                                             v_load(slice_at + 16), nx, ny, nz);
+        total = total + slice.share;
+        const int mask_at = ssgi_index(size, s, x, y);
+        const vint covered = v_iload(masks + mask_at);
+        vint added = v_splat_int(0);
+        vfloat from_sector = zero; // not rounded
+        vint from = v_splat_int(0);
+        vfloat arrives[3] = {zero, zero, zero};
+        for (int j = 0; j < VIEWS_STRATA; ++j) {
+            const float sine = 2.0f * (float)j / (float)VIEWS_STRATA - 1.0f;
+            const float end = 2.0f * (float)(j + 1) / (float)VIEWS_STRATA - 1.0f;
+            const bool last = j + 1 == VIEWS_STRATA;
+            const vfloat to_sector =
+                last ? v_splat(32.0f)
+                     : views_sector(&slice, v_splat(end), v_splat(sqrt(1.0f - end * end)));
+            const vint to = last ? v_splat_int(32)
+                                 : v_to_int(v_clamp(to_sector + dither, 0.0f, 32.0f));
+            const vint all = v_splat_int(-1);
+            const vint bits = (all << from) & v_shift_right(all, 32 - to) & v_ilt(from, to) &
+                              ~covered & near;
+            const vfloat shift = views_fraction(v_fma(dither, v_splat(7.0f),
+                                                      v_splat((float)(s * VIEWS_STRATA + j) *
+                                                              VIEWS_GOLDEN)));
+            if (v_any(v_ine(bits, v_splat_int(0)))) {
+                // One of the free sectors: the first from some place on, or else the first.
+                const vint place = from + v_to_int(shift * v_to_float(to - from));
+                const vint later = bits & (all << v_imin(place, v_splat_int(31)));
+                const vint some = v_iselect(later, bits, v_ieq(later, v_splat_int(0)));
+                const vint number = v_count_bits((some & -some) - 1);
+                const vfloat width = v_max(to_sector - from_sector, v_splat(1e-3f));
+                const vfloat part = v_clamp(
+                    (v_to_float(number) + 0.5f - dither - from_sector) / width, 0.0f, 1.0f);
+                const vfloat turned = v_fma(part, v_splat(end - sine), v_splat(sine));
+                const vfloat facing = v_sqrt(v_max(v_fma(-turned, turned, one), zero));
+                vfloat wx, wy, wz;
+                views_direction(&sight, &slice, turned, facing, &wx, &wy, &wz);
+                const vfloat dx =
+                    v_fma(wx, v_splat(params.xx), v_fma(wy, v_splat(params.xy), wz * params.xz));
+                const vfloat dy =
+                    v_fma(wx, v_splat(params.yx), v_fma(wy, v_splat(params.yy), wz * params.yz));
+                const vfloat dz =
+                    v_fma(wx, v_splat(params.zx), v_fma(wy, v_splat(params.zy), wz * params.zz));
+                vmask open = v_ine(bits, v_splat_int(0));
+                vint passed = passed_here;
+                vfloat before = -oz;
+                for (int t = 0; t < VIEWS_TAPS && v_any(open); ++t) {
+                    const vfloat q = ((float)t + shift) * (1.0f / (float)VIEWS_TAPS);
+                    const vfloat reach = radius * (q * q); // denser near the receiver
+                    const vfloat qz = -v_fma(reach, dz, oz);
+                    const vmask inside =
+                        open & views_pixel(other, others, params.nearest, v_fma(reach, dx, ox),
+                                           v_fma(reach, dy, oy), qz, &column, &row);
+                    if (!v_any(inside)) {
+                        continue;
+                    }
+                    const vint now = views_before(depth, others, other, &at, column, row, qz,
+                                                  passed, &met);
+                    const vfloat deep = v_max(at.thick, v_abs(qz - before));
+                    const vmask hit = inside & met.found & v_lt(qz - met.depth, deep);
+                    open = open & ~hit;
+                    added = added | (bits & hit);
+#if VIEWS_SENDERS > 0
+                    const vmask sends = hit & v_ilt(met.layer, v_splat_int(VIEWS_SENDERS));
+                    if (v_any(sends)) {
+                        const vint layer = v_iselect(v_splat_int(0), met.layer, sends);
+                        const vint from_row = layer * (3 * params.rows) + row;
+                        const vfloat gx = ssgi_gather(seen, others, 0, column, from_row);
+                        const vfloat gy = ssgi_gather(seen, others, 1, column, from_row);
+                        const vfloat gz = ssgi_gather(seen, others, 2, column, from_row);
+                        const vfloat facing_it = v_fma(
+                            gx, ox - met.x, v_fma(gy, oy - met.y, gz * (oz + met.depth)));
+                        const vmask lit = sends & v_gt(facing_it, zero);
+                        if (v_any(lit)) {
+                            const vfloat amount =
+                                v_select(zero, v_to_float(v_count_bits(bits)), lit);
+                            for (int c = 0; c < 3; ++c) {
+                                const vfloat sent =
+                                    ssgi_gather(radiance, others, c, column, from_row);
+                                arrives[c] = v_fma(amount, sent, arrives[c]);
+                            }
+                        }
+                    }
+#endif
+                    passed = v_iselect(passed, now, inside);
+                    before = v_select(before, qz, inside);
+                }
+            }
+            from = to;
+            from_sector = to_sector;
+        }
+        const vfloat each = slice.share * (1.0f / 32.0f);
+        hidden = v_fma(each, v_to_float(v_count_bits(added)), hidden);
+        for (int c = 0; c < 3; ++c) {
+            bounce[c] = v_fma(each, arrives[c], bounce[c]);
+        }
+        // The guard beyond the last column takes what it holds.
+        v_istore(covered | added, masks + mask_at);
+    }
+    const int open_at = ssgi_index(size, 0, x, y);
+    const vfloat before = v_load(light + open_at);
+    v_store(v_select(before, v_max(before - hidden / total, zero), near), light + open_at);
+#if VIEWS_SENDERS > 0
+    for (int c = 0; c < 3; ++c) {
+        const int bounce_at = ssgi_index(size, VIEWS_BOUNCE + c, x, y);
+        const vfloat more = v_select(zero, bounce[c] * (3.14159265f / total), near);
+        v_store(v_load(light + bounce_at) + more, light + bounce_at);
+    }
+#endif
+}

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+// vpl_runs: what the texels of a reflective shadow map reflect, added up along each run.
+//
+// Reads:   flux   3 x [rows, columns] W
+//          area   [rows, columns] square scene units; of texels without flux it doesn't count
+//          order  [params.face_runs][16] row << 16 | column of a face's texels along its curve,
+//                 -1 past their end
+// Writes:  quarters, runs  see vpl/curve.clh; of runs the sums alone. From run params.first_run on,
+//                          0 past the map
+// Launch:  SSGI_LANES runs per work-item
+// Cost:    five scattered reads a texel
+
+#include "common/gbuffer.clh"
+#include "vpl/curve.clh"
+
+__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, __global const int *restrict order,
+                       __global float *restrict quarters, __global float *restrict runs,
+                       const int2 size, // of the map
+                       const VplCurveParams params)
+{
+    const int first = ssgi_first_column();
+    if (first >= params.map_runs) {
+        return;
+    }
+    const vfloat zero = v_splat(0.0f);
+    const vfloat one = v_splat(1.0f);
+    const vint run = v_iota() + first;
+    const vint face = run / params.face_runs;
+    const vmask in_map = v_ilt(face, v_splat_int(params.faces));
+    const vint own = v_iselect(v_splat_int(0), run - face * params.face_runs, in_map);
+    const vint top = v_iselect(v_splat_int(0), face * params.face_rows, in_map);
+    __global float *restrict group =
+        quarters + v_first(vpl_quarter(run + params.first_run, 0, v_splat_int(0)));
+    vfloat sums[VPL_SUMS] = {zero, zero, zero, zero, zero, zero};
+    for (int k = 0; k < VPL_RUN; ++k) {
+        const vint packed = v_igather(order, own * VPL_RUN + k);
+        const vmask there = in_map & v_ige(packed, v_splat_int(0));
+        const vint at = v_iselect(v_splat_int(0), packed, there);
+        const vint x = at & 0xffff;
+        const vint y = (at >> 16) + top;
+        const vfloat red = v_select(zero, ssgi_gather(flux, size, 0, x, y), there);
+        const vfloat green = v_select(zero, ssgi_gather(flux, size, 1, x, y), there);
+        const vfloat blue = v_select(zero, ssgi_gather(flux, size, 2, x, y), there);
+        const vmask lit = v_gt(v_max(red, v_max(green, blue)), zero);
+        const vfloat amounts[VPL_SUMS] = {
+            v_select(zero, one, lit), vpl_luminance(red, green, blue), red, green, blue,
+            v_select(zero, ssgi_gather(area, size, 0, x, y), lit)};
+        for (int sum = 0; sum < VPL_SUMS; ++sum) {
+            sums[sum] = sums[sum] + amounts[sum];
+            if ((k & 3) == 3) {
+                v_store(sums[sum], group + (sum * 4 + k / 4) * 16);
+            }
+        }
+    }
+    for (int sum = 0; sum < VPL_SUMS; ++sum) {
+        v_store(sums[sum], runs + sum * params.runs + params.first_run + first);
+    }
+}

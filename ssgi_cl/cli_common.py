@@ -1,0 +1,130 @@
+"""What the commands share: options, error messages, progress, the report at the end."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from ssgi_cl import check
+from ssgi_cl.errors import KernelBuildError, SsgiError
+from ssgi_cl.runtime import PassTime, Runtime
+
+DEFAULT_FOV = 50.0
+"""Degrees, vertical."""
+
+device_option = click.option(
+    "--device", metavar="WORDS", help="Words of the device's label, such as 'pocl 3.1'; by default "
+    "SSGI_CL_DEVICE, else the fastest found.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+VECTOR: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
+
+
+def human_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn the library's errors into one line (a compiler's log apart) and exit status 1."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except BrokenPipeError:
+            raise  # whoever reads the output has gone, such as `head`
+        except (SsgiError, ValueError, TypeError, OSError) as error:
+            raise click.ClickException(_one_line(error)) from error
+
+    return run
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, KernelBuildError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    first, *rest = str(error).splitlines() or [type(error).__name__]
+    return " ".join([first, "; ".join(line.strip() for line in rest)]).strip()
+
+
+@contextmanager
+def progress(silent: bool) -> Iterator[Callable[[str], None]]:
+    """Give a function that names the step under way; shown on a terminal, on standard error."""
+    console = Console(stderr=True)
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
+        console=console, transient=True, disable=silent or not console.is_terminal,
+    ) as progress:
+        task = progress.add_task("", total=None)
+        yield lambda text: progress.update(task, description=text)
+
+
+def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Raise if `path` has another suffix or can't be written, before work is spent on it."""
+    if path.suffix.lower() not in suffixes:
+        raise click.UsageError(
+            f"--output is {path}: expected a name that ends in {' or '.join(suffixes)}"
+        )
+    if not path.parent.is_dir():
+        raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise click.ClickException(f"--output is {path}: it is a folder, expected a file's name")
+
+
+def yfov_of(options: dict[str, Any], default: float) -> float:
+    """Return the vertical field of view in radians."""
+    if options["fov"] is None:
+        return default
+    return math.radians(check.number("--fov", options["fov"], low=0.01, high=179.0, unit="degrees"))
+
+
+def wrapped(text: str, indent: str) -> str:
+    width = max(40, min(100, shutil.get_terminal_size().columns))
+    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent,
+                         break_long_words=False, break_on_hyphens=False)
+
+
+def report(
+    as_json: bool, runtime: Runtime, passes: list[PassTime] | tuple[PassTime, ...],
+    files: list[Path], facts: dict[str, Any],
+) -> None:
+    if as_json:
+        print(json.dumps({
+            **facts,
+            "device": runtime.info.label,
+            "form": str(runtime.form),
+            "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None}
+                       for p in passes],
+            "files": [str(path) for path in files],
+        }, indent=1))
+        return
+    click.echo(f"{runtime.info.label}, {runtime.form}")
+    table = Table("pass", "ms")
+    table.columns[1].justify = "right"
+    for name, (count, ms, skipped) in _merged(passes).items():
+        label = f"{name} x {count}" if count > 1 else name
+        table.add_row(label, f"{ms:.2f}" if not skipped else f"skipped: {skipped}")
+    table.add_section()
+    table.add_row("sum", f"{sum(p.ms for p in passes):.2f}")
+    console = Console()
+    console.print(table)
+    for path in files:
+        console.print(f"wrote {path}", highlight=False)
+
+
+def _merged(passes: list[PassTime] | tuple[PassTime, ...]) -> dict[str, tuple[int, float, str]]:
+    """Return name -> (count, milliseconds, why skipped) in order of first appearance."""
+    merged: dict[str, tuple[int, float, str]] = {}
+    for p in passes:
+        count, ms, _ = merged.get(p.name, (0, 0.0, ""))
+        merged[p.name] = (count + 1, ms + p.ms, p.skipped)
+    return merged

@@ -1,0 +1,101 @@
+"""The sky's light through the open sectors of a slice, in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.lights import Environment
+from ssgi_cl.reference.bitmask_ao import sector_of
+from ssgi_cl.reference.gbuffer import Doubles
+from ssgi_cl.reference.slices import Scan, Slice
+
+
+def looked_up(
+    sky: Doubles, scan: Scan, plane: Slice, free: NDArray[np.bool_], cones: int
+) -> Doubles:
+    """Return the mean radiance [rows, columns, 3] of a slice's sectors, 0 of those not `free`.
+
+    Args:
+        sky: map [size, size, 3] by octahedral direction.
+        free: [rows, columns, sectors].
+        cones: directions that are looked up.
+    """
+    sectors = free.shape[-1]
+    number = np.arange(sectors)
+    total = np.zeros((*free.shape[:2], 3))
+    edges = [_sector(plane, 2.0 * i / cones - 1.0, sectors) for i in range(1, cones)]
+    edges = [np.zeros_like(free[..., :1], int), *edges, np.full_like(free[..., :1], sectors, int)]
+    for cone in range(cones):
+        share = (free & (number >= edges[cone]) & (number < edges[cone + 1])).mean(axis=-1)
+        sine = (2.0 * cone + 1.0) / cones - 1.0
+        total += share[..., None] * texel(sky, _direction(scan, plane, *_turned(plane, sine)))
+    return total
+
+
+def _turned(plane: Slice, sine: float) -> tuple[Doubles, Doubles]:
+    """Return sine and cosine from the line of sight of an angle from the projected normal."""
+    cosine = np.sqrt(1.0 - sine * sine)
+    return (
+        plane.sin_normal * cosine + plane.cos_normal * sine,
+        plane.cos_normal * cosine - plane.sin_normal * sine,
+    )
+
+
+def _sector(plane: Slice, sine: float, sectors: int) -> NDArray[np.int64]:
+    s, c = _turned(plane, sine)
+    first = sector_of(c / np.maximum(s, 1e-30), plane, 1, count=sectors)
+    second = sector_of(c / np.maximum(-s, 1e-30), plane, -1, count=sectors)
+    return np.where(s >= 0.0, first, second)[..., None]
+
+
+def _direction(scan: Scan, plane: Slice, s: Doubles, c: Doubles) -> Doubles:
+    """Return the world-space direction in a slice with this sine and cosine."""
+    sight = np.stack([*scan.slope, -np.ones_like(s)], axis=-1)
+    sight = sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+    offset = np.stack(
+        [plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros_like(s)], axis=-1
+    )
+    across = offset - np.sum(offset * sight, axis=-1, keepdims=True) * sight
+    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    view = across * s[..., None] - sight * c[..., None]
+    result: Doubles = view @ scan.view.camera.view[:3, :3]
+    return result
+
+
+def texel(sky: Doubles, direction: Doubles) -> Doubles:
+    """Return the map's radiance [..., 3] in directions [..., 3] of any length but 0."""
+    size = len(sky)
+    d = direction / np.sum(np.abs(direction), axis=-1, keepdims=True)
+    x, y, z = d[..., 0], d[..., 1], d[..., 2]
+    u = np.where(y < 0.0, np.copysign(1.0 - np.abs(z), x), x)
+    v = np.where(y < 0.0, np.copysign(1.0 - np.abs(x), z), z)
+    column, row = (
+        np.clip(((w + 1.0) * 0.5 * size).astype(int), 0, size - 1) for w in (u, v)
+    )
+    result: Doubles = sky[row, column]
+    return result
+
+
+def irradiance(environment: Environment, normal: Doubles) -> Doubles:
+    """Return E [n, 3] W/m^2 on surfaces with world-space normals [n, 3], texel by texel."""
+    radiance = np.asarray(environment.radiance, np.float64)
+    if radiance.ndim == 1:
+        return np.pi * np.broadcast_to(radiance, (len(normal), 3))
+    rows, columns = radiance.shape[:2]
+    edges = np.linspace(0.0, np.pi, rows + 1)
+    polar = 0.5 * (edges[1:] + edges[:-1])[:, None]
+    azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * np.pi
+    way = np.stack(
+        [
+            np.sin(polar) * np.sin(azimuth),
+            np.broadcast_to(np.cos(polar), (rows, columns)),
+            -np.sin(polar) * np.cos(azimuth),
+        ],
+        axis=-1,
+    )
+    solid_angle = (np.cos(edges[:-1]) - np.cos(edges[1:]))[:, None] * 2.0 * np.pi / columns
+    flux = (radiance * solid_angle[..., None]).reshape(-1, 3)
+    cosine = np.maximum(np.asarray(normal) @ way.reshape(-1, 3).T, 0.0)
+    result: Doubles = cosine @ flux
+    return result

@@ -1,0 +1,275 @@
+"""Further cameras of SSDO in float64, as defined in `ssgi_cl.techniques.ssdo_views`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.techniques.slices import SliceParams, pattern
+from ssgi_cl.techniques.ssdo_views import DEPTH_BIAS, ViewsParams
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+IN_FRONT = 0.02
+"""Radii that a surface must lie before the receiver to be in front of it."""
+LEAST_FACING = 0.0017
+"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What a further camera adds.
+
+    Attributes:
+        hidden: [rows, columns] what A loses.
+        bounce: [rows, columns, 3] irradiance, W/m^2.
+        masks: [slices, rows, columns] uint32, a bit for each covered sector, old and new.
+    """
+
+    hidden: Doubles
+    bounce: Doubles
+    masks: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, eq=False)
+class _Other:
+    """The further camera's image, and the receivers in its view space."""
+
+    view: SurfaceView
+    depth: Doubles  # [layers, rows, columns]
+    normal: Doubles  # [layers that send, rows, columns, 3]
+    radiance: Doubles
+    position: Doubles
+    receiver_normal: Doubles
+    floor: Doubles
+    radius: Doubles
+    thickness: Doubles
+
+
+def ssdo_views_reference(
+    gbuffer: GBuffer,
+    masks: NDArray[np.uint32],
+    other: GBuffer,
+    radiance: NDArray[np.float64],
+    slices: SliceParams,
+    params: ViewsParams | None = None,
+    *,
+    step: int = 1,
+) -> Added:
+    """Return what a further camera adds to the bitmask of every `step`-th pixel.
+
+    Args:
+        gbuffer: what the first camera sees.
+        masks: [slices, rows, columns], a bit for each sector that is covered so far.
+        other: what the further camera sees.
+        radiance: [layers that send, rows, columns, 3] of it, with margin.
+        slices: the parameters of the bitmask.
+        params: see `ViewsParams`.
+        step: 1, 2 or 4.
+    """
+    params = params or ViewsParams()
+    view = SurfaceView.of(gbuffer)
+    view = view.reduced(step) if step > 1 else view
+    row, column = (view.inner(centre) for centre in view.centres())
+    depth = view.inner(view.depth)
+    there = np.isfinite(depth)
+    depth = np.where(there, depth, 1.0)
+    position, normal = view.position(row, column, depth), view.inner(view.normal)
+    wanted_px = slices.radius * view.pixels_per_unit(depth)
+    shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
+    active = there & (wanted_px * shrink >= 1.0)
+    radius = slices.radius * shrink
+    further = _other(gbuffer, other, radiance, position, normal, depth, radius, params)
+    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
+    tile_row, tile_column = np.indices(depth.shape)
+    made = pattern(slices)
+    eye = _to_eye(view, row, column)
+    hidden, total = np.zeros(depth.shape), np.full(depth.shape, 1e-30)
+    bounce, result = np.zeros((*depth.shape, 3)), masks.copy()
+    for s in range(slices.slices):
+        angle = made.angle[tile_row % 4, tile_column % 4, s]
+        dither = made.dither[tile_row % 4, tile_column % 4, s]
+        slice_ = _Slice(view, eye, angle, normal)
+        total += slice_.share
+        start, first = np.zeros(depth.shape, int), np.zeros(depth.shape)
+        for j in range(params.strata):
+            low, high = (2.0 * n / params.strata - 1.0 for n in (j, j + 1))
+            end = slice_.sector(high) if j + 1 < params.strata else np.full(depth.shape, 32.0)
+            stop = np.clip(end + dither, 0.0, 32.0).astype(int)
+            stop = stop if j + 1 < params.strata else np.full(depth.shape, 32)
+            number = np.arange(32)
+            free = (number >= start[..., None]) & (number < stop[..., None])
+            free &= (masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0
+            free &= active[..., None]
+            shift = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
+            place = np.minimum(start + (shift * (stop - start)).astype(int), 31)
+            later = free & (number >= place[..., None])
+            later = np.where(later.any(axis=-1, keepdims=True), later, free)
+            chosen = np.argmax(later, axis=-1)
+            part = (chosen + 0.5 - dither - first) / np.maximum(end - first, 1e-3)
+            sine = low + np.clip(part, 0.0, 1.0) * (high - low)
+            way = slice_.direction(eye, sine) @ turn.T
+            open_ = np.any(free, axis=-1)
+            hit, light = _march(further, way, open_, shift, slices, params)
+            count = free.sum(axis=-1)
+            hidden += np.where(hit, slice_.share * count / 32.0, 0.0)
+            bounce += (slice_.share * count / 32.0)[..., None] * light
+            bits = np.sum(free.astype(np.uint64) << number.astype(np.uint64), axis=-1)
+            result[s] |= np.where(hit, bits, 0).astype(np.uint32)
+            start, first = stop, end
+    return Added(hidden / total, math.pi * bounce / total[..., None], result)
+
+
+class _Slice:
+    """A slice of each receiver, and the measure of its directions."""
+
+    def __init__(self, view: SurfaceView, eye: Doubles, angle: Doubles, normal: Doubles) -> None:
+        to_x, to_y, _, _ = view.camera.pixel_to_view
+        # One pixel along the slice.
+        pixel = np.stack(
+            [np.cos(angle) * to_x * view.step, np.sin(angle) * to_y * view.step,
+             np.zeros(angle.shape)], axis=-1,
+        )
+        across = pixel - np.sum(pixel * eye, axis=-1, keepdims=True) * eye
+        self.across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+        facing = np.maximum(np.sum(normal * eye, axis=-1), LEAST_FACING)
+        side = np.sum(normal * self.across, axis=-1)
+        projected = np.hypot(facing, side)
+        self.cosine, self.sine = facing / projected, side / projected
+        self.first = self._measure(self.sine, -self.cosine)
+        whole = self._measure(-self.sine, self.cosine) - self.first
+        self.scale = 32.0 / whole
+        # Squared sine of the angle between pixel and line of sight, per squared depth.
+        width = np.sum(across**2, axis=-1) / eye[..., 2] ** 2
+        self.share = (to_x * view.step) ** 2 / width * projected * whole
+
+    def _measure(self, cosine: Doubles, sine: Doubles) -> Doubles:
+        """Return the measure from the line of sight to a direction."""
+        flat = np.abs(sine)
+        turned = np.arccos(np.clip(cosine, -1.0, 1.0)) - flat * cosine
+        result: Doubles = 0.5 * (self.cosine * flat * sine + self.sine * turned)
+        return result
+
+    def _turned(self, sine: Doubles | float) -> tuple[Doubles, Doubles]:
+        """Return cosine and sine from the line of sight of one with a sine from the normal."""
+        cosine = np.sqrt(np.maximum(1.0 - np.asarray(sine) ** 2, 0.0))
+        return self.cosine * cosine - self.sine * sine, self.cosine * sine + self.sine * cosine
+
+    def sector(self, sine: float) -> Doubles:
+        """Return the sector, not rounded, of a direction with a sine from the normal."""
+        result: Doubles = (self._measure(*self._turned(sine)) - self.first) * self.scale
+        return result
+
+    def direction(self, eye: Doubles, sine: Doubles) -> Doubles:
+        """Return such a direction [..., 3], view space."""
+        cosine, sine = self._turned(sine)
+        result: Doubles = cosine[..., None] * eye + sine[..., None] * self.across
+        return result
+
+
+def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
+    """Return the direction to the eye [rows, columns, 3], unit length."""
+    if view.camera.is_orthographic:
+        return np.broadcast_to([0.0, 0.0, 1.0], (*row.shape, 3))
+    sight = view.position(row, column, np.ones(row.shape))
+    eye: Doubles = -sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+    return eye
+
+
+def _other(
+    gbuffer: GBuffer,
+    other: GBuffer,
+    radiance: NDArray[np.float64],
+    position: Doubles,
+    normal: Doubles,
+    depth: Doubles,
+    radius: Doubles,
+    params: ViewsParams,
+) -> _Other:
+    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
+    shift = other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]
+    layers = np.asarray(other.depth, np.float64)
+    layers = layers if layers.ndim == 3 else layers[None]
+    given = np.asarray(other.normal)
+    given = given if given.ndim == 4 else given[None]
+    views = [
+        SurfaceView.of(GBuffer(camera=other.camera, depth=layer.astype(np.float32), normal=facing))
+        for layer, facing in zip(layers, given, strict=False)
+    ]
+    return _Other(
+        view=views[0],
+        depth=layers,
+        normal=np.stack([view.normal for view in views])[: len(radiance)],
+        radiance=np.asarray(radiance, np.float64),
+        position=position @ turn.T + shift,
+        receiver_normal=normal @ turn.T,
+        floor=params.bias * radius + DEPTH_BIAS * depth,
+        radius=radius,
+        thickness=params.thickness * radius,
+    )
+
+
+def _pixel(
+    other: _Other, point: Doubles, reach: float
+) -> tuple[NDArray[np.bool_], NDArray[np.int_], NDArray[np.int_]]:
+    """Return whether points are seen, and the row and column of their pixels."""
+    ahead = -point[..., 2] > 1e-3 * reach
+    row, column = other.view.pixel(np.where(ahead[..., None], point, [0.0, 0.0, -1.0]))
+    rows, columns = other.view.depth.shape
+    inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    return (
+        inside, np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int)
+    )
+
+
+def _in_front(
+    other: _Other, row: NDArray[np.int_], column: NDArray[np.int_], depth: Doubles
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Doubles]:
+    """Return for each layer whether it is passed, whether it also can be met, and its place."""
+    layers = other.depth[:, row, column]
+    nearer = layers < depth
+    front = np.where(nearer, layers, depth)
+    at_row, at_column = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
+    surface = np.stack([other.view.position(at_row, at_column, each) for each in front])
+    height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
+    rises = nearer & (height > other.floor)
+    return rises | (nearer & (depth - front > other.thickness)), rises, surface
+
+
+def _march(
+    other: _Other,
+    way: Doubles,
+    open_: NDArray[np.bool_],
+    shift: Doubles,
+    slices: SliceParams,
+    params: ViewsParams,
+) -> tuple[NDArray[np.bool_], Doubles]:
+    """Return where a surface is met on the way, and the radiance that comes from it."""
+    met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
+    before = -other.position[..., 2]
+    inside, row, column = _pixel(other, other.position, slices.radius)
+    passed = _in_front(other, row, column, before - IN_FRONT * other.radius)[0] & inside
+    for tap in range(params.taps):
+        reach = other.radius * ((tap + shift) / params.taps) ** 2
+        point = other.position + reach[..., None] * way
+        depth = -point[..., 2]
+        inside, row, column = _pixel(other, point, slices.radius)
+        now, rises, surfaces = _in_front(other, row, column, depth)
+        new = rises & ~passed
+        layer = np.argmax(new, axis=0)
+        surface = np.take_along_axis(surfaces, layer[None, ..., None], axis=0)[0]
+        deep = np.maximum(other.thickness, np.abs(depth - before))
+        hit = open_ & ~met & inside & new.any(axis=0) & (depth + surface[..., 2] < deep)
+        sends = hit & (layer < len(other.radiance))
+        layer = np.where(sends, layer, 0)
+        facing = other.normal[layer, row, column]
+        lit = sends & (np.sum(facing * (other.position - surface), axis=-1) > 0.0)
+        light += np.where(lit[..., None], other.radiance[layer, row, column], 0.0)
+        met |= hit
+        passed = np.where(inside, now, passed)
+        before = np.where(inside, depth, before)
+    return met, light

@@ -1,0 +1,74 @@
+"""What `render` makes of its arguments: parameters of ambient occlusion and of one bounce."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssgi_cl import check
+from ssgi_cl.memory import Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.multires_splat import MultiresSplatParams
+from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.rsm_gather import RsmGatherParams
+from ssgi_cl.techniques.slices import SliceTechnique
+from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.vpl_splat import VplSplatParams
+
+AO_DEFAULT = "gtao"
+BOUNCES = ("multires", "vpl", "gather", "ssdo")
+"""The first is the default of one bounce."""
+
+BounceParams = MultiresSplatParams | VplSplatParams | RsmGatherParams | SsdoParams
+
+
+def ao_name(ao: object, samples: int | None) -> str | None:
+    """Return the name of the technique that dims ambient light, or None."""
+    if not isinstance(ao, (bool, str)):
+        raise TypeError(f"ao is {ao!r}: expected True, False or the name of a technique")
+    name = AO_DEFAULT if ao is True else ao
+    if isinstance(name, str):
+        check.choice("ao", name, tuple(TECHNIQUES))
+    if samples is not None and name != "ssao":
+        raise ValueError(f"ao_samples is {samples}: expected None with ao={ao!r}, it is of 'ssao'")
+    return name or None
+
+
+def ao_technique(
+    runtime: Runtime, size: Size, params: OcclusionParams, margin: Size, layers: int
+) -> tuple[str, OcclusionTechnique]:
+    """Return name and technique of the ambient occlusion that has such parameters."""
+    name, kind = next(
+        (name, entry.technique) for name, entry in TECHNIQUES.items()
+        if type(params) is entry.params
+    )
+    make: Any = kind  # each takes parameters of its own
+    if issubclass(kind, SliceTechnique):
+        return name, make(runtime, size, params, margin, layers)
+    return name, make(runtime, size, params, margin)
+
+
+def bounce_name(indirect: object) -> str | None:
+    """Return how one bounce of light is found, or None."""
+    if isinstance(indirect, bool):
+        return BOUNCES[0] if indirect else None
+    if indirect is not None and not isinstance(indirect, str):
+        raise TypeError(
+            f"indirect is {indirect!r}: expected True, False, None or the name of a technique"
+        )
+    return None if indirect is None else check.choice("indirect", indirect, BOUNCES)
+
+
+def bounce_params(
+    name: str | None, vpls: int, layers: int, radius: float
+) -> BounceParams | None:
+    """Return the parameters of a bounce by its name, or None; `radius` is that of SSDO."""
+    if name is None:
+        return None
+    if name == "multires":
+        return MultiresSplatParams(vpls=vpls)
+    if name == "ssdo":
+        return SsdoParams(radius=radius, resolution="half", emission=False)
+    if name == "gather":
+        return RsmGatherParams(resolution="quarter")
+    return VplSplatParams(vpls=vpls, cutoff=0.0, interleave=True, visibility=layers >= 2)

@@ -1,0 +1,148 @@
+"""What surfaces send: radiance of every layer of a G-buffer under the lights of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.lights import Light
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.techniques.ambient import Ambient
+from ssgi_cl.techniques.lamps import Lamps, ShadowMap
+
+LIT = Struct(
+    "LitParams",
+    (
+        *floats(*ROTATION),
+        *((n, "int") for n in ("layer", "margin_columns", "margin_rows")),
+        *((n, "int") for n in ("open_columns", "open_rows")),
+    ),
+)
+
+
+class LitLayers:
+    """Light on the side that the camera sees of every layer, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        whole: (rows, columns) of the G-buffers, with their margin.
+        layers: depth layers of the G-buffers.
+        attributes: layers of them that have normals, albedo and emission: 1, or all by default.
+            The rest is dark.
+        lamps: makes what lights a layer of size `whole`; by default `Lamps`.
+        emission: whether surfaces send what they emit too.
+
+    Attributes:
+        lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
+            lamp shone on the last frame.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        whole: Size,
+        layers: int = 1,
+        attributes: int | None = None,
+        lamps: Callable[[], Lamps] | None = None,
+        *,
+        emission: bool = True,
+    ) -> None:
+        self.runtime = runtime
+        self.whole = whole
+        self.layers = layers
+        self.attributes = layers if attributes is None else attributes
+        self.lamps: Plane | None = None
+        self._emission = emission
+        # What the front layer gets is of use later; deeper layers share memory.
+        self._lamps = [
+            lamps() if lamps else Lamps(runtime, whole) for _ in range(min(self.attributes, 2))
+        ]
+        self._ambient = Ambient(runtime)
+        self._radiance = runtime.plane(3 * layers, whole)
+        self._nothing = runtime.plane(1, (1, 1))
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        step: int = 1,
+    ) -> Plane | None:
+        """Queue the passes.
+
+        Args:
+            gbuffer: whose layers send light as far as they have normals, albedo and emission.
+            lights: any number of lights.
+            shadows: one entry for each light (None: it casts no shadow).
+            openness: its first image is A of every `step`-th pixel of the image; dims the light of
+                environments on all layers and on the margin, for which the nearest pixel stands.
+            step: 1, 2 or 4.
+
+        Returns:
+            3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is;
+            None if all is dark.
+        """
+        given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
+        if given != (self.whole, self.layers, self.attributes):
+            raise ValueError(
+                "the G-buffer's size with margin, layers and layers with attributes are "
+                f"{given}: expected {(self.whole, self.layers, self.attributes)}"
+            )
+        self._ambient.set(lights)
+        self.lamps = None
+        for number in range(self.attributes):
+            layer = gbuffer.layer(number)
+            lamps = self._lamps[min(number, 1)].run(layer, lights, shadows)
+            if number == 0:
+                self.lamps = lamps
+            if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
+                self.runtime.skip("lit layers", "no light and no emission")
+                return None
+            self._light(layer, lamps, openness, step, gbuffer.margin)
+        return self._radiance
+
+    def _emits(self, gbuffer: DeviceGBuffer) -> bool:
+        return gbuffer.emits and self._emission
+
+    def _light(
+        self,
+        layer: DeviceGBuffer,
+        lamps: Plane | None,
+        openness: Plane | None,
+        step: int,
+        margin: Size,
+    ) -> None:
+        kernel = self.runtime.kernel(
+            "lit_layers/lit_layers.cl",
+            {
+                "LIT_LAMPS": int(lamps is not None),
+                "LIT_AMBIENT": int(self._ambient.shines),
+                "LIT_OPENNESS": int(openness is not None),
+                "LIT_EMISSION": int(self._emits(layer)),
+                "LIT_STEP": step,
+            },
+            (LIT,),
+        )
+        assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
+        rows, columns = openness.size if openness is not None else (1, 1)
+        values = {
+            **rotation_values(layer.camera.view[:3, :3].T),
+            "layer": layer.front,
+            "margin_columns": margin[1],
+            "margin_rows": margin[0],
+            "open_columns": columns,
+            "open_rows": rows,
+        }
+        kernel.run(
+            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else ""),
+            self.whole,
+            reads=[
+                layer.depth, layer.normal, layer.albedo, layer.emission,
+                lamps or self._nothing, openness or self._nothing, self._ambient.coefficients,
+            ],
+            writes=[self._radiance],
+            values=[LIT.pack(values)],
+        )

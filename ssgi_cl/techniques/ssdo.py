@@ -1,0 +1,344 @@
+"""Screen-space directional occlusion: direct light that near surfaces hide, and one bounce."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl import check
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.lights import Environment, Light
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import Struct, floats
+from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.lamps import Lamps, ShadowMap
+from ssgi_cl.techniques.lit_layers import LitLayers
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.techniques.sky import Sky
+from ssgi_cl.techniques.ssdo_back import SenderOpenness, back_end
+from ssgi_cl.techniques.ssdo_lamps import LampBlur, lamps_of
+from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+
+SPLIT = Struct(
+    "SplitParams",
+    (
+        *floats("red", "green", "blue"),
+        *((n, "int") for n in ("margin_columns", "margin_rows", "lamps_columns", "lamps_rows")),
+    ),
+)
+
+@dataclass(frozen=True, eq=False)
+class SsdoPlanes:
+    """What a frame gives, in device memory.
+
+    Attributes:
+        direct: 3 images, irradiance by all lights, W/m^2; 0 where nothing is.
+        bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
+        openness: A, the first image of it, or None if no pass needed it.
+    """
+
+    direct: Plane
+    bounce: Plane | None
+    openness: Plane | None
+
+
+class Ssdo:
+    """Directional occlusion and one bounce, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the results.
+        params: see `SsdoParams`.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+        layers: depth layers of the G-buffers.
+        attributes: layers of them that have normals, albedo and emission, 1 or all: only these
+            send light.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: SsdoParams | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+        attributes: int = 1,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.params = params = params or SsdoParams()
+        self._shape = (size, margin, layers, attributes)
+        self._back = back_end(runtime, size, params, margin, layers)
+        self._step = RESOLUTIONS[params.resolution]
+        whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
+        self._senders: LitLayers | None = None
+        if params.bounce:
+            self._senders = LitLayers(
+                runtime, whole, layers, attributes, lamps_of(runtime, whole, params),
+                emission=params.emission,
+            )
+        self._openness: SenderOpenness | None = None
+        self._views: ViewSenders | None = None
+        self._lamps: Lamps | None = None
+        self._lamp_blur = LampBlur(runtime, params)
+        self._sky = Sky(runtime)
+        self._reduced: ReducedGBuffer | None = None
+        self._finish: dict[int, tuple[Bilateral, Upsample | None]] = {}
+        self._nothing = runtime.plane(1, (1, 1))
+        self._direct = runtime.plane(3, size)
+        self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
+        shadows: Sequence[ShadowMap | None] | None = None,
+        radiance: Plane | None = None,
+        views: Iterable[DeviceGBuffer] = (),
+    ) -> SsdoPlanes:
+        """Queue the passes. Nothing is allocated after the first call with such arguments.
+
+        Args:
+            gbuffer: of the size, margin, layers and attributes that this was prepared for.
+            lights: any number of lights.
+            shadows: one entry for each light (None: it casts no shadow).
+            radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
+                channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is.
+            views: what further cameras see, of any size, margin and layers; surfaces that they see
+                hide and send light where the G-buffer shows none. Each is done with before the
+                next is asked for. Only with the method "bitmask".
+        """
+        given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
+        if given != self._shape:
+            raise ValueError(
+                f"the G-buffer's size, margin, layers and layers with attributes are {given}: "
+                f"expected {self._shape}"
+            )
+        self._sky.set([light for light in lights if isinstance(light, Environment)])
+        ambient = self._sky.image is not None or bool(self._sky.constant.any())
+        source = self._source(gbuffer)
+        lamps: Plane | None
+        if self._senders is not None and radiance is None:
+            openness = self._sender_openness(gbuffer) if ambient else None
+            radiance = self._senders.run(
+                gbuffer, lights, shadows, openness, SenderOpenness.step
+            )
+            lamps, lamps_margin = self._senders.lamps, gbuffer.margin
+        else:
+            self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
+            lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
+        if lamps is not None:
+            lamps = self._lamp_blur.run(lamps, gbuffer, lights, shadows)
+        sent = radiance if self.params.bounce else None
+        gathered = None
+        if sent is None and not ambient:
+            self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
+        else:
+            sky = self._sky if self._sky.image is not None else None
+            light = self._gathered(gbuffer, source, sent, sky, lights, shadows, views)
+            gathered = self._finished(light, gbuffer)
+        self._split(gbuffer, gathered, sent is not None, lamps, lamps_margin)
+        return SsdoPlanes(self._direct, None if sent is None else self._bounce, gathered)
+
+    def _sender_openness(self, gbuffer: DeviceGBuffer) -> Plane:
+        if self._openness is None:
+            size, margin, layers, _ = self._shape
+            self._openness = SenderOpenness(self.runtime, size, self.params, margin, layers)
+        return self._openness.run(gbuffer)
+
+    def _gathered(
+        self,
+        gbuffer: DeviceGBuffer,
+        source: Any,
+        sent: Plane | None,
+        sky: Sky | None,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        views: Iterable[DeviceGBuffer],
+    ) -> Plane:
+        """Queue the back end, and what further cameras add to it."""
+        views = iter(views)
+        first = next(views, None)
+        if first is None:
+            return self._back.gather(gbuffer, source, sent, sky)
+        if self._views is None:
+            if self.params.method != "bitmask":
+                raise ValueError("there are views: expected none without the method 'bitmask'")
+            self._views = ViewSenders(self.runtime, self.params)
+            size, margin, layers, _ = self._shape
+            self._back = back_end(self.runtime, size, self.params, margin, layers, masks=True)
+        light = self._back.gather(gbuffer, source, sent, sky)
+        masks = getattr(self._back, "masks", None)
+        assert masks is not None  # noqa: S101  they were asked for
+        for view in chain((first,), views):
+            self._views.add(
+                light, masks, gbuffer, source, view, lights, shadows, sends=sent is not None
+            )
+        return light
+
+    def _source(self, gbuffer: DeviceGBuffer) -> Any:
+        """Return the G-buffer, or what is picked from it for the size of the back end."""
+        if self._step == 1:
+            return gbuffer
+        if self._reduced is None:
+            self._reduced = ReducedGBuffer(gbuffer, self._step)
+        self._reduced.update(gbuffer)
+        return self._reduced
+
+    def _finished(self, plane: Plane, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the blur and the upsampling of all images at once."""
+        params, count = self.params, plane.count
+        late = self._step > 1 and params.blur_resolution == "full"
+        if count not in self._finish:
+            smooth = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+            self._finish[count] = (
+                Bilateral(self.runtime, self.size if late else plane.size, smooth, count),
+                Upsample(self.runtime, self.size, self._step, count) if self._step > 1 else None,
+            )
+        blur, upsample = self._finish[count]
+        if not late:
+            source: Any = self._reduced or gbuffer
+            plane = blur.run(plane, source)
+        if upsample is not None and self._reduced is not None:
+            plane = upsample.run(plane, self._reduced, gbuffer)
+        return blur.run(plane, gbuffer) if late else plane
+
+    def _split(
+        self,
+        gbuffer: DeviceGBuffer,
+        gathered: Plane | None,
+        bounces: bool,
+        lamps: Plane | None,
+        lamps_margin: Size,
+    ) -> None:
+        kernel = self.runtime.kernel(
+            "ssdo/ssdo_split.cl",
+            {
+                "SPLIT_GATHERED": int(gathered is not None),
+                "SPLIT_SKY": int(gathered is not None and self._sky.image is not None),
+                "SPLIT_BOUNCE": int(bounces),
+                "SPLIT_LAMPS": int(lamps is not None),
+            },
+            (SPLIT,),
+        )
+        red, green, blue = (np.pi * self._sky.constant).tolist()
+        values = {
+            "red": red, "green": green, "blue": blue,
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+            "lamps_columns": lamps_margin[1],
+            "lamps_rows": lamps_margin[0],
+        }
+        kernel.run(
+            "ssdo split",
+            self.size,
+            reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
+            writes=[self._direct, self._bounce],
+            values=[SPLIT.pack(values)],
+        )
+
+
+def ssdo(
+    gbuffer: GBuffer | DeviceGBuffer,
+    lights: Sequence[Light],
+    radius: float = 0.5,
+    *,
+    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    radiance: ArrayLike | None = None,
+    views: Sequence[GBuffer | DeviceGBuffer] = (),
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Compute direct light that near surfaces hide, and the light that they reflect once.
+
+    Args:
+        gbuffer: what the camera sees. Surfaces of every depth layer hide light, and those with
+            normals and albedo send it; so do those in the margin.
+        lights: any number of lights. Near surfaces hide the light of environments by direction;
+            that of lamps is hidden where their map says so or, without
+            one, by what the camera sees within the radius.
+        radius: distance up to which surfaces hide and send light, scene units, > 0.
+        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None.
+        radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
+            size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
+            albedo and emission.
+        views: what further cameras see under the same lights (see `extra_cameras`): surfaces that
+            only they see hide and send light too. Only with the method "bitmask".
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `SsdoParams`.
+
+    Returns:
+        Irradiance by all lights and by near surfaces, two [rows, columns, 3] float32 in W/m^2; 0
+        where nothing is there.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    lights = checked_lights(lights, rsms)
+    chosen = SsdoParams(radius=radius, **params)
+    device = on_device(gbuffer, runtime)
+    if device.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime = device.runtime
+    shape = (device.size, device.margin, device.layers, device.attributes)
+    technique: Ssdo = runtime.prepared(
+        (Ssdo, chosen, *shape),
+        lambda: Ssdo(runtime, shape[0], chosen, *shape[1:]),
+    )
+    sent = None if radiance is None else _uploaded(radiance, device)
+    with runtime.frame():
+        planes = technique.run(
+            device, lights, shadows=uploaded_maps(lights, rsms, runtime), radiance=sent,
+            views=[_view(view, number, runtime) for number, view in enumerate(views)],
+        )
+        direct, bounce = (
+            np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
+            for plane in (planes.direct, planes.bounce)
+        )
+    return (
+        np.ascontiguousarray(np.moveaxis(direct, 0, -1)),
+        np.ascontiguousarray(np.moveaxis(bounce, 0, -1)),
+    )
+
+
+def _view(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime) -> DeviceGBuffer:
+    """Return what a further camera sees in device memory of its own."""
+    if isinstance(view, GBuffer):
+        return on_device(view, runtime, place=number + 1)
+    if not isinstance(view, DeviceGBuffer):
+        raise TypeError(
+            f"views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer"
+        )
+    return view
+
+
+def _uploaded(radiance: ArrayLike, device: DeviceGBuffer) -> Plane:
+    """Return the plane of what surfaces send; layers that the array lacks send nothing."""
+    given = np.asarray(radiance)
+    flat = given.reshape(-1, *given.shape[-2:]) if given.ndim == 4 else given
+    values = check.plane("radiance", flat, channels=3, low=0.0, unit="W m^-2 sr^-1")
+    shape = given.shape if given.ndim == 4 else (1, *given.shape)
+    if shape[1:] != (*device.whole, 3) or shape[0] not in (1, device.layers):
+        raise ValueError(
+            f"radiance has shape {given.shape}: expected {(*device.whole, 3)}, or with "
+            f"{device.layers} layers in front, as the depth"
+        )
+    plane: Plane = device.runtime.prepared(
+        (Ssdo, "radiance", device.whole, device.layers),
+        lambda: device.runtime.plane(3 * device.layers, device.whole),
+    )
+    images = np.zeros((3 * device.layers, *device.whole), np.float32)
+    images[: 3 * shape[0]] = np.moveaxis(values.reshape(shape), -1, 1).reshape(-1, *device.whole)
+    plane.upload(images)
+    return plane

@@ -1,0 +1,61 @@
+"""The back ends of directional occlusion, made from its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask
+from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.upsample import ReducedGBuffer
+
+BackEnd = SsdoBitmask | SsdoPoints
+
+
+def back_end(
+    runtime: Runtime,
+    size: Size,
+    params: SsdoParams,
+    margin: Size,
+    layers: int,
+    *,
+    masks: bool = False,
+) -> BackEnd:
+    """Return what gathers light for G-buffers of such a shape; see `Ssdo`.
+
+    `masks` asks for those that further cameras need, which only the bitmask has.
+    """
+    if params.method == "bitmask":
+        return SsdoBitmask(runtime, size, params.bitmask(), margin, layers, masks=masks)
+    return SsdoPoints(runtime, size, RESOLUTIONS[params.resolution], params.points())
+
+
+class SenderOpenness:
+    """A of surfaces that send the sky's light, at a quarter of the size.
+
+    A receiver takes the mean over many of them, so neither size nor noise shows. Without it closed
+    rooms send several times the light they should.
+
+    Attributes:
+        step: pixels of the G-buffer from one of the result to the next.
+    """
+
+    step = RESOLUTIONS["quarter"]
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int
+    ) -> None:
+        low = replace(params, resolution="quarter")
+        self._back = back_end(runtime, size, low, margin, layers)
+        self._reduced: ReducedGBuffer | None = None
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return a plane whose first image is A."""
+        if self._reduced is None:
+            self._reduced = ReducedGBuffer(gbuffer, self.step)
+        self._reduced.update(gbuffer)
+        return self._back.gather(gbuffer, self._reduced, None, None)

@@ -1,0 +1,155 @@
+"""Directional occlusion and one bounce from a visibility bitmask: a back end of SSDO."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.params import param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
+from ssgi_cl.techniques.bitmask_ao import ENDS, BitmaskParams
+from ssgi_cl.techniques.sky import SKY_SIZE, Sky
+from ssgi_cl.techniques.slices import SLICES, SliceScan, check_shape
+
+OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SsdoBitmaskParams(BitmaskParams):
+    """Parameters of directional occlusion and a bounce from a visibility bitmask.
+
+    Surfaces are joined and sectors are equal parts of the cosine-weighted measure, whatever
+    `joined` and `sectors` say. With a radius as large as the room, what few taps don't join is
+    light that is lost; but what is joined hides deeper layers: with 4 of them a slack of 0.3 is as
+    good.
+    """
+
+    slack: float = param(
+        1.0, "depth by which a surface may miss the line through its other taps",
+        low=0.0, high=1e3, unit="radii",
+    )
+
+    back: float = param(
+        0.0, "radiance of a surface's side that the camera does not see, where a receiver sees it",
+        low=0.0, high=1.0, unit="of the other side's",
+    )
+    cones: int = param(
+        8, "directions of each slice in which an environment's image is looked up", low=1, high=16
+    )
+
+
+class SsdoBitmask:
+    """The back end, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+        params: of the technique; those of the blur are of no account here.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+        layers: depth layers of the G-buffers.
+        masks: whether `masks` is wanted.
+
+    Attributes:
+        size: (rows, columns) of the results, as `params.resolution` says.
+        masks: int32, the covered sectors of the last call: bit s of each element is that of
+            sector s, 0 at the second side's tangent plane; laid out as a plane of `params.slices`
+            images of `size`; 0 where nothing is. None if they are not wanted.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: SsdoBitmaskParams | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+        *,
+        masks: bool = False,
+    ) -> None:
+        self.runtime = runtime
+        self.params = params or SsdoBitmaskParams()
+        self._shape = (size, margin, layers)
+        self._scan = SliceScan(runtime, size, self.params, margin, layers)
+        self.size = self._scan.size
+        self._nothing = runtime.array(np.zeros(1, np.float32))
+        self._light: dict[int, Plane] = {}
+        self.masks: DeviceArray | None = None
+        if masks:
+            like = runtime.plane(self.params.slices, self.size)
+            pitch, rows = like.pitch, self.params.slices * self.size[0] + 2
+            self.masks = runtime.array(np.zeros(pitch * rows, np.int32))
+
+    def gather(
+        self,
+        gbuffer: DeviceGBuffer,
+        source: Any,
+        radiance: Plane | None = None,
+        sky: Sky | None = None,
+    ) -> Plane:
+        """Queue the passes; return A and irradiance, of `size`.
+
+        Args:
+            gbuffer: of the size, margin and layers this was prepared for.
+            source: the same, or it reduced to `size`.
+            radiance: of what is seen, images 3 layer + channel of the G-buffer's whole size,
+                W m^-2 sr^-1, 0 where nothing is; None for no bounce. Behind the images of all
+                layers there may be as many of the sides that the camera does not see; `back` of the
+                parameters counts without.
+            sky: whose image lights what is open; None for none. Its `constant` is left to the
+                caller: A tells all about it.
+
+        Returns:
+            A, 1 where nothing is; 3 images of the sky's irradiance, W/m^2, if it has an image; 3 of
+            the bounce's if `radiance` is given; 0 where nothing is.
+
+        Raises:
+            ValueError: the G-buffer or the radiance has another shape.
+        """
+        check_shape(gbuffer, *self._shape)
+        scan, layers = self._scan, gbuffer.layers
+        counts = (3 * layers, 6 * layers)
+        if radiance is not None and (
+            radiance.count not in counts or radiance.size != gbuffer.whole
+        ):
+            raise ValueError(
+                f"radiance has {radiance.count} images of {radiance.size}: expected {counts[0]} or "
+                f"{counts[1]} of {gbuffer.whole}"
+            )
+        lookup = None if sky is None else sky.map
+        near = scan.near(gbuffer, gbuffer.thickness)
+        sent = None if radiance is None else scan.sorted("senders", radiance)
+        light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None))
+        macros = {
+            **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
+            "SLICES_NEXT": ENDS.index(self.params.end),
+            "BITMASK_BOUNCE": int(radiance is not None),
+            "BITMASK_BACKS": int(radiance is not None and radiance.count == counts[1]),
+            "BITMASK_CONES": 0 if lookup is None else self.params.cones,
+            "BITMASK_KEPT": int(self.masks is not None),
+            "SKY_SIZE": SKY_SIZE,
+        }
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
+        values = {"thickness": self.params.thickness, "slack": self.params.slack}
+        self.runtime.kernel("ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)).run(
+            "ssdo_bitmask",
+            self.size,
+            reads=[
+                near, source.normal, scan.table, lookup or self._nothing, sent or self._nothing
+            ],
+            writes=[light, self.masks or self._nothing],
+            values=[source.camera_struct, scan.packed(source, values), OWN.pack(own)],
+            grid=scan.grid,
+        )
+        return light
+
+    def _result(self, count: int) -> Plane:
+        if count not in self._light:
+            self._light[count] = self.runtime.plane(count, self.size, 1.0)
+        return self._light[count]

@@ -1,0 +1,67 @@
+"""Parameters of directional occlusion, and what its back ends get of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ssgi_cl.params import param
+from ssgi_cl.techniques.lamp_shadows import LampShadowParams
+from ssgi_cl.techniques.occlusion import OcclusionParams
+from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
+from ssgi_cl.techniques.ssdo_points import AREAS, PointsParams
+
+METHODS = ("bitmask", "points")
+THICKNESS = {"bitmask": 0.1, "points": 1.0}
+"""Of surfaces by default, in radii."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SsdoParams(OcclusionParams):
+    """Parameters of directional occlusion and one bounce (Ritschel, Grosch and Seidel 2009)."""
+
+    radius: float = param(
+        0.5, "distance up to which surfaces hide light and send it", low=0.0, high=1e30,
+        above=True, unit="scene units",
+    )
+    method: str = param(
+        "bitmask", "how surfaces are found: slices through the line of sight that cover sectors, "
+        "or points in a half ball, as published", choices=METHODS,
+    )
+    bounce: bool = param(True, "whether surfaces within the radius send the light they get")
+    emission: bool = param(
+        True, "whether they send what they emit too: noise, where small ones are bright"
+    )
+    slices: int = param(2, "bitmask: planes through the line of sight", low=1, high=32)
+    taps: int = param(14, "bitmask: depths read on either side of a slice", low=1, high=64)
+    samples: int = param(16, "points: taps per pixel", low=1, high=256)
+    thickness: float = param(
+        0.0, "of surfaces, along the line of sight; 0 for 0.1 with bitmask, 1 with points",
+        low=0.0, high=1e3, unit="radii",
+    )
+    lamp_taps: int = param(
+        12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",
+        low=0, high=256,
+    )
+    area: str = param(
+        "unbiased", "points: of a sender, from the density of taps that find it, or pi radius^2 / "
+        "samples as published", choices=AREAS,
+    )
+
+    def bitmask(self) -> SsdoBitmaskParams:
+        """Return the parameters of the bitmask's back end."""
+        return SsdoBitmaskParams(
+            radius=self.radius, slices=self.slices, taps=self.taps,
+            thickness=self.thickness or THICKNESS["bitmask"], resolution=self.resolution,
+            max_radius_px=self.max_radius_px,
+        )
+
+    def lamps(self) -> LampShadowParams:
+        """Return the parameters of shadows of lamps that have no map."""
+        return LampShadowParams(radius=self.radius, taps=self.lamp_taps)
+
+    def points(self) -> PointsParams:
+        """Return the parameters of the points' back end."""
+        return PointsParams(
+            radius=self.radius, samples=self.samples, area=self.area,
+            thickness=self.thickness or THICKNESS["points"], max_radius_px=self.max_radius_px,
+        )

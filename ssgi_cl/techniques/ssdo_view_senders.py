@@ -1,0 +1,73 @@
+"""What further cameras add to directional occlusion: light of surfaces that only they see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.lights import Environment, Light
+from ssgi_cl.memory import DeviceArray, Plane
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.lamps import ShadowMap
+from ssgi_cl.techniques.lit_layers import LitLayers
+from ssgi_cl.techniques.ssdo_back import SenderOpenness
+from ssgi_cl.techniques.ssdo_lamps import lamps_of
+from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo_views import SsdoViews
+
+
+class ViewSenders:
+    """Lights what further cameras see and adds it, one camera after the other."""
+
+    def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
+        self.runtime = runtime
+        self.params = params
+        self._technique = SsdoViews(runtime, params.bitmask())
+        self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
+
+    def add(
+        self,
+        light: Plane,
+        masks: DeviceArray,
+        gbuffer: DeviceGBuffer,
+        source: Any,
+        view: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        *,
+        sends: bool,
+    ) -> None:
+        """Queue the passes of one further camera.
+
+        Args:
+            light, masks, gbuffer, source: see `SsdoViews.add`.
+            view: what the camera sees.
+            lights, shadows: see `LitLayers.run`.
+            sends: whether surfaces send light, or hide it alone.
+        """
+        radiance = None
+        if sends:
+            senders, openness = self._for(view)
+            ambient = any(
+                isinstance(light, Environment) and np.any(light.radiance) for light in lights
+            )
+            open_ = openness.run(view) if ambient else None
+            radiance = senders.run(view, lights, shadows, open_, openness.step)
+        self._technique.add(light, masks, gbuffer, source, view, radiance)
+
+    def _for(self, view: DeviceGBuffer) -> tuple[LitLayers, SenderOpenness]:
+        """Return what lights a view of such a shape; views share it."""
+        shape = (view.size, view.margin, view.layers, view.attributes)
+        if shape not in self._senders:
+            lit = LitLayers(
+                self.runtime, view.whole, view.layers, view.attributes,
+                lamps_of(self.runtime, view.whole, self.params), emission=self.params.emission,
+            )
+            openness = SenderOpenness(
+                self.runtime, view.size, self.params, view.margin, view.layers
+            )
+            self._senders[shape] = lit, openness
+        return self._senders[shape]

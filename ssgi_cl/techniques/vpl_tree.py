@@ -1,0 +1,176 @@
+"""Virtual point lights as a tree: where their light varies little, few stand for many."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_vpls import VPL, DeviceVpls
+from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA, Struct, floats
+
+CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
+
+RECORD, BOUNDS, LEAF = 12, 16, 6
+"""TREE_RECORD, TREE_BOUNDS and TREE_LEAF in kernels/multires/cluster.clh."""
+GROUP = 64
+"""Consecutive samples that share a cut; CUT_GROUP in kernels/multires/cut.clh."""
+SAMPLES = 1024
+"""That the mean irradiance is estimated from; a multiple of every number of lanes."""
+LISTED = 1 << 23
+"""Places of the lists of one pass, which bounds their memory."""
+ROWS = 2
+"""Times so many samples as a work-item has lanes: each light is read once for all of them."""
+CPU_ITEMS = 256
+"""Work-items that take pieces in turn, since the host doesn't know how many there are."""
+
+
+class Samples(Protocol):
+    """The surface under a plane of values: a G-buffer, or one that was reduced."""
+
+    size: Size
+    margin: Size
+    depth: Plane
+    normal: Plane
+    camera_struct: Any
+
+
+class VplTree:
+    """A tree over lights, and the light of it on lists of samples.
+
+    Args:
+        runtime: the device.
+        lights: what the tree is made of; without parts and subsets.
+        near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
+
+    Attributes:
+        limits: [2] allowed errors in W/m^2, of interpolation and of runs of lights; see `measure`.
+    """
+
+    def __init__(self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int) -> None:
+        self.runtime = runtime
+        self.lights = lights
+        stride, segments = lights.stride, lights.segments
+        width = -(-(stride // 16) // 16) * 16
+        self._runs = stride // 4 + stride // 16 + -(-stride // 64)
+        bounds = LEAF * stride + 6 * BOUNDS * width
+        self._records = runtime.empty(segments * (stride + self._runs) * RECORD, np.float32)
+        self._bounds = runtime.empty(segments * bounds, np.float32)
+        self._found = runtime.empty(SAMPLES, np.float32)
+        self.limits = runtime.empty(2, np.float32)
+        self._most_groups = LISTED // lights.room
+        self._lists = self._counts = runtime.empty(0, np.int32)
+        macros = {"VPL_NEAR": near, "VPL_CUT": cut}
+        self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
+        self._make_runs = runtime.kernel("multires/cluster_runs.cl", {}, (CAMERA, VPL))
+        self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
+        self._limits = runtime.kernel("multires/cut_limits.cl")
+        self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
+        self._shade = [
+            runtime.kernel(
+                "multires/shade_list.cl", {**macros, "SHADE_ROWS": ROWS, "VPL_ADD": add},
+                (CAMERA, VPL, CUT),
+            )
+            for add in (0, 1)
+        ]
+
+    def reserve(self, most: int) -> None:
+        """Make room for the lists of `most` samples, or of as many as a pass takes."""
+        groups = min(-(-most // GROUP), self._most_groups)
+        if self._lists.count < groups * self.lights.room:
+            self._lists = self.runtime.empty(groups * self.lights.room, np.int32)
+            self._counts = self.runtime.empty(groups, np.int32)
+
+    def update(self) -> None:
+        """Queue the passes that make the tree from the lights that there are now."""
+        packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
+        segments = self.lights.segments
+        self._order.run(
+            "light order", (1, 1), reads=[self.lights.lights],
+            writes=[self._records, self._bounds], values=[packed, total], grid=(1, segments),
+        )
+        self._make_runs.run(
+            "light runs", (1, 1), reads=[], writes=[self._records, self._bounds],
+            values=[packed, total], grid=(segments, self._runs), local=(1, 8),
+        )
+
+    def measure(
+        self, source: Samples, samples: DeviceArray, values: dict[str, float],
+        interpolation: float, runs: float,
+    ) -> None:
+        """Queue the passes that set `limits` to shares of the samples' mean irradiance.
+
+        The mean of `SAMPLES` of them, lit by runs of 16 lights.
+        """
+        self._mean.run(
+            "mean", source.size, reads=[source.depth, source.normal, samples, self._records],
+            writes=[self._found],
+            values=[source.camera_struct, self._packed(values, source.margin),
+                    np.int32(self.lights.count), np.int32(SAMPLES)],
+            grid=(1, SAMPLES // self.runtime.form.lanes), local=(1, 4),
+        )
+        self._limits.run(
+            "mean", source.size, reads=[self._found], writes=[self.limits],
+            values=[np.int32(SAMPLES), np.float32(interpolation), np.float32(runs)],
+            grid=(1, 1),
+        )
+
+    def shine(
+        self, source: Samples, samples: DeviceArray, most: int, result: Plane,
+        values: dict[str, float],
+    ) -> None:
+        """Queue the passes that write the irradiance of the samples to a plane.
+
+        Args:
+            source: the surfaces that light falls on.
+            samples: how many there are, and so many times row << 16 | column.
+            most: of them, at most; `reserve` made room for so many.
+            result: 3 images of the source's size, W/m^2; other pixels stay as they are.
+            values: members of the struct `VPL` that depend on the technique.
+        """
+        lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
+        items = 1 << 30 if is_gpu else CPU_ITEMS
+        local = (1, 64 if is_gpu else 1)
+        pieces = GROUP // (ROWS * lanes)
+        groups, scale = -(-most // GROUP), 1.0 / self.lights.values["gain"]
+        pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
+        for first in range(0, groups, self._counts.count):
+            here = min(groups - first, self._counts.count)
+            cut = CUT.pack({"first": first, "groups": here, "scale": scale})
+            for number, batch in enumerate(self.lights.batches()):
+                packed = self._packed({**values, **batch}, source.margin)
+                shared = [source.camera_struct, packed, cut]
+                self._cut.run(
+                    "light cuts", source.size, reads=[*pixels, self._bounds, self.limits],
+                    writes=[self._lists, self._counts], values=shared,
+                    grid=(1, min(here, items)), local=local,
+                )
+                self._shade[number > 0].run(
+                    "light samples", source.size,
+                    reads=[*pixels, self._records, self._lists, self._counts], writes=[result],
+                    values=shared, grid=(1, min(here * pieces, items)), local=local,
+                )
+
+    def cuts(self, count: int) -> list[NDArray[np.int32]]:
+        """Return which records the first groups of the latest pass listed. Waits for the device."""
+        counts = self._counts.download()[:count]
+        lists = self._lists.download().reshape(-1, self.lights.room)
+        return [row[:length] for row, length in zip(lists, counts, strict=False)]
+
+    def records(self) -> NDArray[np.float32]:
+        """Return [segments, records, RECORD] what stands for the lights. Waits for the device."""
+        return self._records.download().reshape(self.lights.segments, -1, RECORD)
+
+    def _packed(self, values: dict[str, float], margin: Size) -> Any:
+        return VPL.pack(
+            {
+                **_ZEROS, **self.lights.values, **values,
+                "margin_columns": margin[1], "margin_rows": margin[0],
+            }
+        )
+
+
+_ZEROS = {name: 0 for name, _ in VPL.members}

@@ -1,0 +1,140 @@
+"""The light that every layer sends: against deferred shading of each layer alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import on_device
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.memory import Size
+from ssgi_cl.reference.shade import shade_reference
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.lit_layers import LitLayers
+
+from .analytic import camera, scene
+
+SKY = np.random.default_rng(3).random((8, 16, 3))
+LIGHTS: tuple[Light, ...] = (
+    PointLight((0.3, 1.5, 1.2), (1, 2, 3)),
+    Environment(SKY),
+    DirectionalLight((-0.3, -1.0, -0.5), (3, 2, 1)),
+)
+SIZE = (21, 37)
+
+
+def layered(rng: np.random.Generator, margin: Size = (0, 0), *, emits: bool = True) -> GBuffer:
+    """Return a G-buffer of two layers, with all attributes of both; the second has holes."""
+    front, back = (scene(name, camera(size=SIZE), rng, margin=margin) for name in ("bumpy", "ball"))
+    depth = np.stack([np.asarray(front.depth), 8.0 * np.asarray(back.depth)])
+    shape = (*depth.shape, 3)
+    return GBuffer(
+        camera=front.camera,
+        depth=depth,
+        normal=np.stack([np.asarray(each.normal) for each in (front, back)]),
+        albedo=rng.random(shape, np.float32),
+        emission=rng.random(shape, np.float32) if emits else None,
+    )
+
+
+def alone(gbuffer: GBuffer, layer: int) -> GBuffer:
+    """Return one layer, the margin as part of the image."""
+    camera = gbuffer.camera.with_margin(gbuffer.margin)
+    parts = {
+        name: None if (array := getattr(gbuffer, name)) is None else np.asarray(array)[layer]
+        for name in ("depth", "normal", "albedo", "emission")
+    }
+    return GBuffer(camera=camera, **parts)
+
+
+def lit(
+    runtime: Runtime,
+    gbuffer: GBuffer,
+    lights: tuple[Light, ...],
+    openness: NDArray[np.float32] | None = None,
+    step: int = 1,
+) -> NDArray[np.float32] | None:
+    """Return radiance [layers, rows, columns, 3] with margin, or None."""
+    device = on_device(gbuffer, runtime)
+    plane = None
+    if openness is not None:
+        plane = runtime.plane(1, openness.shape, 1.0)
+        plane.upload(openness[None])
+    with runtime.frame():
+        result = LitLayers(runtime, device.whole, device.attributes).run(
+            device, lights, openness=plane, step=step
+        )
+        if result is None:
+            return None
+        return np.moveaxis(result.download().reshape(-1, 3, *device.whole), 1, -1)
+
+
+def spread(openness: NDArray[np.float32], margin: Size, step: int) -> NDArray[np.float32]:
+    """Return A of the nearest pixel that has one for each pixel, margin included."""
+    index = []
+    for axis in (0, 1):
+        at = np.arange(-margin[axis], SIZE[axis] + margin[axis])
+        nearest = (np.clip(at, 0, None) + step // 2) // step
+        index.append(np.minimum(nearest, openness.shape[axis] - 1))
+    return openness[np.ix_(*index)]
+
+
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+@pytest.mark.parametrize("emits", [True, False])
+def test_each_layer_is_shaded_as_if_it_were_alone(
+    form_runtime: Runtime, rng: np.random.Generator, margin: Size, emits: bool
+) -> None:
+    gbuffer = layered(rng, margin, emits=emits)
+    radiance = lit(form_runtime, gbuffer, LIGHTS)
+    assert radiance is not None
+    for layer in range(2):
+        single = alone(gbuffer, layer)
+        there = np.isfinite(np.asarray(single.depth))
+        expected = np.where(there[..., None], shade_reference(single, LIGHTS), 0.0)
+        # float32 positions and normals: a few roundings, relative to the brightest
+        np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
+        assert not there.all() or layer == 0
+
+
+@pytest.mark.parametrize("step", [1, 2, 4])
+def test_openness_dims_the_sky_of_the_nearest_pixels(
+    form_runtime: Runtime, rng: np.random.Generator, step: int
+) -> None:
+    margin = (3, 5)
+    gbuffer = layered(rng, margin, emits=False)
+    openness = rng.random((-(-SIZE[0] // step), -(-SIZE[1] // step)), np.float32)
+    radiance = lit(form_runtime, gbuffer, LIGHTS, openness, step)
+    assert radiance is not None
+    ao = spread(openness, margin, step)
+    for layer in range(2):
+        single = alone(gbuffer, layer)
+        there = np.isfinite(np.asarray(single.depth))
+        expected = np.where(there[..., None], shade_reference(single, LIGHTS, ao=ao), 0.0)
+        np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
+
+
+def test_without_light_and_emission_nothing_is_sent(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    assert lit(runtime, layered(rng, emits=False), (PointLight((0, 1, 0), 0.0),)) is None
+    assert ("lit layers", "no light and no emission") in [
+        (each.name, each.skipped) for each in runtime.times()
+    ]
+    assert lit(runtime, layered(rng), ()) is not None
+
+
+def test_a_second_frame_allocates_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
+    device = on_device(layered(rng), runtime)
+    technique = LitLayers(runtime, device.whole, 2)
+    technique.run(device, LIGHTS)
+    before = runtime.allocated_bytes, runtime.builds
+    technique.run(device, LIGHTS)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+
+
+def test_other_gbuffers_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
+    device = on_device(layered(rng), runtime)
+    with pytest.raises(ValueError, match=r"layers with attributes are .*, 2, 2\): expected"):
+        LitLayers(runtime, device.whole, 1).run(device, LIGHTS)

@@ -1,0 +1,293 @@
+"""Multiresolution splatting: against all lights at all pixels, limits, seams, bad input."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize import gbuffer as drawn
+from ssgi_cl.rasterize import rsm
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.multires_splat import multires_splat_reference
+from ssgi_cl.reference.vpl_splat import vpl_splat_reference
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams, multires_splat
+from ssgi_cl.techniques.vpl_splat import VplSplatParams
+from ssgi_cl.vpls import Vpls, choose_vpls
+
+from .analytic import Plane, camera, scene, trace
+from .test_vpl_tree import lights, uploaded
+
+Floats = NDArray[np.float32]
+
+
+def splatted(
+    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
+) -> tuple[Floats, MultiresSplat]:
+    """Return irradiance, and what made it."""
+    chosen = MultiresSplatParams(**{"vpls": max(len(vpls), 1), **params})
+    technique = MultiresSplat(runtime, gbuffer.size, chosen)
+    return np.moveaxis(technique.run(uploaded(runtime, gbuffer), vpls).download(), 0, -1), technique
+
+
+def full(gbuffer: GBuffer, vpls: Vpls) -> NDArray[np.float64]:
+    return vpl_splat_reference(gbuffer, vpls, VplSplatParams(cutoff=0.0))
+
+
+def relative(off: NDArray[Any], image: NDArray[Any], seen: NDArray[np.bool_]) -> float:
+    """Root of the mean square of a difference, relative to the mean of an image."""
+    return math.sqrt(np.mean(off[seen] ** 2)) / float(image[seen].mean())
+
+
+def box(runtime: Runtime, camera_of: Any = None, count: int = 1024) -> tuple[GBuffer, Vpls]:
+    made = BUILTIN_SCENES["cornell_box"]()
+    view = camera_of(made) if camera_of else made.camera(160, 120)
+    seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
+    return drawn(made.scene, view, runtime=runtime), choose_vpls(seen, count, runtime=runtime)
+
+
+def wall(size: tuple[int, int] = (96, 128)) -> GBuffer:
+    """A wall z = 0 of 4 high, seen from the front."""
+    view = camera("orthographic", size=size, eye=(0, 0, 3), target=(0, 0, 0))
+    return trace(view, [Plane((0, 0, 0), (0, 0, 1))])
+
+
+def spots(at: Any, height: float, flux: float = 1.0) -> Vpls:
+    """Lights above points (x, y) of that wall, which look at it."""
+    position = np.concatenate([np.asarray(at), np.full((len(at), 1), height)], axis=1)
+    return Vpls(
+        position, np.tile([0.0, 0.0, -1.0], (len(at), 1)), np.full((len(at), 3), flux),
+        np.full(len(at), 1e-3),
+    )
+
+
+# ---- against all lights at all pixels
+
+
+@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 31)], ids=str)
+def test_every_kernel_form_has_all_light_where_every_pixel_is_computed(
+    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
+    margin: tuple[int, int],
+) -> None:
+    gbuffer, vpls = scene("corner", camera(size=size), rng, margin=margin), lights(rng, 50)
+    e, technique = splatted(form_runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
+    wanted = full(gbuffer, vpls)
+    # A few roundings of 2^-24; grazing lights are differences of float32 positions.
+    np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-5 * wanted.mean())
+    there = np.isfinite(gbuffer.inner(np.asarray(gbuffer.depth)))
+    assert sum(technique.grid.counts().values()) == there.sum()
+
+
+def test_a_margin_changes_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
+    wide, vpls = scene("ball", camera(size=(45, 61)), rng, margin=(3, 5)), lights(rng)
+    inner = GBuffer(
+        camera=wide.camera, depth=wide.inner(np.asarray(wide.depth)),
+        normal=wide.inner(np.asarray(wide.normal)),
+    )
+    one, other = (splatted(runtime, gbuffer, vpls)[0] for gbuffer in (wide, inner))
+    # Positions round differently: columns count from the margin's.
+    np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * other.mean())
+
+
+def test_every_kernel_form_gives_the_same_result(
+    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng)
+    one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, form_runtime))
+    # Contraction is off, so forms differ only where a device's division is not exact.
+    np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * one.mean())
+
+
+@pytest.mark.parametrize("params", [{}, {"cutoff": 0.2}, {"near": "clamped", "coarsest": 8}])
+def test_kernels_agree_with_numpy_twin(
+    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
+) -> None:
+    gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng, 100)
+    e, technique = splatted(runtime, gbuffer, vpls, light_error=0.0, **params)
+    mean = float(technique.tree.limits.download()[0]) / technique.params.error
+    wanted, steps = multires_splat_reference(gbuffer, vpls, technique.params, mean)
+    computed = technique.grid.computed()
+    assert 0.02 < np.mean(steps > 0) < 0.8
+    # An error next to the bound may round to either side of it, which moves what lies around.
+    assert np.mean(computed != steps) < 0.01
+    close = np.abs(e - wanted) < 1e-3 * (wanted + 0.1 * wanted.mean())
+    assert np.mean(close) > 0.98
+    both = (computed > 0) & (steps > 0)
+    np.testing.assert_allclose(e[both], wanted[both], rtol=1e-3, atol=1e-5 * wanted.mean())
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"]
+)
+def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str) -> None:
+    made = BUILTIN_SCENES[name]()
+    gbuffer = drawn(made.scene, made.camera(320, 240), runtime=runtime)
+    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
+    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    every, _ = splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
+    seen = np.isfinite(np.asarray(gbuffer.depth))
+    errors, pixels = [], []
+    for error in (0.005, 0.01, 0.04):
+        e, technique = splatted(runtime, gbuffer, vpls, error=error, light_error=0.5 * error)
+        errors.append(relative(e - every, every, seen))
+        pixels.append(sum(technique.grid.counts().values()))
+    # The error is estimated, not bounded: at corners light bends more than samples can tell.
+    assert errors[0] < errors[1] < errors[2]
+    assert errors[1] < 0.015
+    assert pixels[0] > pixels[1] > pixels[2]
+
+
+# ---- light that is easy or hard to interpolate
+
+
+def test_constant_light_stays_constant(form_runtime: Runtime) -> None:
+    # A light so far away that float32 sees no difference over the wall.
+    e, technique = splatted(form_runtime, wall(), spots([(0.0, 0.0)], 1e4, 1e8))
+    # Its direction differs by (2 / 1e4)^2.
+    np.testing.assert_allclose(e, np.broadcast_to(e[48, 64], e.shape), rtol=1e-6)
+    # The coarsest level is complete, with the last column and row of no finer one.
+    assert technique.grid.counts() == {16: 48, 8: 0, 4: 0, 2: 0, 1: 0}
+
+
+def test_sharp_light_on_a_flat_wall_is_not_blurred(runtime: Runtime) -> None:
+    # Hot spots two to six pixels wide, between the points of the coarsest level.
+    at = [(0.13, 0.21), (-0.71, 0.43), (0.9, -0.66)]
+    gbuffer, vpls = wall(), Vpls(*(
+        np.concatenate(pair) for pair in zip(
+            *((v.position, v.normal, v.flux, v.area)
+              for v in (spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0))), strict=True,
+        )
+    ))
+    wanted = full(gbuffer, vpls)
+    seen = np.ones(wanted.shape[:2], np.bool_)
+    sharp, technique = splatted(runtime, gbuffer, vpls, error=0.01)
+    blurred, coarse = splatted(runtime, gbuffer, vpls, error=1e6)
+    assert relative(sharp - wanted, wanted, seen) < 0.01
+    assert relative(blurred - wanted, wanted, seen) > 3.0 * relative(sharp - wanted, wanted, seen)
+    assert sum(coarse.grid.counts().values()) < sum(technique.grid.counts().values()) < 4000
+
+
+def test_a_camera_that_moves_by_a_hundredth_pixel_changes_little(runtime: Runtime) -> None:
+    def moved(pixels: float) -> Any:
+        def camera_of(made: Any) -> Camera:
+            view = made.camera(160, 120)
+            projection = view.projection.copy()
+            projection[0, 2] += 2.0 * pixels / 160
+            return replace(view, projection=projection)
+        return camera_of
+
+    found = []
+    for pixels in (0.0, 0.01):
+        gbuffer, vpls = box(runtime, moved(pixels))
+        e, _ = splatted(runtime, gbuffer, vpls)
+        found.append((e, np.asarray(gbuffer.depth), full_on_device(runtime, gbuffer, vpls)))
+    (a, depth, a_full), (b, other, b_full) = found
+    mean = a[np.isfinite(depth)].mean()
+    # Where the same surface is seen and all lights themselves change little.
+    same = np.abs(1.0 / depth - 1.0 / other) < 1e-3
+    calm = np.abs(a_full - b_full).max(axis=-1) < 0.002 * mean
+    change = np.abs(a - b).max(axis=-1)[same & calm]
+    # Measured: 0.001 and 0.0012. A pixel that is computed in one image and not in the other jumps
+    # by the error of its interpolation, which is estimated, not bounded.
+    assert np.mean(change > 0.01 * mean) < 0.002
+    assert math.sqrt(np.mean(change**2)) < 0.002 * mean
+
+
+def full_on_device(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
+    return splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)[0]
+
+
+# ---- nothing there
+
+
+def test_empty_pixels_and_images_get_no_light(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    made, vpls = camera(size=(20, 30)), lights(rng, 40)
+    nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
+    np.testing.assert_array_equal(splatted(form_runtime, nothing, vpls)[0], 0.0)
+    gbuffer = scene("ball", made, rng)
+    empty = np.isinf(np.asarray(gbuffer.depth))
+    e, _ = splatted(form_runtime, gbuffer, vpls)
+    np.testing.assert_array_equal(e[empty], 0.0)
+    assert e[~empty].any()
+
+
+def test_no_light_is_skipped_and_said(runtime: Runtime) -> None:
+    none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    gbuffer = uploaded(runtime, wall())
+    technique = MultiresSplat(runtime, gbuffer.size)
+    with runtime.frame():
+        result = technique.run(gbuffer, none)
+    np.testing.assert_array_equal(result.download(), 0.0)
+    assert [(p.name, p.skipped) for p in runtime.times()] == [("multires splat", "no light")]
+    np.testing.assert_array_equal(multires_splat(wall(), [], runtime=runtime), 0.0)
+
+
+def test_a_map_without_light_gives_none(runtime: Runtime) -> None:
+    made = BUILTIN_SCENES["cornell_box"]()
+    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
+    seen = rsm(made.scene, made.lights[0], size=32, runtime=runtime)  # type: ignore[arg-type]
+    dark = replace(seen, flux=np.zeros_like(np.asarray(seen.flux)))
+    np.testing.assert_array_equal(multires_splat(gbuffer, dark, 64, runtime=runtime), 0.0)
+    assert multires_splat(gbuffer, seen, 64, runtime=runtime).any()
+
+
+# ---- prepared once, called many times
+
+
+def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer, vpls = uploaded(form_runtime, scene("ball", camera(), rng)), lights(rng)
+    technique = MultiresSplat(form_runtime, gbuffer.size)
+    first = technique.run(gbuffer, vpls).download()
+    before = form_runtime.allocated_bytes, form_runtime.builds
+    second = technique.run(gbuffer, vpls).download()
+    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    np.testing.assert_array_equal(first, second)
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize(
+    ("params", "error", "message"),
+    [
+        ({"vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
+        ({"error": -0.1}, ValueError, r"error is -0.1: expected a number >= 0.*mean irradiance"),
+        ({"light_error": math.nan}, ValueError, r"light_error is nan: expected a number"),
+        ({"cutoff": -1.0}, ValueError, r"cutoff is -1.0: expected a number >= 0"),
+        ({"near": "far"}, ValueError, r"near is 'far': expected one of 'disk', 'clamped'"),
+        ({"coarsest": 3}, ValueError, r"coarsest is 3: expected one of"),
+        ({"colour": 1}, TypeError, r"colour"),
+    ],
+    ids=str,
+)
+def test_bad_parameter_is_refused_with_its_name_value_and_range(
+    runtime: Runtime, params: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        multires_splat(wall(), [], runtime=runtime, **params)
+
+
+def test_other_sizes_too_many_lights_and_an_empty_gbuffer_are_refused(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    technique = MultiresSplat(runtime, (8, 8), MultiresSplatParams(vpls=10))
+    with pytest.raises(ValueError, match=r"size is \(9, 9\): expected \(8, 8\)"):
+        technique.run(uploaded(runtime, wall((9, 9))), lights(rng, 5))
+    with pytest.raises(ValueError, match=r"vpls has 11 lights: expected at most 10"):
+        technique.run(uploaded(runtime, wall((8, 8))), lights(rng, 11))
+    with pytest.raises(ValueError, match=r"the device G-buffer is empty"):
+        technique.run(DeviceGBuffer(runtime, (8, 8)), lights(rng, 5))

@@ -1,0 +1,256 @@
+"""The tree of virtual point lights: against its twin, sums, limits, order, far and near groups."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device_vpls import DeviceVpls
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.memory import DeviceArray
+from ssgi_cl.rasterize import gbuffer as drawn
+from ssgi_cl.rasterize import rsm
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
+from ssgi_cl.reference.vpl_tree import VplTreeReference, group_of
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.vpl_splat import VplSplatParams
+from ssgi_cl.techniques.vpl_tree import GROUP, VplTree
+from ssgi_cl.vpls import Vpls, choose_vpls
+
+from .analytic import CAMERAS, camera, scene
+
+
+def lights(rng: np.random.Generator, count: int = 300) -> Vpls:
+    """Patches of lights of alike direction round the analytic scenes, as on surfaces."""
+    patches = -(-count // 25)
+    middle = rng.uniform((-1.5, -0.2, -1.5), (1.5, 1.5, 1.5), (patches, 3)).repeat(25, axis=0)
+    way = rng.standard_normal((patches, 3)).repeat(25, axis=0)
+    normal = way + 0.1 * rng.standard_normal(way.shape)
+    return Vpls(
+        (middle + 0.1 * rng.standard_normal(way.shape))[:count],
+        (normal / np.linalg.norm(normal, axis=1, keepdims=True))[:count],
+        rng.uniform(0.5, 1.0, (count, 3)), rng.uniform(1e-3, 1e-2, count),
+    )
+
+
+def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
+    device.upload(gbuffer)
+    return device
+
+
+def every_pixel(runtime: Runtime, seen: NDArray[np.bool_]) -> DeviceArray:
+    row, column = np.nonzero(seen)
+    return runtime.array(np.concatenate([[len(row)], row << 16 | column]).astype(np.int32))
+
+
+class Lit:
+    """Irradiance of all pixels of an image, group by group in the order of rows."""
+
+    def __init__(
+        self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float, **values: float
+    ) -> None:
+        self.seen, self.point, self.normal = receivers(gbuffer)
+        device = DeviceVpls(runtime, max(len(vpls), 1))
+        device.upload(vpls, gbuffer.camera)
+        self.tree = VplTree(runtime, device, 0, int("cut" in values))
+        source, samples = uploaded(runtime, gbuffer), every_pixel(runtime, self.seen)
+        result = runtime.plane(3, gbuffer.size)
+        self.tree.reserve(self.seen.size)
+        self.tree.update()
+        self.tree.measure(source, samples, values, 0.01, light_error)
+        self.tree.shine(source, samples, self.seen.size, result, values)
+        self.irradiance = np.moveaxis(result.download(), 0, -1)
+        self.tolerance = float(self.tree.limits.download()[1])
+
+    def in_view(self, gbuffer: GBuffer) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        view = gbuffer.camera.view
+        return self.point @ view[:3, :3].T + view[:3, 3], self.normal @ view[:3, :3].T
+
+
+def full(gbuffer: GBuffer, vpls: Vpls) -> NDArray[np.float64]:
+    return vpl_splat_reference(gbuffer, vpls, VplSplatParams(cutoff=0.0))
+
+
+# ---- against the twin
+
+
+@pytest.mark.parametrize("count", [1, 5, 64, 300])
+def test_records_are_those_of_the_twin(
+    form_runtime: Runtime, rng: np.random.Generator, count: int
+) -> None:
+    gbuffer, vpls = scene("corner", camera(), rng), lights(rng, count)
+    tree = Lit(form_runtime, gbuffer, vpls, 0.01).tree
+    found, wanted = tree.records()[0], VplTreeReference(vpls, gbuffer.camera)
+    unit = tree.lights.unit
+    power = tree.lights.values["gain"] * unit**2
+    pairs: tuple[tuple[NDArray[Any], NDArray[Any]], ...] = (
+        (found[:, :3] * unit, wanted.position),
+        (-found[:, 4:7], wanted.normal),
+        (found[:, 8:11] * power, wanted.flux),
+        (found[:, 3] * unit**2, wanted.area),
+    )
+    for one, other in pairs:
+        # Sums of at most 64 roundings of 2^-24.
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("light_error", [1e-4, 3e-3, 0.1])
+def test_cuts_and_their_light_are_those_of_the_twin(
+    runtime: Runtime, rng: np.random.Generator, kind: str, light_error: float
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, light_error)
+    twin = VplTreeReference(vpls, gbuffer.camera)
+    point, normal = lit.in_view(gbuffer)
+    found = lit.irradiance[lit.seen]
+    groups = range(0, len(point), GROUP)
+    cuts = lit.tree.cuts(len(groups))
+    other = total = 0
+    for start, records in zip(groups, cuts, strict=True):
+        own = slice(start, start + GROUP)
+        wanted = twin.cut(group_of(point[own], normal[own]), lit.tolerance)
+        other += len(np.setxor1d(records, wanted))
+        total += len(wanted)
+        light = twin.irradiance(records, point[own], normal[own])
+        # Grazing light is a difference of float32 positions.
+        np.testing.assert_allclose(found[own], light, rtol=1e-3, atol=1e-5 * found.mean())
+    # An error next to the tolerance, or a light next to a horizon, may round to either side.
+    assert other < 0.01 * total
+
+
+@pytest.mark.parametrize("light_error", [0.0, 0.005])
+def test_every_kernel_form_gives_the_same_result(
+    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, light_error: float
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(size=(33, 41)), rng, margin=(3, 5)), lights(rng)
+    one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, form_runtime))
+    # Contraction is off, so forms differ only where a device's division is not exact.
+    np.testing.assert_allclose(one.irradiance, other.irradiance, rtol=1e-6)
+    groups = -(-int(one.seen.sum()) // GROUP)
+    for a, b in zip(one.tree.cuts(groups), other.tree.cuts(groups), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+# ---- against all lights
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 5), (17, 31)], ids=str)
+def test_without_an_error_the_light_is_that_of_all_lights(
+    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+) -> None:
+    gbuffer, vpls = scene("corner", camera(size=size), rng), lights(rng)
+    e, wanted = Lit(form_runtime, gbuffer, vpls, 0.0).irradiance, full(gbuffer, vpls)
+    np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-5 * wanted.mean())
+
+
+def test_several_batches_add_up(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer, vpls = scene("corner", camera(size=(12, 16)), rng), lights(rng, 2600)
+    wanted = full(gbuffer, vpls)
+    for light_error, tolerance in ((0.0, 1e-5), (0.005, 0.01)):
+        e = Lit(runtime, gbuffer, vpls, light_error).irradiance
+        off = math.sqrt(np.mean((e - wanted) ** 2)) / wanted.mean()
+        assert off < tolerance
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"]
+)
+def test_few_lights_stand_for_many_at_a_known_error(runtime: Runtime, name: str) -> None:
+    made = BUILTIN_SCENES[name]()
+    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
+    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
+    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    exact = Lit(runtime, gbuffer, vpls, 0.0)
+    mean = exact.irradiance[exact.seen].mean()
+    groups = -(-int(exact.seen.sum()) // GROUP)
+    lengths = [np.mean([len(c) for c in exact.tree.cuts(groups)])]
+    for light_error in (0.003, 0.01):
+        lit = Lit(runtime, gbuffer, vpls, light_error)
+        off = (lit.irradiance - exact.irradiance)[lit.seen]
+        # Measured: 0.1 to 0.7 times the error that is allowed for each run, as they cancel.
+        assert math.sqrt(np.mean(off**2)) < 2.0 * light_error * mean
+        lengths.append(np.mean([len(c) for c in lit.tree.cuts(groups)]))
+    assert lengths[0] > lengths[1] > lengths[2]
+
+
+def test_the_mean_is_close_to_that_of_the_image(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer, vpls = scene("corner", camera(), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, 0.5)
+    wanted = full(gbuffer, vpls)[lit.seen].mean()
+    # Runs of 16 lights whose light is not that of their mean; it is for a tolerance only.
+    assert lit.tolerance == pytest.approx(0.5 * wanted, rel=0.25)
+
+
+# ---- limits
+
+
+def test_lights_on_one_spot_are_one_light(form_runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("corner", camera(), rng)
+    one = Vpls(
+        np.array([[0.0, 1.0, 0.5]]), np.array([[0.0, -1.0, 0.0]]), np.array([[1.0, 2.0, 3.0]]),
+        np.array([0.01]),
+    )
+    many = Vpls(*(np.repeat(v, 64, axis=0) for v in (one.position, one.normal, one.flux, one.area)))
+    lit = Lit(form_runtime, gbuffer, many, 1e-4)
+    wanted = 64.0 * full(gbuffer, one)
+    np.testing.assert_allclose(lit.irradiance, wanted, rtol=1e-4, atol=1e-6 * wanted.mean())
+    lengths = {len(c) for c in lit.tree.cuts(-(-int(lit.seen.sum()) // GROUP))}
+    # None where it is dark; more where the light is inside the group's bounds.
+    assert {1} < lengths <= {0, 1, 4, 16, 64}
+
+
+def test_samples_next_to_lights_take_them_one_by_one(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer = scene("corner", camera(), rng)
+    _, point, normal = receivers(gbuffer)
+    # Just above the surface, and looking down at it.
+    at = point[::40][:64]
+    vpls = Vpls(at + 1e-3 * normal[::40][:64], -normal[::40][:64], np.ones((len(at), 3)),
+                np.full(len(at), 1e-4))
+    lit = Lit(runtime, gbuffer, vpls, 0.01)
+    wanted = full(gbuffer, vpls)
+    np.testing.assert_allclose(lit.irradiance, wanted, rtol=0.01, atol=0.02 * wanted.mean())
+
+
+def test_a_cutoff_is_that_of_splatting(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer, vpls = scene("corner", camera(), rng), lights(rng)
+    device = DeviceVpls(runtime, len(vpls))
+    device.upload(vpls, gbuffer.camera)
+    cut = 0.2 / math.pi * device.unit**2
+    e = Lit(runtime, gbuffer, vpls, 0.0, cut=cut).irradiance
+    wanted = vpl_splat_reference(gbuffer, vpls, VplSplatParams(cutoff=0.2))
+    np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-4 * wanted.mean())
+
+
+@pytest.mark.parametrize("power", [0.0, 1e-30, 1e30])
+def test_any_flux_gives_finite_light(
+    form_runtime: Runtime, rng: np.random.Generator, power: float
+) -> None:
+    gbuffer, vpls = scene("corner", camera(), rng), lights(rng, 40)
+    scaled = Vpls(vpls.position, vpls.normal, vpls.flux * power, vpls.area)
+    e = Lit(form_runtime, gbuffer, scaled, 0.005).irradiance
+    assert np.isfinite(e).all()
+    assert (e.max() > 0.0) == (power > 0.0)
+
+
+def test_no_sample_and_no_light_are_no_trouble(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    nothing = GBuffer(
+        camera=camera(), depth=np.full(camera().size, np.inf, np.float32),
+        normal=np.zeros((*camera().size, 3), np.float32),
+    )
+    none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    np.testing.assert_array_equal(Lit(form_runtime, nothing, lights(rng), 0.005).irradiance, 0.0)
+    lit = Lit(form_runtime, scene("corner", camera(), rng), none, 0.005)
+    np.testing.assert_array_equal(lit.irradiance, 0.0)

@@ -143,14 +143,14 @@ def choose_vpls(
     maps = on_device_rsms(rsms, runtime)
     if not maps:
         return Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    chosen = chosen_vpls(maps, count, parts=parts)
+    chosen = _chosen_vpls(maps, count, parts=parts)
     with chosen.curve.runtime.frame():
         chosen.curve.update(maps)
         chosen.update()
     return chosen.download()
 
 
-def chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool) -> ChosenVpls:
+def _chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool) -> ChosenVpls:
     """Return what chooses from maps of these sizes, the same as last time; nothing is queued."""
     runtime, key = maps[0].runtime, curve_key(maps)
 

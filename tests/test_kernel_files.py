@@ -129,7 +129,7 @@ USES = {
     "lamp_shadows/lamp_shadows.cl": Use(
         (CAMERA, LIGHT, LAMP_SHADOW),
         [
-            {"LAMP_KIND": kind, "LAMP_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers}
+            {"SHADE_KIND": kind, "SHADE_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers}
             for kind, add, layers in ((0, 0, 1), (1, 1, 2), (2, 0, 1))
         ],
     ),

@@ -11,21 +11,18 @@
 //          normal  images 3 light.layer + c, likewise, view space, unit length
 //          tile    [4 rows][3][16 columns]: a point of the unit disc; where in its part of the
 //                  way a tap lies, [0, 1)
-// Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (LAMP_ADD 1) or set
-// Macros:  LAMP_KIND (0 spot, 1 point, 2 directional), LAMP_ADD (0, 1), LAMP_TAPS (1..256),
+// Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (SHADE_ADD 1) or set
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_ADD (0, 1), LAMP_TAPS (1..256),
 //          LAMP_LAYERS (>= 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    LAMP_TAPS * LAMP_LAYERS scattered reads per lit pixel
 
-#include "lamp_shadows/lamp.clh"
-#include "common/camera.clh"
-#include "common/gbuffer.clh"
+#include "shade/lamp.clh"
 
-#if !defined(LAMP_KIND) || !defined(LAMP_ADD) || !defined(LAMP_TAPS) || !defined(LAMP_LAYERS)
-#error "LAMP_KIND, LAMP_ADD, LAMP_TAPS and LAMP_LAYERS must be defined by the host"
+#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LAMP_TAPS) || !defined(LAMP_LAYERS)
+#error "SHADE_KIND, SHADE_ADD, LAMP_TAPS and LAMP_LAYERS must be defined by the host"
 #endif
 
-#define LAMP_BRIGHTEST 1e30f // W/m^2: keeps a point at the lamp itself finite
 #define LAMP_ONSET 50.0f     // per radius
 #define LAMP_NEAREST_TAP 1.3f // px: at any angle it lies in another pixel than the receiver
 
@@ -52,20 +49,13 @@ __kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal, __global const f
     const int at_y = y + light.margin_rows;
     const vfloat zero = v_splat(0.0f);
     const vfloat one = v_splat(1.0f);
-    const vfloat own = ssgi_load(depth, whole, light.layer, at_x, at_y);
-    const vmask there = v_lt(own, v_splat(INFINITY));
-    const vfloat z = v_select(one, own, there);
-    const vfloat k = ssgi_k(camera, z);
     const vfloat own_column = v_to_float(v_iota() + at_x) + 0.5f;
     const vfloat own_row = v_splat((float)at_y + 0.5f);
-    const vfloat px = ssgi_slope_x(camera, own_column) * k;
-    const vfloat py = ssgi_slope_y(camera, own_row) * k;
-    const int first = 3 * light.layer;
-    const vfloat nx = ssgi_load(normal, whole, first, at_x, at_y);
-    const vfloat ny = ssgi_load(normal, whole, first + 1, at_x, at_y);
-    const vfloat nz = ssgi_load(normal, whole, first + 2, at_x, at_y);
-    const LampAt lamp = lamp_at(light, px, py, -z, nx, ny, nz);
-    const vmask lit = there & v_gt(lamp.strength, zero);
+    const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
+    const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
+    const vfloat nx = receiver.nx, ny = receiver.ny, nz = receiver.nz;
+    const LampAt lamp = lamp_at(light, &receiver);
+    const vmask lit = receiver.there & v_gt(lamp.strength, zero);
     vfloat shadow = zero;
     if (v_any(lit)) {
         // To a point of the lamp's disc, at right angles to the way to its middle.
@@ -75,8 +65,8 @@ __kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal, __global const f
         const vfloat a = -1.0f / (sign + lamp.z); // basis: Duff et al. 2017
         const vfloat b = lamp.x * lamp.y * a;
         const vfloat reach = v_min(v_splat(params.radius), lamp.distance);
-        const vfloat far = LAMP_KIND == 2 ? reach : reach / lamp.distance;
-        const vfloat length = v_max(LAMP_KIND == 2 ? one : lamp.distance, v_splat(1e-18f));
+        const vfloat far = SHADE_KIND == 2 ? reach : reach / lamp.distance;
+        const vfloat length = v_max(SHADE_KIND == 2 ? one : lamp.distance, v_splat(1e-18f));
         const vfloat ux = v_fma(u, v_fma(sign * lamp.x, lamp.x * a, one), v * b);
         const vfloat uy = v_fma(u, sign * b, v * v_fma(lamp.y, lamp.y * a, sign));
         const vfloat uz = -v_fma(u, sign * lamp.x, v * lamp.y);
@@ -138,14 +128,5 @@ __kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal, __global const f
             }
         }
     }
-    const vfloat strength =
-        v_min(v_select(zero, lamp.strength, lit), v_splat(LAMP_BRIGHTEST)) * (1.0f - shadow);
-    for (int c = 0; c < 3; ++c) {
-        const float power = c == 0 ? light.red : c == 1 ? light.green : light.blue;
-        vfloat sum = v_min(strength * power, v_splat(LAMP_BRIGHTEST));
-#if LAMP_ADD
-        sum = sum + v_load(irradiance + ssgi_index(size, c, x, y));
-#endif
-        ssgi_store(sum, irradiance, size, c, x, y, 0.0f);
-    }
+    lamp_store(lamp_bounded(lamp.strength, lit) * (1.0f - shadow), light, irradiance, size, x, y);
 }

@@ -13,13 +13,12 @@
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    36 scattered reads per lit pixel with a shadow map
 
+#include "shade/lamp.clh"
 #include "shade/shadow.clh"
 
 #if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
 #error "SHADE_KIND, SHADE_SHADOW and SHADE_ADD must be defined by the host"
 #endif
-
-#define SHADE_BRIGHTEST 1e30f // W/m^2: keeps a point at the light itself finite
 
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
                           __global float *restrict irradiance, const int2 size,
@@ -35,42 +34,14 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
     const int at_x = x + light.margin_columns;
     const int at_y = y + light.margin_rows;
     const vfloat zero = v_splat(0.0f);
-    const vfloat own = ssgi_load(depth, whole, light.layer, at_x, at_y);
-    const vmask there = v_lt(own, v_splat(INFINITY));
-    const vfloat z = v_select(v_splat(1.0f), own, there);
-    const vfloat k = ssgi_k(camera, z);
-    const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
-    const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
-    const int first = 3 * light.layer;
-    const vfloat nx = ssgi_load(normal, whole, first, at_x, at_y);
-    const vfloat ny = ssgi_load(normal, whole, first + 1, at_x, at_y);
-    const vfloat nz = ssgi_load(normal, whole, first + 2, at_x, at_y);
-
-#if SHADE_KIND == 2
-    vfloat strength = -v_fma(nx, v_splat(light.direction_x),
-                             v_fma(ny, v_splat(light.direction_y), nz * light.direction_z));
-#else
-    const vfloat lx = light.position_x - px;
-    const vfloat ly = light.position_y - py;
-    const vfloat lz = light.position_z + z;
-    const vfloat largest = v_max(v_max(v_abs(lx), v_abs(ly)), v_max(v_abs(lz), v_splat(1e-18f)));
-    const vfloat scale = 1.0f / largest;
-    const vfloat ux = lx * scale, uy = ly * scale, uz = lz * scale; // nothing under- or overflows
-    const vfloat inverse = v_rsqrt(v_max(v_fma(ux, ux, v_fma(uy, uy, uz * uz)), v_splat(1e-12f)));
-    const vfloat cosine = v_fma(nx, ux, v_fma(ny, uy, nz * uz)) * inverse;
-    const vfloat inverse_distance = scale * inverse;
-    vfloat strength = cosine * inverse_distance * inverse_distance;
-#if SHADE_KIND == 0
-    const vfloat along = -v_fma(ux, v_splat(light.direction_x),
-                                v_fma(uy, v_splat(light.direction_y), uz * light.direction_z)) *
-                         inverse;
-    strength = v_select(zero, strength, v_ge(along, v_splat(light.least_cosine)));
-#endif
-#endif
-    const vmask lit = there & v_gt(strength, zero);
-    strength = v_min(v_select(zero, strength, lit), v_splat(SHADE_BRIGHTEST));
+    const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
+    const vfloat unhidden = lamp_at(light, &receiver).strength;
+    const vmask lit = receiver.there & v_gt(unhidden, zero);
+    vfloat strength = lamp_bounded(unhidden, lit);
 #if SHADE_SHADOW
     if (v_any(lit)) {
+        const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
+        const vfloat nx = receiver.nx, ny = receiver.ny, nz = receiver.nz;
         const vfloat qx = v_fma(v_splat(light.xx), px, v_fma(v_splat(light.xy), py,
                                                             light.shift_x - light.xz * z));
         const vfloat qy = v_fma(v_splat(light.yx), px, v_fma(v_splat(light.yy), py,
@@ -108,12 +79,5 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
         strength = strength * share;
     }
 #endif
-    for (int c = 0; c < 3; ++c) {
-        const float power = c == 0 ? light.red : c == 1 ? light.green : light.blue;
-        vfloat sum = v_min(strength * power, v_splat(SHADE_BRIGHTEST));
-#if SHADE_ADD
-        sum = sum + v_load(irradiance + ssgi_index(size, c, x, y));
-#endif
-        ssgi_store(sum, irradiance, size, c, x, y, 0.0f);
-    }
+    lamp_store(strength, light, irradiance, size, x, y);
 }

@@ -16,7 +16,7 @@
 // Cost:    1 read and 1 write per pixel and layer
 
 #include "common/camera.clh"
-#include "common/gbuffer.clh"
+#include "slices/sorted.clh"
 
 #if !defined(NEAR_LAYERS) || !defined(NEAR_THICKNESS)
 #error "NEAR_LAYERS and NEAR_THICKNESS must be defined by the host"
@@ -37,27 +37,18 @@ __kernel void slices_near(ssgi_plane depth,
         return;
     }
     const bool perspective = camera.perspective != 0.0f;
-    const int stride = size.x / 4;
-    const int phase = x / stride;
-    const int first = (x - phase * stride) * 4 + phase - lead;
-    const vint column = v_iota() * 4 + first;
-    const vmask inside = v_within(column, columns);
-    const vint from_x = v_imin(v_iselect(v_splat_int(0), column, inside) * step + first_x,
-                               v_splat_int(fine_size.x - 1));
-    const vint from_y = v_splat_int(y * step + first_y);
+    const SsgiSorted from =
+        ssgi_sorted(size.x, x, y, fine_size, columns, lead, step, first_x, first_y);
     for (int layer = 0; layer < NEAR_LAYERS; ++layer) {
-        const vfloat z =
-            step == 1 ? ssgi_load_fourths(depth, fine_size, layer, min(first, columns) + first_x,
-                                          y + first_y)
-                      : ssgi_gather(depth, fine_size, layer, from_x, from_y);
-        const vmask there = inside & v_lt(z, v_splat(INFINITY));
+        const vfloat z = ssgi_load_sorted(depth, &from, layer);
+        const vmask there = from.inside & v_lt(z, v_splat(INFINITY));
         const vfloat value = perspective
                                  ? v_select(v_splat(0.0f), 1.0f / z, there)
                                  : v_select(v_splat(INFINITY), z * ortho_unit, there);
         ssgi_store(value, near, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
 #if NEAR_THICKNESS
-    const vfloat thick = ssgi_gather(thickness, fine_size, 0, from_x, from_y);
-    ssgi_store(v_select(v_splat(0.0f), thick, inside), near, size, NEAR_LAYERS, x, y, 0.0f);
+    const vfloat thick = ssgi_load_sorted(thickness, &from, 0);
+    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), near, size, NEAR_LAYERS, x, y, 0.0f);
 #endif
 }

@@ -11,7 +11,7 @@
 // Launch:  SSGI_LANES floats of a row of `sorted` per work-item
 // Cost:    1 read and 1 write per pixel and image
 
-#include "common/gbuffer.clh"
+#include "slices/sorted.clh"
 
 #ifndef SORTED_COUNT
 #error "SORTED_COUNT must be defined by the host"
@@ -26,19 +26,10 @@ __kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, 
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const int stride = size.x / 4;
-    const int phase = x / stride;
-    const int first = (x - phase * stride) * 4 + phase - lead;
-    const vint column = v_iota() * 4 + first;
-    const vmask inside = v_within(column, columns);
-    const vint from_x = v_imin(v_iselect(v_splat_int(0), column, inside) * step + first_x,
-                               v_splat_int(fine_size.x - 1));
-    const vint from_y = v_splat_int(y * step + first_y);
+    const SsgiSorted from =
+        ssgi_sorted(size.x, x, y, fine_size, columns, lead, step, first_x, first_y);
     for (int image = 0; image < SORTED_COUNT; ++image) {
-        const vfloat value =
-            step == 1 ? ssgi_load_fourths(images, fine_size, image, min(first, columns) + first_x,
-                                          y + first_y)
-                      : ssgi_gather(images, fine_size, image, from_x, from_y);
-        ssgi_store(v_select(v_splat(0.0f), value, inside), sorted, size, image, x, y, 0.0f);
+        const vfloat value = ssgi_load_sorted(images, &from, image);
+        ssgi_store(v_select(v_splat(0.0f), value, from.inside), sorted, size, image, x, y, 0.0f);
     }
 }

@@ -11,7 +11,8 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.shade import Lamp, direct_reference
-from ssgi_cl.techniques.lamp_shadows import DEPTH_BIAS, LampShadowParams, tile_pattern
+from ssgi_cl.techniques.lamp_shadows import LampShadowParams, tile_pattern
+from ssgi_cl.techniques.ssao import DEPTH_BIAS
 
 ONSET = 0.02  # radii
 NEAREST_TAP = 1.3  # px

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.ssao import NEAREST_SAMPLE, ONSET
-from ssgi_cl.techniques.ssdo_points import DEPTH_BIAS, PointsParams
+from ssgi_cl.techniques.ssao import DEPTH_BIAS
+from ssgi_cl.techniques.ssdo_points import PointsParams
 from ssgi_cl.techniques.ssdo_taps import TapSets, tap_sets
 
 TILE = 16.0

@@ -23,14 +23,11 @@ from ssgi_cl.techniques.lamps import (
     kind_name,
     light_values,
 )
-from ssgi_cl.techniques.ssao import TILE_ORDER
+from ssgi_cl.techniques.ssao import DEPTH_BIAS, TILE_ORDER
 
 LAMP_SHADOW = Struct(
     "LampShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias")
 )
-
-DEPTH_BIAS = 2e-6
-"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +88,8 @@ class LampShadows(Lamps):
         kernel = self.runtime.kernel(
             "lamp_shadows/lamp_shadows.cl",
             {
-                "LAMP_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
-                "LAMP_ADD": int(add),
+                "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
+                "SHADE_ADD": int(add),
                 "LAMP_TAPS": params.taps,
                 "LAMP_LAYERS": gbuffer.layers,
             },

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import DeviceVpls
+from ssgi_cl.device_vpls import DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
-from ssgi_cl.techniques.vpl_splat import NEARS
+from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
 from ssgi_cl.techniques.vpl_tree import VplTree
-from ssgi_cl.vpls import MOST_VPLS, Vpls, chosen_vpls, on_device_rsms
+from ssgi_cl.vpls import Vpls
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultiresSplatParams(MultiresGridParams):
+class MultiresSplatParams(MultiresGridParams, VplParams):
     """Parameters of multiresolution splatting (Nichols and Wyman 2009), besides the grid's.
 
     At 800 x 600 with 1024 lights the defaults compute 2.6 % of the pixels of the Cornell box and
@@ -33,7 +31,6 @@ class MultiresSplatParams(MultiresGridParams):
     mean irradiance.
     """
 
-    vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
     error: float = param(
         0.01, "of interpolation, as estimated; 1e6: geometry alone decides",
         unit="of the mean irradiance", low=0.0, high=1e6,
@@ -42,17 +39,7 @@ class MultiresSplatParams(MultiresGridParams):
         0.01, "up to which few lights stand for many, as estimated for each few; 0: never",
         unit="of the mean irradiance", low=0.0, high=1e6,
     )
-    cutoff: float = param(
-        0.0, "a light counts where its irradiance is more than this share of what it is at "
-        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
-    )
-    unit_distance: float = param(
-        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True,
-        unit="scene units",
-    )
-    near: str = param(
-        "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
-    )
+    cutoff: float = cutoff_param(0.0)
 
 
 class MultiresSplat:
@@ -79,6 +66,7 @@ class MultiresSplat:
         self.params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
         self._lights = DeviceVpls(runtime, params.vpls)
+        self._chooser = VplChooser(runtime, (self._lights,))
         self.tree = VplTree(
             runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0)
         )
@@ -109,11 +97,13 @@ class MultiresSplat:
             if self._dark is None:
                 self._dark = self.runtime.plane(3, self.size)
             return self._dark
-        self._bring(camera, vpls, rsms)
+        if vpls is None:
+            self._chooser.place(rsms, camera, kinds=1)
+        else:
+            self._lights.upload(vpls, camera)
         params, tree = self.params, self.tree
         tree.update()
-        unit = self._lights.unit
-        values = {"cut": params.cutoff / (math.pi * params.unit_distance**2) * unit**2}
+        values = {"cut": params.cut(self._lights.unit)}
         for level in self.grid.levels(gbuffer, tree.limits):
             if level.number == 0:
                 tree.measure(level.source, level.list, values, params.error, params.light_error)
@@ -133,16 +123,6 @@ class MultiresSplat:
             result = self.run(on_device(gbuffer, self.runtime), vpls)
             result.download(np.moveaxis(out, -1, 0))
         return out
-
-    def _bring(self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm]) -> None:
-        """Bring the lights to the device, or choose them there."""
-        if vpls is not None:
-            self._lights.upload(vpls, camera)
-            return
-        chosen = chosen_vpls(rsms, self.params.vpls, parts=False)
-        chosen.curve.update(rsms)
-        chosen.update()
-        self._lights.place(chosen, camera)
 
 
 def multires_splat(
@@ -175,14 +155,4 @@ def multires_splat(
             which, its value and what is allowed.
     """
     chosen = MultiresSplatParams(vpls=vpls, error=error, **params)
-    device = on_device(gbuffer, runtime)
-    runtime = device.runtime
-    maps = on_device_rsms(rsms, runtime)
-    texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
-    chosen = replace(chosen, vpls=min(chosen.vpls, max(texels, 1)))
-    technique: MultiresSplat = runtime.prepared(
-        (MultiresSplat, device.size, chosen), lambda: MultiresSplat(runtime, device.size, chosen)
-    )
-    with runtime.frame():
-        result = technique.run(device, None, maps).download()
-    return np.ascontiguousarray(np.moveaxis(result, 0, -1))
+    return lit_by_maps(MultiresSplat, chosen, gbuffer, rsms, runtime)

@@ -14,6 +14,7 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.ssao import DEPTH_BIAS
 from ssgi_cl.techniques.ssdo_taps import SETS, TapSets, tap_sets
 from ssgi_cl.techniques.upsample import coarse_size
 
@@ -24,9 +25,6 @@ POINTS = Struct(
         *((name, "int") for name in ("columns", "rows", "margin_columns", "margin_rows")),
     ),
 )
-
-DEPTH_BIAS = 2e-6
-"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
 
 AREAS = ("unbiased", "paper")
 

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
-from ssgi_cl.params import Params, param
+from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
-from ssgi_cl.vpls import MOST_VPLS, Vpls, on_device_rsms
+from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
+from ssgi_cl.vpls import Vpls
 
 TILE = 16
 """Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""
 BOX = 16
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
-NEARS = ("disk", "clamped")
 GRIDS = (32, 64, 128, 256)
 ALL, KEPT, LOST = range(3)
 """VPL_CUT in kernels/vpl/light.clh: all light, what the cut keeps, and what it leaves out."""
@@ -37,27 +37,15 @@ COARSER = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class VplSplatParams(Params):
+class VplSplatParams(VplParams):
     """Parameters of splatting (Dachsbacher and Stamminger 2006)."""
 
-    vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
-    cutoff: float = param(
-        0.01, "a light counts where its irradiance is more than this share of what it is at "
-        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
-    )
-    unit_distance: float = param(
-        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True,
-        unit="scene units",
-    )
     restore: bool = param(
         True, "put back what the cutoff leaves out, computed with a sixteenth of the lights"
     )
     refine: float = param(
         4.0, "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that "
         "it is made of; not with `interleave`, and only with `cull`", low=0.0, high=1e6,
-    )
-    near: str = param(
-        "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
     )
     interleave: bool = param(
         False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out"
@@ -74,7 +62,7 @@ class VplSplatParams(Params):
     cull: bool = param(True, "tiles skip the lights that give them nothing (same but for rounding)")
 
     def __post_init__(self) -> None:
-        Params.__post_init__(self)
+        VplParams.__post_init__(self)
         if self.grid not in GRIDS:
             raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
         if self.visibility and not self.interleave:
@@ -202,7 +190,7 @@ class VplSplat:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
         params, lights = self.params, self._lights
         self._bring(camera, vpls, rsms, coarse=coarse)
-        cut = params.cutoff / (math.pi * params.unit_distance**2) * lights.unit**2
+        cut = params.cut(lights.unit)
         # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
         reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
         values = {
@@ -303,16 +291,4 @@ def vpl_splat(
             which, its value and what is allowed.
     """
     chosen = VplSplatParams(vpls=vpls, cutoff=cutoff, **params)
-    device = on_device(gbuffer, runtime)
-    runtime = device.runtime
-    maps = on_device_rsms(rsms, runtime)
-    if not maps:
-        return np.zeros((*device.size, 3), np.float32)
-    texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
-    chosen = replace(chosen, vpls=min(chosen.vpls, texels))
-    technique: VplSplat = runtime.prepared(
-        (VplSplat, device.size, chosen), lambda: VplSplat(runtime, device.size, chosen)
-    )
-    with runtime.frame():
-        result = technique.run(device, None, maps).download()
-    return np.ascontiguousarray(np.moveaxis(result, 0, -1))
+    return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime)

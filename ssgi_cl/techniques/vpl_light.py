@@ -1,0 +1,76 @@
+"""What techniques share that are lit by virtual point lights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.params import Params, param
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.vpls import MOST_VPLS, on_device_rsms
+
+NEARS = ("disk", "clamped")
+
+
+def cutoff_param(default: float) -> Any:
+    """Declare the parameter `cutoff`, whose default differs from technique to technique."""
+    return param(
+        default, "a light counts where its irradiance is more than this share of what it is at "
+        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VplParams(Params):
+    """Parameters of the lights, and of how far and how near they shine."""
+
+    vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
+    cutoff: float = cutoff_param(0.01)
+    unit_distance: float = param(
+        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True,
+        unit="scene units",
+    )
+    near: str = param(
+        "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
+    )
+
+    def cut(self, unit: float) -> float:
+        """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
+        return self.cutoff / (math.pi * self.unit_distance**2) * unit**2
+
+
+def lit_by_maps(
+    technique: Any,
+    params: VplParams,
+    gbuffer: GBuffer | DeviceGBuffer,
+    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
+    runtime: Runtime | None,
+) -> NDArray[np.float32]:
+    """Return irradiance [rows, columns, 3] by lights that are chosen from maps on the device.
+
+    Args:
+        technique: its class, prepared unless it was before, with no more lights than texels.
+        params: of the technique.
+        gbuffer, rsms, runtime: what its function was called with.
+    """
+    device = on_device(gbuffer, runtime)
+    runtime = device.runtime
+    maps = on_device_rsms(rsms, runtime)
+    if not maps:
+        return np.zeros((*device.size, 3), np.float32)
+    texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
+    fitting = replace(params, vpls=min(params.vpls, texels))
+    made = runtime.prepared(
+        (technique, device.size, fitting), lambda: technique(runtime, device.size, fitting)
+    )
+    with runtime.frame():
+        result = made.run(device, None, maps).download()
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1))

@@ -67,8 +67,10 @@ class Subject:
         image: the result of the latest run, [rows, columns] or [rows, columns, 3] float32; None
             for a pass without a result of its own.
         on_device: whether the work is done by the runtime's device, whose clock then counts.
-        quantity: what the result is: "occlusion" (A in [0, 1]), "direct" or "bounce" (irradiance
-            by direct light or one bounce, W/m^2), or empty where the world has no truth for it.
+        quantity: what the result is: "occlusion" (A in [0, 1]), "model" (the same, held to its own
+            model alone), "bent" (angles to true bent normals, degrees), "direct" or "bounce"
+            (irradiance by direct light or one bounce, W/m^2), or empty where the world has no
+            truth for it.
         samples: scattered reads or rays of a run, over all pixels that show something; 0 where
             that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.

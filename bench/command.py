@@ -55,6 +55,10 @@ _scenes = click.option(
     help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
     "--camera`) and ao_radius; several times.",
 )
+_meshes = click.option(
+    "--meshes", type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="The folder of the views' meshes; by default each view's own.",
+)
 _sizes = click.option(
     "--size", "sizes", multiple=True, type=PixelSize(), default=(SIZE,), show_default=True,
     help="Of the image in pixels; several times.",
@@ -76,6 +80,7 @@ _attenuation = click.option(
 @click.command("bench")
 @_patterns
 @_scenes
+@_meshes
 @_sizes
 @_device
 @click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
@@ -98,10 +103,11 @@ _attenuation = click.option(
               "exit status 1 if anything did.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 def bench_command(
-    patterns: tuple[str, ...], scenes: tuple[str, ...], sizes: tuple[Size, ...],
-    device: str | None, lanes: int | None, storage: str | None, seconds: float, no_errors: bool,
-    own: bool, output: Path | None, html: Path | None, markdown: Path | None, only_list: bool,
-    compared: tuple[Path, Path] | None, as_json: bool, **truths: Any,
+    patterns: tuple[str, ...], scenes: tuple[str, ...], meshes: Path | None,
+    sizes: tuple[Size, ...], device: str | None, lanes: int | None, storage: str | None,
+    seconds: float, no_errors: bool, own: bool, output: Path | None, html: Path | None,
+    markdown: Path | None, only_list: bool, compared: tuple[Path, Path] | None, as_json: bool,
+    **truths: Any,
 ) -> None:
     """Measure run time against error.
 
@@ -117,7 +123,7 @@ def bench_command(
     families = OWN if own else FAMILIES
     with _human_errors():
         runtime = Runtime.open(device, lanes=lanes, storage=storage)
-        views = views_of(scenes, runtime)
+        views = views_of(scenes, runtime, meshes)
         cases = suite.select(patterns, list(views), sizes, families)
         if only_list:
             for case in cases:
@@ -149,6 +155,7 @@ def bench_command(
 @click.command("truth")
 @_patterns
 @_scenes
+@_meshes
 @_sizes
 @_device
 @_rays
@@ -160,8 +167,9 @@ def bench_command(
 @click.option("--clear", is_flag=True, help="Delete what is kept.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def truth_command(
-    patterns: tuple[str, ...], scenes: tuple[str, ...], sizes: tuple[Size, ...],
-    device: str | None, rebuild: bool, only_list: bool, clear: bool, as_json: bool, **truths: Any,
+    patterns: tuple[str, ...], scenes: tuple[str, ...], meshes: Path | None,
+    sizes: tuple[Size, ...], device: str | None, rebuild: bool, only_list: bool, clear: bool,
+    as_json: bool, **truths: Any,
 ) -> None:
     """Make the truths that the benchmark's cases are held to, and keep them.
 
@@ -174,7 +182,7 @@ def truth_command(
             return
         if not only_list:
             runtime = Runtime.open(device)
-            views = views_of(scenes, runtime)
+            views = views_of(scenes, runtime, meshes)
             settings = _truth_settings(truths, rebuild=rebuild)
             with _progress() as step:
                 wrong = suite.make_truths(

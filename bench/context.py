@@ -120,6 +120,16 @@ class Context:
             ),
         )
 
+    def bent_normals(self) -> Truth:
+        """World truth of bent normals within `radius`."""
+        return self.truth(
+            f"bent normals of {self.view.name}",
+            lambda progress: truth.bent_normals(
+                self.view.scene, self.host_gbuffer, self.radius, self.truths.rays,
+                rebuild=self.truths.rebuild, progress=progress,
+            ),
+        )
+
     def direct(self) -> Truth:
         """World truth of irradiance by direct light of the lamps."""
         return self.truth(

@@ -31,14 +31,14 @@ def errors_of(
         truth: of the same shape; NaN in pixels of which it is not known.
         seen: [rows, columns], where something is to be compared.
         regions: what `metrics.regions` returns.
-        light: the values are irradiance, not A: FLIP is HDR-FLIP, and the peak of PSNR and SSIM
-            is what 99.9 % of the truth's values do not exceed, in place of 1.
+        light: the values have no greatest one, as those of A have: FLIP is HDR-FLIP, and the peak
+            of PSNR and SSIM is what 99.9 % of the truth's values do not exceed, in place of 1.
 
     Returns:
-        rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed or all
-        is black; of a truth with holes, so are ssim and flip), `truth_error`, the root mean square
-        of the truth's standard error, and `regions`: share of the pixels, rmse and bias of each
-        region that has any.
+        rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
+        truth that is black all over, so are mrse, psnr and ssim; of one with holes, ssim and flip),
+        `truth_error`, the root mean square of the truth's standard error, and `regions`: share of
+        the pixels, rmse and bias of each region that has any.
     """
     mean = truth.mean
     known = np.isfinite(mean if mean.ndim == 2 else mean.sum(axis=-1))
@@ -50,7 +50,7 @@ def errors_of(
         "rmse": metrics.rmse(image, mean, seen),
         "bias": metrics.bias(image, mean, seen),
         "p99": metrics.p99(image, mean, seen),
-        "mrse": metrics.mrse(image, mean, seen),
+        "mrse": metrics.mrse(image, mean, seen) if peak > 0.0 else None,
         "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
         "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
         "flip": _flip(image, mean, seen, light=light) if peak > 0.0 and whole else None,

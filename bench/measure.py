@@ -23,6 +23,10 @@ FEWEST, MOST = 6, 60
 MOST_REPEATS = 32
 """Of a short subject, in one of the repetitions."""
 WARM_UP = 2
+LONG_MS = 300.0
+"""A subject that takes longer is run once to warm up and `LONG_RUNS` times to be measured: where
+its memory lies hardly matters to it, and short interruptions don't."""
+LONG_RUNS = 4
 
 
 @dataclass(frozen=True)
@@ -98,9 +102,12 @@ class Stopwatch:
                 memory happens to lie may matter, and then the halves differ.
         """
         took = self._warmed_up(subject)
+        if took > LONG_MS:
+            again = None
         repeats = min(MOST_REPEATS, max(1, round(min(self.reference_ms) / took)))
+        least = FEWEST if took <= LONG_MS else LONG_RUNS
         took = 1e-3 * (took * repeats + min(self.reference_ms))
-        runs = self._runs or min(MOST, max(FEWEST, 2 * int(0.5 * self._seconds / took)))
+        runs = self._runs or min(MOST, max(least, 2 * int(0.5 * self._seconds / took)))
         for _ in range(TRIES):
             other = subject
             if again is not None:
@@ -115,6 +122,8 @@ class Stopwatch:
         """Run a subject some times; return the wall clock's milliseconds of the last one."""
         for _ in range(WARM_UP):
             _, took, _, _ = self._once(subject)
+            if took > LONG_MS:
+                break
         return took
 
     def _once(

@@ -31,13 +31,13 @@ BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
 OVERSCAN = 0.1
 """Of the G-buffers tuned on; the error without it is recorded too."""
 
-ROUNDS = {"high": 3, "ultra": 0, "medium": 0, "low": 0}
+ROUNDS = {"high": 2, "ultra": 0, "medium": 0, "low": 0}
 """Of the searches with the fewest layers: the first looks all over, the others near its best."""
 FURTHER_ROUNDS = {"high": 0, "medium": 0, "low": 0}
 """Of those with more layers, which begin with the settings that are best for fewer; there the
 dearest budget finds nothing that a cheaper one does not."""
 
-SPACING = 1.12
+SPACING = 1.2
 """Times of neighbours on a recorded curve differ by about this factor."""
 
 

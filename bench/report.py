@@ -14,6 +14,7 @@ from ssgi_cl.metrics import REGIONS
 
 from . import viewer
 from .document import Group, clock, groups, metric, timed
+from .guide import GUIDE, advises
 from .peers import PEERS
 from .plot import looks, plot, swatch
 from .report_page import page
@@ -37,15 +38,15 @@ if TYPE_CHECKING:
 
 _STAR = '<span class="star" title="on the front">&#9733;</span>'
 _COLUMNS = (
-    "case", "ms", "RMSE", "RMSE, same model", "bias", "99 %", "MRSE", "PSNR, dB", "SSIM", "FLIP",
-    "quartiles, ms", "ratio", "G/s", "GB/s", "of ceiling",
+    "case", "ms", "RMSE", "RMSE, same model", "bias, same model", "bias", "99 %", "MRSE",
+    "PSNR, dB", "SSIM", "FLIP", "quartiles, ms", "ratio", "G/s", "GB/s", "of ceiling",
 )
 _HOW = (
     "Time is the median by the device's clock, or the wall clock for what does not run there; "
     "ratio is time over that of the reference case run just before. RMSE, bias and the rest "
-    "compare with rays or paths against the mesh, the world's truth; &ldquo;same model&rdquo; is "
-    "what the same screen-space model converges to. A star marks what nothing in its group beats "
-    "in both time and error, ~ a time that is not to be relied on."
+    "compare with rays or paths against the mesh, the world's truth (FLIP of light is HDR-FLIP); "
+    "&ldquo;same model&rdquo; is what the same screen-space model converges to. A star marks what "
+    "nothing in its group beats in both time and error, ~ a time that is not to be relied on."
 )
 
 
@@ -66,6 +67,8 @@ def write(
     parts = [_header(document)]
     grouped = groups(document["results"])
     parts.append(_contents(list(grouped)))
+    if advises(document):
+        parts.append(_guide())
     families = sorted({result["family"] for result in document["results"]})
     look = looks(families, list(PEERS))
     for index, (key, results) in enumerate(grouped.items()):
@@ -122,6 +125,13 @@ def _contents(keys: list[Group]) -> str:
         for index, key in enumerate(keys)
     )
     return f'<nav aria-label="Groups"><ul>{items}</ul></nav>'
+
+
+def _guide() -> str:
+    rows = "".join(
+        f"<dt>{escape(need)}</dt><dd>{escape(served)}</dd>" for need, served in GUIDE.items()
+    )
+    return f'<section><h2>Who should use which</h2><dl class="guide">{rows}</dl></section>'
 
 
 def _plot(
@@ -194,7 +204,8 @@ def _row(result: dict[str, Any], calibration: Mapping[str, float]) -> list[str]:
     return [
         star + escape(short_name(result)),
         milliseconds(result) + wall,
-        error("rmse"), number(metric(result, "assumption", "rmse")), error("bias", "+"),
+        error("rmse"), number(metric(result, "assumption", "rmse")),
+        number(metric(result, "assumption", "bias"), "+"), error("bias", "+"),
         error("p99"), error("mrse"), error("psnr"), error("ssim"), error("flip"),
         spread if timed(result) else NOTHING,
         ratio(result),

@@ -250,11 +250,12 @@ def _one(
                 means[name] = truth.mean
             errors[name] = errors_of(
                 image, truth, context.seen, context.regions,
-                light=subject.quantity in ("direct", "bounce"),
+                light=subject.quantity not in ("occlusion", "model", ""),
             )
-        found.pictures[case.name] = Pictures(
-            image, means.get("world"), means.get("assumption"), context.seen
-        )
+        if subject.quantity != "bent":  # whose angles are no picture
+            found.pictures[case.name] = Pictures(
+                image, means.get("world"), means.get("assumption"), context.seen
+            )
     found.results.append(_entry(case, subject, timing, errors))
 
 

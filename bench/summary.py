@@ -14,6 +14,7 @@ from PIL import Image
 from ssgi_cl import atomic
 
 from .document import Group, groups, metric
+from .guide import GUIDE, advises
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
@@ -32,12 +33,13 @@ from .wording import (
 if TYPE_CHECKING:
     from .suite import Pictures
 
-_HEAD = "| | case | ms | ratio | RMSE | bias | SSIM | FLIP | RMSE of the model |"
-_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|"
+_HEAD = "| | case | ms | ratio | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model | its bias |"
+_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
 _LEGEND = (
     "\\* nothing of its group is both faster and closer to the truth. ~ unsteady. Ratio: time over "
-    "that of the reference run beside it. RMSE, bias, SSIM and FLIP are against rays or paths "
-    "through the mesh; the last column is against what the same screen-space model converges to."
+    "that of the reference run beside it. RMSE, bias, MRSE, SSIM and FLIP (of light HDR-FLIP) are "
+    "against rays or paths through the mesh; the last two columns are against what the same "
+    "screen-space model converges to."
 )
 _ENTRY_WIDTH, _ROW = 140, 22
 _STRIP, _QUALITY = 1200, 80
@@ -75,6 +77,9 @@ def write(
         "",
         _LEGEND,
     ]
+    if advises(document):
+        lines += ["", "## Who should use which", ""]
+        lines += (f"- {need}: {served}" for need, served in GUIDE.items())
     files = []
     for key, results in groups(document["results"]).items():
         lines += ["", f"## {title(key)}", ""]
@@ -138,7 +143,7 @@ def _strip(of: Pictures) -> Image.Image:
 
 def _row(result: Mapping[str, Any]) -> str:
     world = [number(metric(result, "world", name), "+" if name == "bias" else "")
-             for name in ("rmse", "bias", "ssim", "flip")]
+             for name in ("rmse", "bias", "mrse", "ssim", "flip")]
     cells = (
         "\\*" if result["front"] else "",
         short_name(result),
@@ -146,6 +151,7 @@ def _row(result: Mapping[str, Any]) -> str:
         ratio(result),
         *world,
         number(metric(result, "assumption", "rmse")),
+        number(metric(result, "assumption", "bias"), "+"),
     )
     return f"| {' | '.join(cells)} |"
 

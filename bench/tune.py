@@ -25,7 +25,7 @@ from .context import Context, Progress, TruthSettings
 from .search import Cost, narrow
 from .trials import METRICS, Trial, Trials
 from .tunables import axis_of, entry_of, views_of, within
-from .tuning import Bound, TuneError, Tuning, front
+from .tuning import Bound, TuneError, Tuning, front, near_front
 
 __all__ = ["Session", "TuneError", "Tuning", "tune"]
 
@@ -223,10 +223,9 @@ class Session:
             spacing: factor from one step of time to the next, > 1.
         """
         steps: dict[int, list[Trial]] = {}
-        for trial in self._complete():
-            if trial.error is not None:
-                step = math.floor(math.log(trial.ms) / math.log(spacing))
-                steps.setdefault(step, []).append(trial)
+        for trial in near_front(self._complete()):
+            step = math.floor(math.log(trial.ms) / math.log(spacing))
+            steps.setdefault(step, []).append(trial)
         promising = [trial for step in steps.values()
                      for trial in sorted(step, key=error_of)[:CANDIDATES]]
         curve: list[Trial] = []

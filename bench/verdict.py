@@ -1,4 +1,4 @@
-"""When to cast rays instead: an image-space technique against rays that reach the same error."""
+"""When to cast rays instead, and what this library's own are worth beside what is published."""
 
 from __future__ import annotations
 
@@ -13,6 +13,12 @@ from .peers.embree import MOVING, STATIC
 from .wording import number, short_name
 
 _Result = Mapping[str, Any]
+
+PUBLISHED = {"xegtao": "XeGTAO's High setting"}
+"""Families that measure what others chose, with this library's kernels."""
+
+ALIKE = 1.05
+"""Times that differ by no more than this factor are called the same cost."""
 
 
 def rays_ms(
@@ -49,31 +55,61 @@ def rays_ms(
 
 
 def verdict(results: Sequence[_Result]) -> str:
-    """Return from which error on rays are the better choice, in a sentence or two.
+    """Return from which error on rays are the better choice, in some sentences.
 
-    One for geometry that stands still, one for geometry that moves, so that the rays' search tree
-    is built again. "" where a group has no rays, or nothing of this library, to compare; unsteady
-    results don't count.
+    Some for geometry that stands still, some for geometry that moves, so that the rays' search tree
+    is built again; and one for each published setting. "" where a group has no rays, or nothing of
+    this library, to compare; unsteady results don't count.
     """
     results = [result for result in results if not result["unsteady"]]
-    mine = sorted(
-        (error, clock(result)["median"], short_name(result))
-        for result in results
-        if result["family"] not in PEERS and timed(result)
-        and (error := metric(result, "world", "rmse")) is not None
+    mine = _points(
+        result for result in results
+        if result["family"] not in PEERS and result["family"] not in PUBLISHED and timed(result)
     )
-    said = []
+    said = [
+        _beside(PUBLISHED[result["family"]], point, mine)
+        for result in results if result["family"] in PUBLISHED
+        for point in _points([result]) if mine
+    ]
     for families, where in (
         (STATIC, "the building of their tree not counted"),
         (MOVING, "the building of their tree counted"),
     ):
         if mine and any(result["family"] in families for result in results):
             said.append(_crossing(results, mine, tuple(families), where))
+            rays = _points(result for result in results if result["family"] in families)
+            if rays:
+                first = min(rays, key=lambda point: point[1])
+                said.append(_beside(f"The fastest of these rays, {first[2]},", first, mine))
     return " ".join(said)
 
 
+_Point = tuple[float, float, str]
+"""Error, time and name of a result."""
+
+
+def _points(results: Iterable[_Result]) -> list[_Point]:
+    """Return those of results that have an error, by error."""
+    return sorted(
+        (error, clock(result)["median"], short_name(result))
+        for result in results
+        if (error := metric(result, "world", "rmse")) is not None
+    )
+
+
+def _beside(what: str, of: _Point, mine: Sequence[_Point]) -> str:
+    """Return what this library reaches at the cost of something else."""
+    error, time, _ = of
+    said = f"{what} has an RMSE of {number(error)} in {number(time)} ms"
+    within = [point for point in mine if point[1] <= ALIKE * time]
+    if not within:
+        return f"{said}; nothing of this library is as fast."
+    least, took, name = within[0]
+    return f"{said}; at that cost {name} has {number(least)}, in {number(took)} ms."
+
+
 def _crossing(
-    results: Sequence[_Result], mine: Sequence[tuple[float, float, str]],
+    results: Sequence[_Result], mine: Sequence[_Point],
     families: tuple[str, ...], where: str,
 ) -> str:
     """Return where rays of some families overtake.

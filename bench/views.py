@@ -23,7 +23,9 @@ _PIXELS = (800, 600)
 _YFOV = math.radians(50.0)
 
 
-def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
+def views_of(
+    names: Sequence[str], runtime: Runtime, meshes: Path | None = None
+) -> dict[str, BuiltinScene]:
     """Return name -> scene with lights and a view.
 
     Args:
@@ -31,9 +33,10 @@ def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
             ending, and where that has other letters than a-z, 0-9, _ and -, an underscore. A file
             is a mesh, with its camera in NAME.scene.json beside it if there is one, or a view:
             NAME.json with a camera (see `camera_from_json`) and `mesh`, the file of the mesh, as
-            seen from the view's folder. Either may have `ao_radius`, how far ambient occlusion
-            reaches in scene units; 5 % of the scene's diagonal without.
+            seen from `meshes`. Either may have `ao_radius`, how far ambient occlusion reaches in
+            scene units; 5 % of the scene's diagonal without.
         runtime: the device that looks round in a file's scene for a view.
+        meshes: the folder of the views' meshes; each view's own without.
 
     Raises:
         ValueError: two scenes have one name, no scene is called so and no file either, or what
@@ -45,7 +48,7 @@ def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
         if name in BUILTIN_SCENES:
             view = BUILTIN_SCENES[name]()
         elif Path(name).suffix:
-            view = _from_file(Path(name), runtime)
+            view = _from_file(Path(name), runtime, meshes)
         else:
             raise ValueError(
                 f"scene is {name!r}: expected a file or one of {', '.join(BUILTIN_SCENES)}"
@@ -56,7 +59,7 @@ def views_of(names: Sequence[str], runtime: Runtime) -> dict[str, BuiltinScene]:
     return found
 
 
-def _from_file(path: Path, runtime: Runtime) -> BuiltinScene:
+def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScene:
     mesh, radius = path, None
     about = path if path.suffix == ".json" else path.with_name(path.stem + ".scene.json")
     camera = None
@@ -64,7 +67,7 @@ def _from_file(path: Path, runtime: Runtime) -> BuiltinScene:
         camera = camera_from_json(about, *_PIXELS)
         fields = json.loads(about.read_text(encoding="utf-8"))
         if about == path:
-            mesh = path.parent / _mesh(path, fields)
+            mesh = (meshes or path.parent) / _mesh(path, fields)
         if "ao_radius" in fields:
             radius = check.number(
                 f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units"

@@ -13,11 +13,13 @@ NOTHING = "-"
 
 _QUANTITIES = {
     "occlusion": "Ambient occlusion",
+    "model": "Ambient occlusion, held to its own model",
+    "bent": "Angle between bent normals and those of rays",
     "direct": "Direct light",
     "bounce": "One bounce of light",
     "": "Passes without a world truth",
 }
-_UNITS = {"direct": "W/m²", "bounce": "W/m²"}
+_UNITS = {"bent": "degrees", "direct": "W/m²", "bounce": "W/m²"}
 
 
 def number(value: float | None, sign: str = "") -> str:

@@ -19,7 +19,8 @@ class DeviceScene:
     Attributes:
         scene: the scene itself.
         vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
-        textured, colored, emits, has_cutouts: what the scene needs of the kernels.
+        lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
+        textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
@@ -42,6 +43,9 @@ class DeviceScene:
             np.float32,
         )
         self.materials = runtime.array(materials)
+        self.lobes = runtime.array(
+            np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32)
+        )
         cut = np.array([m.alpha_cutoff > 0 and m.texture >= 0 for m in scene.materials])
         ids = scene.material_ids
         self.cutouts = runtime.array(np.where(cut[ids], ids, -1).astype(np.int32))
@@ -53,6 +57,7 @@ class DeviceScene:
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(any(m.emission) for m in used)
+        self.glossy = any(any(m.specular) for m in used)
         self.has_cutouts = bool(cut[ids].any())
 
 

@@ -1,9 +1,10 @@
-"""glTF 2.0 (.glb, .gltf): trimesh decodes the meshes and walks the nodes, the rest is read here.
+"""glTF 2.0 (.glb, .gltf): trimesh decodes the meshes, the rest is read here.
 
 trimesh keeps 8 bits of a material's factors, fills what it can't decode with zeros, ignores that
 an attribute is normalised and names meshes as it likes. So it gets a document that holds nothing
 but checked geometry, where each primitive carries its own number as the name of its material and
-its attributes under names that trimesh passes on untouched. Materials are read in gltf_material.
+its attributes under names that trimesh passes on untouched. The document is read in gltf_document,
+nodes in gltf_nodes, materials in gltf_material.
 """
 
 from __future__ import annotations
@@ -19,25 +20,32 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import MissingExtraError, SceneError
+from ssgi_cl.errors import MissingExtraError, SceneError, shown
 
-from .gltf_material import GltfMaterials, Json, read_uri
-from .parts import Part
+from .gltf_document import item, read_document
+from .gltf_material import GltfMaterials
+from .gltf_nodes import placed_meshes
+from .gltf_schema import DRACO, Json
+from .parts import MOST_TRIANGLES, Part, check_triangles
 from .scene import Material
 from .textures import TextureSet
-
-_DRACO = "KHR_draco_mesh_compression"
-_UNDERSTOOD = (
-    _DRACO, "KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual",
-    "EXT_texture_webp",
-)  # fmt: skip
-"""Besides KHR_materials_*, whose base colour and emission are usable whatever else they add."""
-_REFUSED = ("EXT_meshopt_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing")
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967295.0}
+_INDEX_TYPES = (5121, 5123, 5125)
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_ATTRIBUTES = {
+    "POSITION": ("POSITION", ("VEC3",)),
+    "NORMAL": ("_NORMAL", ("VEC3",)),
+    "COLOR_0": ("_COLOR", ("VEC3", "VEC4")),
+    **{f"TEXCOORD_{i}": (f"_UV{i}", ("VEC2",)) for i in range(8)},
+}
+"""What is read: under which name trimesh gets it, and which types it may have."""
+
+_MOST_PARTS = 250_000
+_MOST_BYTES = 1 << 32
+"""Of all buffer views in use; views may overlap, so that a small file can ask for far more."""
 
 
 def read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
@@ -53,109 +61,27 @@ def read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materi
             sparse accessors, triangle fans, an extension that is required and unknown.
         MissingExtraError: it is compressed with Draco and DracoPy is not installed.
     """
-    document, binary = _read_document(path)
-    _check_extensions(document)
-    buffers = _read_buffers(document, binary, path.parent)
-    views = _read_views(document, buffers)
+    document, views = read_document(path)
+    placed = placed_meshes(document)
     materials = GltfMaterials(document, views, path.parent, textures)
     geometry = _Geometry(document, views)
-    scene = trimesh.load_scene(
-        io.BytesIO(geometry.as_glb()), file_type="glb", process=False, validate=False
-    )
-    made = {
-        name: geometry.part(mesh, materials, f"{path.name}: {name}")
-        for name, mesh in scene.geometry.items()
-        if isinstance(mesh, trimesh.Trimesh)
-    }
-    parts = []
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        if name in made:
-            parts.append(made[name].transformed(np.asarray(matrix, dtype=np.float64)))
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused later
+        scene = trimesh.load_scene(
+            io.BytesIO(geometry.as_glb()), file_type="glb", process=False, validate=False
+        )
+    made = {}
+    for name, mesh in scene.geometry.items():
+        if isinstance(mesh, trimesh.Trimesh):
+            number = geometry.number_of(mesh)
+            made[number] = geometry.part(number, mesh, materials, f"{path.name}: {name}")
+    parts_of = [[made[n] for n in numbers if n in made] for numbers in geometry.numbers]
+    triangles_of = [sum(len(part.triangles) for part in parts) for parts in parts_of]
+    # Before they are made: a small file can place much in many places.
+    check_triangles(sum(triangles_of[mesh] for mesh, _ in placed))
+    if sum(len(parts_of[mesh]) for mesh, _ in placed) > _MOST_PARTS:
+        raise SceneError(f"the file has more than {_MOST_PARTS} primitives with all instances")
+    parts = [part.transformed(matrix) for mesh, matrix in placed for part in parts_of[mesh]]
     return parts, materials.in_order
-
-
-def _read_document(path: Path) -> tuple[Json, bytes | None]:
-    """Return the JSON document and, for .glb, the binary chunk."""
-    data = path.read_bytes()
-    binary = None
-    if data[:4] == b"glTF":
-        if len(data) < 20:
-            raise SceneError(f"{path} ends within the header of a .glb file")
-        version, length, json_length, kind = struct.unpack_from("<4I", data, 4)
-        if version != 2 or kind != 0x4E4F534A:
-            raise SceneError(f"{path} is not glTF 2.0 (version {version})")
-        if length > len(data) or 20 + json_length > len(data):
-            raise SceneError(f"{path} is cut off: {len(data)} bytes of {length}")
-        text = data[20 : 20 + json_length]
-        start = 20 + json_length
-        while binary is None and start + 8 <= len(data):
-            size, kind = struct.unpack_from("<2I", data, start)
-            if start + 8 + size > len(data):
-                raise SceneError(f"{path} is cut off within its binary chunk")
-            if kind == 0x004E4942:
-                binary = data[start + 8 : start + 8 + size]
-            start += 8 + size
-    else:
-        text = data
-    try:
-        document = json.loads(text)
-    except ValueError as error:
-        raise SceneError(f"{path} is not glTF: {error}") from None
-    if not isinstance(document, dict) or "asset" not in document:
-        raise SceneError(f"{path} is not glTF: there is no 'asset'")
-    if not str(document["asset"].get("version", "")).startswith("2"):
-        raise SceneError(f"{path} is glTF {document['asset'].get('version')}: expected 2.0")
-    return document, binary
-
-
-def _check_extensions(document: Json) -> None:
-    used = {*document.get("extensionsUsed", []), *document.get("extensionsRequired", [])}
-    for holder in (*document.get("bufferViews", []), *document.get("nodes", [])):
-        used |= set(holder.get("extensions", {}))
-    for name in _REFUSED:
-        if name in used:
-            raise SceneError(f"the file uses {name}, which is not supported: export it without")
-    for name in document.get("extensionsRequired", []):
-        if name not in _UNDERSTOOD and not name.startswith("KHR_materials_"):
-            raise SceneError(f"the file requires {name}, which is not supported")
-
-
-def _read_buffers(document: Json, binary: bytes | None, folder: Path) -> list[bytes]:
-    buffers = []
-    for index, buffer in enumerate(document.get("buffers", [])):
-        uri = buffer.get("uri")
-        if uri is None:
-            data = binary if index == 0 else None
-            if data is None:
-                raise SceneError(f"buffer {index} has neither a uri nor a binary chunk")
-        else:
-            data = read_uri(uri, folder, f"the uri of buffer {index}")
-        if len(data) < buffer["byteLength"]:
-            raise SceneError(
-                f"buffer {index} has {len(data)} bytes: expected {buffer['byteLength']}"
-            )
-        buffers.append(data)
-    return buffers
-
-
-def _read_views(document: Json, buffers: list[bytes]) -> list[bytes]:
-    views = []
-    for index, view in enumerate(document.get("bufferViews", [])):
-        start, length = view.get("byteOffset", 0), view["byteLength"]
-        buffer = _item(buffers, view["buffer"], f"the buffer of view {index}")
-        if not 0 <= start <= start + length <= len(buffer):
-            raise SceneError(
-                f"buffer view {index} covers bytes {start} to {start + length} of {len(buffer)}"
-            )
-        views.append(buffer[start : start + length])
-    return views
-
-
-def _item(items: list[Any], index: Any, what: str) -> Any:
-    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(items):
-        raise SceneError(f"{what} is {index!r}: expected a number from 0 to {len(items) - 1}")
-    return items[index]
 
 
 class _Geometry:
@@ -163,9 +89,12 @@ class _Geometry:
 
     Each attribute but POSITION goes under a name of ours (`_NORMAL`, `_UV0`, `_COLOR`), which
     trimesh hands on as it lies in the file.
+
+    Attributes:
+        numbers: for each mesh of the document, the numbers of its primitives.
     """
 
-    def __init__(self, document: Json, views: list[bytes]) -> None:
+    def __init__(self, document: Json, views: list[memoryview]) -> None:
         self._document = document
         self._views = views
         self._primitives: list[Json] = []
@@ -173,18 +102,19 @@ class _Geometry:
         self._buffer_views: list[Json] = []
         self._binary = bytearray()
         self._view_of: dict[tuple[int, int], int] = {}
-        meshes = [self._mesh(mesh) for mesh in document.get("meshes", [])]
-        self._meshes = meshes
-        self._nodes, self._roots = self._node_tree([bool(m["primitives"]) for m in meshes])
+        self._vertices = 0
+        self.numbers: list[list[int]] = []
+        self._meshes = [self._mesh(mesh) for mesh in document.get("meshes", [])]
 
     def as_glb(self) -> bytes:
-        """Return the document as a .glb file."""
+        """Return the document as a .glb file in which every mesh stands once."""
+        drawn = [mesh for mesh in self._meshes if mesh["primitives"]]
         document = {
             "asset": {"version": "2.0"},
             "scene": 0,
-            "scenes": [{"nodes": self._roots}],
-            "nodes": self._nodes,
-            "meshes": self._meshes,
+            "scenes": [{"nodes": list(range(len(drawn)))}],
+            "nodes": [{"mesh": number} for number in range(len(drawn))],
+            "meshes": drawn,
             "accessors": self._accessors,
             "bufferViews": self._buffer_views,
             "buffers": [{"byteLength": len(self._binary)}],
@@ -197,10 +127,16 @@ class _Geometry:
         middle = struct.pack("<I4s", len(self._binary), b"BIN\0")
         return b"".join([head, text, middle, self._binary])
 
-    def part(self, mesh: trimesh.Trimesh, materials: GltfMaterials, name: str) -> Part:
-        """Return what trimesh made of a primitive, with the material that the file gives it."""
+    def number_of(self, mesh: trimesh.Trimesh) -> int:
+        """Return the number of the primitive that trimesh made `mesh` of."""
         visual: Any = mesh.visual
-        primitive = self._primitives[int(visual.material.name)]
+        return int(visual.material.name)
+
+    def part(
+        self, number: int, mesh: trimesh.Trimesh, materials: GltfMaterials, name: str
+    ) -> Part:
+        """Return what trimesh made of a primitive, with the material that the file gives it."""
+        primitive = self._primitives[number]
         index, material = materials.of(primitive.get("material"))
         attributes: Json = primitive["attributes"]
         data: dict[str, Any] = dict(mesh.vertex_attributes)
@@ -234,6 +170,7 @@ class _Geometry:
 
     def _mesh(self, mesh: Json) -> Json:
         primitives = []
+        first = len(self._primitives)
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
             if mode == _FAN:
@@ -241,40 +178,54 @@ class _Geometry:
             if mode not in (_TRIANGLES, _STRIP) or "POSITION" not in primitive["attributes"]:
                 continue
             primitives.append(self._primitive(primitive, mode))
+        self.numbers.append(list(range(first, len(self._primitives))))
         return {"primitives": primitives}
 
     def _primitive(self, primitive: Json, mode: int) -> Json:
-        draco = primitive.get("extensions", {}).get(_DRACO)
+        draco = primitive.get("extensions", {}).get(DRACO)
         if draco is not None and importlib.util.find_spec("DracoPy") is None:
             raise MissingExtraError(
                 "the file is compressed with Draco: pip install 'ssgi-cl[draco]' to read it"
             )
-        names = {"POSITION": "POSITION", "NORMAL": "_NORMAL", "COLOR_0": "_COLOR"}
-        names |= {f"TEXCOORD_{i}": f"_UV{i}" for i in range(8)}
-        kept = {key: name for key, name in names.items() if key in primitive["attributes"]}
+        given = primitive["attributes"]
+        kept = {key: name for key, (name, _) in _ATTRIBUTES.items() if key in given}
         result: Json = {"mode": mode, "material": len(self._primitives)}
         result["attributes"] = {
-            name: self._accessor(primitive["attributes"][key], draco is not None)
+            name: self._accessor(given[key], _ATTRIBUTES[key][1], draco is not None)
             for key, name in kept.items()
         }
+        corners = given["POSITION"]
         if "indices" in primitive:
-            result["indices"] = self._accessor(primitive["indices"], draco is not None)
+            corners = primitive["indices"]
+            result["indices"] = self._accessor(corners, ("SCALAR",), draco is not None)
+            if self._document["accessors"][corners]["componentType"] not in _INDEX_TYPES:
+                raise SceneError(f"accessor {corners} holds indices: expected unsigned integers")
+        count = self._document["accessors"][corners]["count"]
+        if mode == _TRIANGLES and count % 3:
+            raise SceneError(f"accessor {corners} has {count} corners: expected three a triangle")
+        # Many primitives may share one accessor, but each gets vertices of its own.
+        self._vertices += self._document["accessors"][given["POSITION"]]["count"]
+        if self._vertices > MOST_TRIANGLES:
+            raise SceneError(f"the primitives have more than {MOST_TRIANGLES} vertices in all")
         if draco is not None:
             packed = {
                 kept[key]: number for key, number in draco["attributes"].items() if key in kept
             }
             view = self._view(draco["bufferView"], 0)
-            result["extensions"] = {_DRACO: {"bufferView": view, "attributes": packed}}
+            result["extensions"] = {DRACO: {"bufferView": view, "attributes": packed}}
         self._primitives.append(primitive)
         return result
 
-    def _accessor(self, index: Any, packed: bool) -> int:
+    def _accessor(self, index: int, kinds: tuple[str, ...], packed: bool) -> int:
         """Copy an accessor, with the bytes it reads, and return its number."""
-        accessor = _item(self._document.get("accessors", []), index, "an accessor")
+        accessor = item(self._document.get("accessors", []), index, "an accessor")
         kind, component = accessor["type"], accessor["componentType"]
         count, start = accessor["count"], accessor.get("byteOffset", 0)
-        if kind not in _WIDTHS or component not in _BYTES or count < 0 or start < 0:
-            raise SceneError(f"accessor {index} is {accessor}: not one that glTF allows")
+        if kind not in kinds or component not in _BYTES:
+            raise SceneError(
+                f"accessor {index} is {shown(kind)} of component type {component}: expected "
+                f"{' or '.join(kinds)} of one that glTF has"
+            )
         copy = {"type": kind, "componentType": component, "count": count}
         if packed:
             copy["count"] = 0  # replaced by what the compressed data holds
@@ -283,7 +234,8 @@ class _Geometry:
         elif "bufferView" not in accessor:
             raise SceneError(f"accessor {index} has no buffer view")
         else:
-            view = _item(self._document["bufferViews"], accessor["bufferView"], "a buffer view")
+            item(self._views, accessor["bufferView"], f"the buffer view of accessor {index}")
+            view = self._document["bufferViews"][accessor["bufferView"]]
             row = _BYTES[component] * _WIDTHS[kind]
             stride = view.get("byteStride", row)
             available = len(self._views[accessor["bufferView"]])
@@ -302,41 +254,14 @@ class _Geometry:
     def _view(self, index: int, stride: int) -> int:
         key = (index, stride)
         if key not in self._view_of:
-            data = _item(self._views, index, "a buffer view")
+            data = item(self._views, index, "a buffer view")
             view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)}
             if stride:
                 view["byteStride"] = stride
-            self._binary += data + bytes(-len(data) % 4)
+            self._binary += data
+            self._binary += bytes(-len(data) % 4)
+            if len(self._binary) > _MOST_BYTES:
+                raise SceneError(f"the buffer views cover more than {_MOST_BYTES} bytes in all")
             self._view_of[key] = len(self._buffer_views)
             self._buffer_views.append(view)
         return self._view_of[key]
-
-    def _node_tree(self, has_triangles: list[bool]) -> tuple[list[Json], list[int]]:
-        """Return the nodes with nothing but transforms, children and meshes; and the roots."""
-        given = self._document.get("nodes", [])
-        parents = np.zeros(len(given), dtype=np.int64)
-        nodes = []
-        for node in given:
-            copy = {
-                key: node[key]
-                for key in ("matrix", "translation", "rotation", "scale", "children")
-                if key in node
-            }
-            for child in copy.get("children", []):
-                _item(given, child, "a child of a node")
-                parents[child] += 1
-            if "mesh" in node and _item(has_triangles, node["mesh"], "the mesh of a node"):
-                copy["mesh"] = node["mesh"]
-            nodes.append(copy)
-        if "scenes" in self._document:
-            scene = _item(self._document["scenes"], self._document.get("scene", 0), "the scene")
-            roots = scene.get("nodes", [])
-        else:
-            roots = [int(i) for i in np.flatnonzero(parents == 0)]
-        for root in roots:
-            _item(given, root, "a node of the scene")
-            parents[root] += 1
-        if (parents > 1).any() or len(set(roots)) != len(roots):
-            node = int(np.argmax(parents > 1))
-            raise SceneError(f"node {node} hangs in several places: expected a tree of nodes")
-        return nodes, roots

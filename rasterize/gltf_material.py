@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.errors import SceneError, shown
 
+from .gltf_document import item
+from .gltf_schema import Json
 from .scene import Material
-from .textures import TextureSet, decode_image, mean_color, read_beside
+from .textures import TextureSet, mean_color, read_uri
 
-Json = dict[str, Any]
+DIELECTRIC = 0.04
+"""Reflectance of what is no metal, seen from straight ahead."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class GltfMaterials:
     """
 
     def __init__(
-        self, document: Json, views: list[bytes], folder: Path, textures: TextureSet
+        self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet
     ) -> None:
         self.in_order: list[Material] = []
         self._document = document
@@ -68,7 +68,7 @@ class GltfMaterials:
         return self._known[index]
 
     def _read(self, index: int) -> GltfMaterial:
-        source: Json = _entry(self._document, "materials", index)
+        source: Json = item(self._document.get("materials", []), index, "the number of a material")
         extensions: Json = source.get("extensions", {})
         glossy: Json | None = extensions.get("KHR_materials_pbrSpecularGlossiness")
         if glossy is not None:
@@ -78,16 +78,20 @@ class GltfMaterials:
             metallic: Json = source.get("pbrMetallicRoughness", {})
             factor = metallic.get("baseColorFactor", [1.0] * 4)
             laid = metallic.get("baseColorTexture")
-        color = _numbers(factor, 4, f"the base colour of material {index}").clip(0.0, 1.0)
+        color = np.clip(factor, 0.0, 1.0)
         mode = source.get("alphaMode", "OPAQUE")
         cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
         texture, uv_set, uv_matrix = -1, 0, None
         if laid is not None:
             texture = self._textures.add(self._image(laid["index"]))
             uv_set, uv_matrix = _layout(laid)
+        base = color[:3] if laid is None else color[:3] * mean_color(self._image(laid["index"]))
+        specular, gloss = _mirrored(source, base)
         return GltfMaterial(
             material=Material(
                 name=str(source.get("name", "")),
+                specular=specular,
+                gloss=gloss,
                 albedo=(float(color[0]), float(color[1]), float(color[2])),
                 texture=texture,
                 alpha_cutoff=min(max(cutoff, 0.0), 1.0),
@@ -100,13 +104,15 @@ class GltfMaterials:
 
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
-        strength = (
+        strength = float(
             source.get("extensions", {})
             .get("KHR_materials_emissive_strength", {})
             .get("emissiveStrength", 1.0)
         )
         factor = source.get("emissiveFactor", [0.0] * 3)
-        emission = _numbers(factor, 3, f"the emission of material {index}") * float(strength)
+        emission = np.array(factor, dtype=np.float64) * strength
+        if not np.isfinite(emission).all():
+            raise SceneError(f"material {index} emits {emission.tolist()}: expected finite numbers")
         laid = source.get("emissiveTexture")
         if laid is not None and emission.any():
             emission = emission * mean_color(self._image(laid["index"]))
@@ -115,7 +121,7 @@ class GltfMaterials:
 
     def _image(self, texture: int) -> NDArray[np.uint8]:
         """Return the pixels of texture number `texture`."""
-        entry: Json = _entry(self._document, "textures", texture)
+        entry: Json = item(self._document.get("textures", []), texture, "the number of a texture")
         webp = entry.get("extensions", {}).get("EXT_texture_webp", {})
         index = webp.get("source", entry.get("source"))
         if index is None:
@@ -123,26 +129,48 @@ class GltfMaterials:
                 f"texture {texture} has no image in a supported format: {sorted(entry)}"
             )
         if index not in self._images:
-            image: Json = _entry(self._document, "images", index)
-            name = str(image.get("name", image.get("uri", "")))
-            what = f"image {index} {name[:80]!r}"
+            image: Json = item(
+                self._document.get("images", []), index, f"the image of texture {texture}"
+            )
+            what = f"image {index} {shown(image.get('name', image.get('uri', '')))}"
             if "bufferView" in image:
-                view = image["bufferView"]
-                if not 0 <= view < len(self._views):
-                    raise SceneError(f"{what} lies in buffer view {view}, which doesn't exist")
-                data = self._views[view]
-            else:
+                data = bytes(item(self._views, image["bufferView"], f"the view of {what}"))
+            elif "uri" in image:
                 data = read_uri(image["uri"], self._folder, f"the uri of {what}")
-            self._images[index] = decode_image(data, what)
+            else:
+                raise SceneError(f"{what} has neither a uri nor a buffer view")
+            self._images[index] = self._textures.decode(data, what)
         return self._images[index]
 
 
-def read_uri(uri: str, folder: Path, what: str) -> bytes:
-    """Return what a data URI holds, or the contents of a file in `folder` or below."""
-    if not uri.startswith("data:"):
-        return read_beside(folder, unquote(uri), what)
-    head, _, payload = uri.partition(",")
-    return base64.b64decode(payload) if head.endswith(";base64") else unquote_to_bytes(payload)
+def _mirrored(
+    source: Json, base: NDArray[np.float64]
+) -> tuple[tuple[float, float, float], float]:
+    """Return specular reflectance and Phong exponent of a material.
+
+    2 / alpha^2 - 2 is the exponent of a lobe as wide as that of the roughness alpha = r^2. Albedo
+    stays the base colour, metal or not, so what is mirrored is what that leaves of the light.
+    Without factors of their own, materials are matt; textures of roughness don't count.
+
+    Args:
+        source: the material as the document has it.
+        base: [3] base colour, the mean of its texture.
+    """
+    glossy = source.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    if glossy is not None:
+        reflectance = np.array(glossy.get("specularFactor", [1.0] * 3), dtype=np.float64)
+        roughness = 1.0 - float(glossy.get("glossinessFactor", 0.0))
+    else:
+        factors: Json = source.get("pbrMetallicRoughness", {})
+        metal = min(max(float(factors.get("metallicFactor", 1.0)), 0.0), 1.0)
+        reflectance = DIELECTRIC * (1.0 - metal) + metal * base
+        roughness = float(factors.get("roughnessFactor", 1.0))
+    alpha = min(max(roughness, 1e-2), 1.0) ** 2
+    gloss = min(2.0 / alpha**2 - 2.0, 1e6)
+    if gloss <= 1.0:
+        return (0.0, 0.0, 0.0), 1.0
+    red, green, blue = np.clip(reflectance, 0.0, 1.0 - np.clip(base, 0.0, 1.0)).tolist()
+    return (red, green, blue), gloss
 
 
 def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
@@ -151,9 +179,7 @@ def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
     moved = laid.get("extensions", {}).get("KHR_texture_transform")
     if moved is None:
         return uv_set, None
-    what = "KHR_texture_transform"
-    scale = _numbers(moved.get("scale", [1.0] * 2), 2, what)
-    offset = _numbers(moved.get("offset", [0.0] * 2), 2, what)
+    scale, offset = moved.get("scale", [1.0] * 2), moved.get("offset", [0.0] * 2)
     angle = float(moved.get("rotation", 0.0))
     cosine, sine = math.cos(angle), math.sin(angle)
     matrix = np.array(
@@ -163,17 +189,3 @@ def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
         ]
     )
     return moved.get("texCoord", uv_set), matrix
-
-
-def _entry(document: Json, kind: str, index: Any) -> Any:
-    items = document.get(kind, [])
-    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(items):
-        raise SceneError(f"{index!r} is not one of the {len(items)} {kind}")
-    return items[index]
-
-
-def _numbers(values: Any, count: int, what: str) -> NDArray[np.float64]:
-    numbers = np.asarray(values, dtype=np.float64)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise SceneError(f"{what} is {values!r}: expected {count} finite numbers")
-    return numbers

@@ -76,5 +76,7 @@ def load_scene(
         if str(path.name) in str(error):
             raise
         raise type(error)(f"{path}: {error}") from error
+    except MemoryError as error:
+        raise SceneError(f"{path} asks for more memory than there is") from error
     except Exception as error:  # a damaged file can trip any part of a parser
         raise SceneError(f"{path} can't be read: {type(error).__name__}: {error}") from error

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.errors import SceneError, shown
 
 from .scene import Material
-from .textures import TextureSet, decode_image, read_beside
+from .textures import TextureSet, read_beside
 
 # Options of a map statement and how many words follow each; -s, -o and -t take one to three.
 _OPTION_WORDS = {
@@ -91,9 +91,9 @@ def read_mtl(
             return None
         name = entry.maps[key].name
         if name not in images:
-            what = f"the {key} texture of material {entry.name!r}"
+            what = f"the {key} texture of material {shown(entry.name)}"
             data = read_beside(folder, name, what, within=within)
-            images[name] = decode_image(data, f"{what} ({name})")
+            images[name] = textures.decode(data, f"{what} ({shown(name)})")
         return images[name]
 
     result = {}
@@ -116,11 +116,11 @@ def _numbers(key: str, words: list[str], material: str) -> list[float]:
             values.append(float(word))
         except ValueError:
             raise SceneError(
-                f"material {material!r}: {key} {' '.join(words)!r}: expected numbers"
+                f"material {shown(material)}: {key} {shown(' '.join(words))}: expected numbers"
             ) from None
     if not values or not all(math.isfinite(value) for value in values):
         raise SceneError(
-            f"material {material!r}: {key} {' '.join(words)!r}: expected finite numbers"
+            f"material {shown(material)}: {key} {shown(' '.join(words))}: expected finite numbers"
         )
     return values
 
@@ -147,7 +147,9 @@ def _map(text: str, material: str) -> _Map:
     # A name may hold several blanks in a row, so it is cut from the text rather than joined.
     result.name = text.split(None, place)[place].strip() if place < len(words) else ""
     if not result.name:
-        raise SceneError(f"material {material!r}: a map statement names no file: {text!r}")
+        raise SceneError(
+            f"material {shown(material)}: a map statement names no file: {shown(text)}"
+        )
     return result
 
 

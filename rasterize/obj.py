@@ -19,7 +19,7 @@ from .mtl import MtlMaterial, read_mtl
 from .parts import Part
 from .polygons import triangulate
 from .scene import Material
-from .textures import TextureSet, read_beside, srgb_to_linear
+from .textures import TextureSet, is_file, read_beside, srgb_to_linear
 
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")
 
@@ -138,7 +138,8 @@ def _numbers(key: str, rows: list[str], *, least: int) -> NDArray[np.float64]:
     try:
         flat = np.array(list(map(float, words)), dtype=np.float64)
     except ValueError as error:
-        raise SceneError(f"a '{key}' line holds a word that is not a number: {error}") from None
+        reason = str(error)[:120]
+        raise SceneError(f"a '{key}' line holds a word that is not a number: {reason}") from None
     if len(flat) == len(rows) * width:
         return flat.reshape(-1, width)
     starts = np.cumsum(counts) - counts
@@ -219,7 +220,7 @@ def _libraries(
 ) -> dict[str, MtlMaterial]:
     found: dict[str, MtlMaterial] = {}
     for line in dict.fromkeys(statements.libraries):
-        for name in _library_names(line, lambda name: (folder / name).is_file()):
+        for name in _library_names(line, lambda name: is_file(folder / name)):
             text = read_beside(folder, name, "the mtllib").decode("utf-8", errors="replace")
             beside = (folder / name.replace("\\", "/")).parent
             found |= read_mtl(text, beside, textures, within=folder)

@@ -48,24 +48,35 @@ class Part:
 
     def transformed(self, matrix: NDArray[np.float64]) -> Part:
         """Return the part moved by `matrix` [4, 4]; a mirroring matrix turns the winding round."""
-        if not np.isfinite(matrix).all():
-            raise SceneError(f"{self.name} is placed by a matrix that is not finite: {matrix}")
+        if not (np.abs(matrix) <= _LARGEST_COORDINATE).all():  # false for NaN as well
+            raise SceneError(
+                f"{self.name} is placed by a matrix of numbers that are not finite or beyond "
+                f"{_LARGEST_COORDINATE:g}: {matrix.tolist()}"
+            )
         turn = matrix[:3, :3]
         mirrored = np.linalg.det(turn) < 0
         normals = self.normals
-        if normals is not None:
-            # The cofactors are the inverse transpose times the determinant: they exist even where
-            # the inverse doesn't, and only the determinant's sign is left to put right.
-            cofactors = np.stack(
-                [np.cross(turn[1], turn[2]), np.cross(turn[2], turn[0]), np.cross(turn[0], turn[1])]
-            )
-            normals = normals @ (-cofactors if mirrored else cofactors).T
+        # What overflows is refused where a triangle uses it, or computed anew if it is a normal.
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions = self.positions @ turn.T + matrix[:3, 3]
+            if normals is not None:
+                # The cofactors are the inverse transpose times the determinant: they exist even
+                # where the inverse doesn't, and only the determinant's sign is left to put right.
+                x, y, z = turn
+                cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+                normals = normals @ (-cofactors if mirrored else cofactors).T
         return replace(
             self,
-            positions=self.positions @ turn.T + matrix[:3, 3],
+            positions=positions,
             normals=normals,
             triangles=self.triangles[:, ::-1] if mirrored else self.triangles,
         )
+
+
+def check_triangles(count: int) -> None:
+    """Raise SceneError if `count` triangles, instances included, are too many."""
+    if count > MOST_TRIANGLES:
+        raise SceneError(f"{count} triangles with all instances: at most {MOST_TRIANGLES} fit")
 
 
 def assemble(
@@ -84,8 +95,7 @@ def assemble(
         SceneError: an index leaves its array, a vertex in use is not finite, nothing is left.
     """
     count = sum(len(part.triangles) for part in parts)
-    if count > MOST_TRIANGLES:
-        raise SceneError(f"{count} triangles with all instances: at most {MOST_TRIANGLES} fit")
+    check_triangles(count)
     done = [
         part for part in (complete(part, crease_angle) for part in parts) if len(part.triangles)
     ]
@@ -128,11 +138,12 @@ def _rows(
 ) -> NDArray[np.float32]:
     if values is None:
         return np.full((len(part.positions), width), otherwise, dtype=np.float32)
-    if not np.isfinite(values).all():
-        vertex = int(np.argwhere(~np.isfinite(values))[0, 0])
+    usable = np.abs(values) <= np.finfo(np.float32).max  # false for NaN as well
+    if not usable.all():
+        vertex = int(np.argwhere(~usable)[0, 0])
         raise SceneError(
             f"{part.name}: a vertex near {part.positions[vertex].tolist()} has the texture "
-            f"coordinate or colour {values[vertex].tolist()}: expected finite numbers"
+            f"coordinate or colour {values[vertex].tolist()}: expected finite numbers of float32"
         )
     return values.astype(np.float32)
 

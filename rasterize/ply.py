@@ -1,4 +1,4 @@
-"""PLY: trimesh decodes the file; header, colours and what it may misread are checked here."""
+"""PLY: trimesh decodes the data; the header is read in ply_header, colours here."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ssgi_cl.errors import SceneError
 
 from .parts import Part
+from .ply_header import PlyHeader, read_header
 from .scene import Material
-from .textures import TextureSet, decode_image, read_beside, srgb_to_linear
+from .textures import TextureSet, read_beside, srgb_to_linear
 
-_LONGEST_HEADER = 1 << 16
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
 
 
@@ -32,14 +32,8 @@ def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materia
         SceneError: damaged, a polygon has more than four corners, the texture is missing.
     """
     data = path.read_bytes()
-    header = _check_header(data, path)
-    per_corner_uvs = "list" in next((h for h in header if "texcoord" in h), "")
-    loaded = trimesh.load(
-        io.BytesIO(data), file_type="ply", process=False, validate=False,
-        fix_texture=per_corner_uvs, skip_materials=True,
-    )  # fmt: skip
-    if not isinstance(loaded, trimesh.Trimesh):
-        raise SceneError(f"{path} holds no triangle")
+    header = read_header(data, path)
+    loaded = _decoded(header, data, path)
     raw = loaded.metadata["_ply_raw"]
     _check_lists(raw["face"], path)
     positions = np.asarray(loaded.vertices, dtype=np.float64)
@@ -58,11 +52,10 @@ def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materia
         uvs = None if uvs is None else uvs[corners]
         triangles = np.arange(len(corners)).reshape(-1, 3)
     texture = -1
-    image = next((h for h in header if "texturefile" in h.lower()), None)
-    if image is not None and uvs is not None:
-        name = image[image.lower().index("texturefile") + len("texturefile") :].strip()
+    if header.texture and uvs is not None:
         what = f"the TextureFile of {path.name}"
-        texture = textures.add(decode_image(read_beside(path.parent, name, what), what))
+        image = read_beside(path.parent, header.texture, what)
+        texture = textures.add(textures.decode(image, what))
     white = texture >= 0 or colors is not None
     material = Material(albedo=(1.0, 1.0, 1.0)) if white else Material()
     part = Part(
@@ -77,23 +70,25 @@ def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materia
     return [part], [material]
 
 
-def _check_header(data: bytes, path: Path) -> list[str]:
-    """Return the lines of the header, after checking that what it promises fits into the file."""
-    end = data.find(b"end_header", 0, _LONGEST_HEADER)
-    if not data.startswith(b"ply") or end < 0:
-        raise SceneError(f"{path} is not a PLY file: there is no header")
-    header = data[:end].decode("utf-8", errors="replace").splitlines()
-    left = len(data) - end
-    for line in header:
-        words = line.split()
-        if words[:1] == ["element"]:
-            # Every item takes at least a byte: a greater number is damage.
-            if len(words) != 3 or not words[2].isdigit() or int(words[2]) > left:
-                raise SceneError(f"{path} is cut off or damaged: {line!r}, {left} bytes of data")
-            left -= int(words[2])
-    if not any(line.split()[:2] == ["element", "face"] for line in header):
-        raise SceneError(f"{path} holds no triangle (no 'element face')")
-    return header
+def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
+    """Return what trimesh makes of the data."""
+    file = io.BytesIO(header.bytes + data[header.start :])
+    try:
+        with np.errstate(invalid="ignore", over="ignore"):
+            loaded = trimesh.load(
+                file, file_type="ply", process=False, validate=False,
+                fix_texture=header.corner_uvs, skip_materials=True,
+            )  # fmt: skip
+    except MemoryError:
+        raise
+    except Exception as error:  # the header is sound, so whatever fails, fails at the data
+        reason = f"{type(error).__name__}: {error}"[:200]
+        raise SceneError(
+            f"{path} is cut off or damaged: its data doesn't fit its header ({reason})"
+        ) from error
+    if not isinstance(loaded, trimesh.Trimesh):
+        raise SceneError(f"{path} holds no triangle")
+    return loaded
 
 
 def _check_lists(element: dict[str, Any], path: Path) -> None:
@@ -117,6 +112,8 @@ def _check_lists(element: dict[str, Any], path: Path) -> None:
 def _columns(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float64] | None:
     if not all(name in element["properties"] for name in names):
         return None
+    if any(np.asarray(element["data"][name]).dtype.kind not in "iuf" for name in names):
+        raise SceneError(f"{', '.join(names)}: some rows of the file have fewer numbers")
     return np.column_stack([element["data"][name] for name in names]).astype(np.float64)
 
 

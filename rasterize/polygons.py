@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from ssgi_cl.errors import SceneError
 
 _MOST_CONCAVE_CORNERS = 1000
-"""Clipping ears takes time with the third power of the corners."""
+"""Clipping ears takes time with the square of the corners."""
+
+_OTHER_DIAGONAL = np.array([[3, 0, 1], [1, 2, 3]])
+"""Of a quadrilateral whose fan folds over."""
 
 
 def triangulate(
@@ -37,6 +40,9 @@ def triangulate(
         corners = starts[polygons, None, None] + fan
         if count > 3:
             concave = _fan_folds_over(points[corners])
+            if count == 4:  # the other diagonal then
+                corners[concave] = starts[polygons[concave], None, None] + _OTHER_DIAGONAL
+                concave[:] = False
             for polygon in polygons[concave]:
                 outline = np.arange(starts[polygon], starts[polygon] + count)
                 corners[np.searchsorted(polygons, polygon)] = _clip_ears(outline, points)
@@ -67,11 +73,15 @@ def _clip_ears(outline: NDArray[np.int64], points: NDArray[np.float64]) -> NDArr
     axis = int(np.abs(normal).argmax())
     flat = corners[:, [(axis + 1) % 3, (axis + 2) % 3]] * [np.sign(normal[axis]), 1.0]
     left = list(range(len(outline)))
+    state = [_is_ear(flat, left, i) for i in left]
     ears = []
     while len(left) > 3:
-        ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), 0)
+        ear = state.index(True) if True in state else 0
         ears.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
-        del left[ear]
+        del left[ear], state[ear]
+        # Only the two neighbours have other neighbours now; what was inside no ear still isn't.
+        for place in (ear - 1, ear % len(left)):
+            state[place] = _is_ear(flat, left, place % len(left))
     cut: NDArray[np.int64] = outline[np.array([*ears, left])]
     return cut
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ssgi_cl.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.memory import DeviceArray, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 
@@ -123,6 +123,19 @@ class Rasterizer:
             self._grow(records + records // 4, int(pairs * share) + pairs // 4)
             return self.render(scene, camera)
         return self.target
+
+    def write_gloss(self, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
+        """Queue the pass that says what the last layer of the image drawn last mirrors.
+
+        Args:
+            scene: the one that was drawn.
+            specular: 3 images, reflectance of the Phong lobe.
+            gloss: 1 image, its exponent.
+        """
+        self.runtime.kernel("raster/raster_gloss.cl").run(
+            "raster gloss", self.target.whole,
+            reads=[self._seen, scene.material_ids, scene.lobes], writes=[specular, gloss],
+        )
 
     def _grow(self, room: int, pair_room: int) -> None:
         if room > self._room:

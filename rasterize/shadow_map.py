@@ -36,7 +36,12 @@ class RsmRenderer:
         target: the device G-buffer of the face drawn last; with flux, `normal_world` has what the
             depth shows where the mesh has no normals.
         flux: 3 images, W.
+        specular_flux, gloss: 3 images, W, and 1 image, exponent of the Phong lobe: what the face
+            drawn last mirrors, after `render_lobes`.
     """
+
+    specular_flux: Plane
+    gloss: Plane
 
     def __init__(self, runtime: Runtime, size: int, *, shaded: bool = True) -> None:
         self.runtime = runtime
@@ -47,6 +52,7 @@ class RsmRenderer:
         self._kernel = runtime.kernel("raster/raster_flux.cl", structs=(CAMERA, FLUX))
         self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
         self._bare: tuple[Scene, bool] | None = None
+        self._specular: Plane | None = None
 
     def render(
         self,
@@ -59,12 +65,7 @@ class RsmRenderer:
         """Queue the passes for one face; return the plane of flux (depth is in `target`)."""
         self._rasterizer.render(scene, camera)
         if flux:
-            values = _flux_values(light, camera)
-            self._kernel.run(
-                "rsm flux", (self.size, self.size),
-                reads=[self.target.depth, self.target.albedo], writes=[self.flux],
-                values=[CAMERA.pack(camera_values(camera)), FLUX.pack(values)],
-            )
+            self._write_flux(light, camera, self.target.albedo, self.flux)
             if self._lacks_normals(scene.scene):
                 self.target.derive()
                 turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
@@ -73,6 +74,34 @@ class RsmRenderer:
                     writes=[self.target.normal_world], values=[turn],
                 )
         return self.flux
+
+    def render_lobes(
+        self,
+        scene: DeviceScene,
+        light: SpotLight | PointLight | DirectionalLight,
+        camera: Camera,
+    ) -> None:
+        """Queue the passes that fill `specular_flux` and `gloss` for the face drawn last."""
+        if self._specular is None:
+            planes = [self.runtime.plane(n, (self.size, self.size)) for n in (3, 3, 1)]
+            self._specular, self.specular_flux, self.gloss = planes
+        self._rasterizer.write_gloss(scene, self._specular, self.gloss)
+        self._write_flux(light, camera, self._specular, self.specular_flux)
+
+    def _write_flux(
+        self,
+        light: SpotLight | PointLight | DirectionalLight,
+        camera: Camera,
+        reflectance: Plane,
+        flux: Plane,
+    ) -> None:
+        self._kernel.run(
+            "rsm flux", (self.size, self.size),
+            reads=[self.target.depth, reflectance], writes=[flux],
+            values=[
+                CAMERA.pack(camera_values(camera)), FLUX.pack(_flux_values(light, camera))
+            ],
+        )
 
     def _lacks_normals(self, scene: Scene) -> bool:
         if self._bare is None or self._bare[0] is not scene:
@@ -127,7 +156,8 @@ def rsm(
     Returns:
         Depth, position, normal and reflected flux in W of every texel: intensity times the
         texel's solid angle times albedo (directional: irradiance times the texel's area times
-        albedo). It does not depend on the distance; beyond a spot's cone it is 0.
+        albedo). It does not depend on the distance; beyond a spot's cone it is 0. If a material
+        of the scene has specular reflectance, likewise the flux that it mirrors, and its gloss.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.
@@ -143,7 +173,7 @@ def rsm(
         (RsmRenderer, size, True), lambda: RsmRenderer(runtime, size)
     )
     cameras = light_cameras(light, scene.bounds, size)
-    faces = []
+    faces: list[list[NDArray[np.float32]]] = []
     with runtime.frame():
         for camera in cameras:
             flux = renderer.render(kept, light, camera)
@@ -152,8 +182,15 @@ def rsm(
             seen = np.isfinite(depth)
             points = camera.unproject(np.where(seen, depth, np.float32(1.0)))
             position = np.where(seen[..., None], points, 0.0).astype(np.float32)
-            faces.append((depth, position, normal, np.moveaxis(flux.download(), 0, -1)))
-    depth, position, normal, power = (np.concatenate(parts) for parts in zip(*faces, strict=True))
+            face = [depth, position, normal, np.moveaxis(flux.download(), 0, -1)]
+            if kept.glossy:
+                renderer.render_lobes(kept, light, camera)
+                mirrored = np.moveaxis(renderer.specular_flux.download(), 0, -1)
+                face += [mirrored, renderer.gloss.download()[0]]
+            faces.append(face)
+    depth, position, normal, power, *lobes = (
+        np.concatenate(parts) for parts in zip(*faces, strict=True)
+    )
     return ReflectiveShadowMap(
         light=light,
         camera=cameras if len(cameras) > 1 else cameras[0],
@@ -161,6 +198,8 @@ def rsm(
         position=position,
         normal=normal,
         flux=power,
+        specular_flux=lobes[0] if lobes else None,
+        gloss=lobes[1] if lobes else None,
     )
 
 

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
 import warnings
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.errors import SceneError, shown
 
 MOST_TEXTURE_PIXELS = 8192 * 8192
 """Pixels of the largest texture; a file of a few kilobytes can claim far more."""
+
+MOST_PIXELS_IN_ALL = 4 * MOST_TEXTURE_PIXELS
+"""Pixels of all textures of a scene together, 4 bytes each."""
 
 # Without EPS and others that start foreign programs or describe several pages.
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "GIF", "TIFF")
@@ -49,40 +54,75 @@ def read_beside(folder: Path, name: str, what: str, *, within: Path | None = Non
     name = name.strip().replace("\\", "/")
     absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).drive or "://" in name
     if absolute or not name or "\0" in name:
-        raise SceneError(f"{what} is {name!r}: expected a path relative to the scene file")
+        raise SceneError(f"{what} is {shown(name)}: expected a path relative to the scene file")
     path = (folder / name).resolve()
     if not path.is_relative_to(within.resolve()):
-        raise SceneError(f"{what} is {name!r}: it leaves the folder of the scene file, {within}")
-    if not path.is_file():
-        raise SceneError(f"{what} is {name!r}: no such file in {folder}")
+        raise SceneError(
+            f"{what} is {shown(name)}: it leaves the folder of the scene file, {within}"
+        )
+    if not is_file(path):
+        raise SceneError(f"{what} is {shown(name)}: no such file in {folder}")
     return path.read_bytes()
 
 
-def decode_image(data: bytes, what: str) -> NDArray[np.uint8]:
+def is_file(path: Path) -> bool:
+    """Return whether `path` is a file; False too for what no path can be."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long a name, a null character, half a surrogate pair
+        return False
+
+
+def read_uri(uri: str, folder: Path, what: str) -> bytes:
+    """Return what a data URI holds, or the contents of a file in `folder` or below.
+
+    Raises:
+        SceneError: as `read_beside`, or the data URI is not one.
+    """
+    if not uri.startswith("data:"):
+        return read_beside(folder, unquote(uri), what)
+    head, _, payload = uri.partition(",")
+    try:
+        return base64.b64decode(payload) if head.endswith(";base64") else unquote_to_bytes(payload)
+    except ValueError as error:
+        raise SceneError(f"{what} is {shown(uri)}: no base64 ({error})") from None
+
+
+def decode_image(
+    data: bytes, what: str, *, most: int = MOST_TEXTURE_PIXELS
+) -> NDArray[np.uint8]:
     """Return the image in `data` as [rows, columns, 4] uint8 RGBA, row 0 on top.
 
     Raises:
-        SceneError: it is damaged, of another format or larger than MOST_TEXTURE_PIXELS.
+        SceneError: it is damaged, of another format or of more than `most` pixels.
     """
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of damage that it gets over
             # Pillow only warns of an image that unpacks to hundreds of megabytes.
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-                return rgba_of(image, what)
+                return rgba_of(image, what, most=most)
     except SceneError:
         raise
+    except UnidentifiedImageError:
+        raise SceneError(f"{what} is not an image of the kinds {', '.join(_FORMATS)}") from None
     except Exception as error:
-        raise SceneError(f"{what} can't be read as an image: {error}") from error
+        reason = str(error)[:200]
+        raise SceneError(f"{what} can't be read as an image: {reason}") from error
 
 
-def rgba_of(image: Image.Image, what: str) -> NDArray[np.uint8]:
-    """Return a Pillow image as [rows, columns, 4] uint8; 16-bit grey keeps its upper 8 bits."""
+def rgba_of(
+    image: Image.Image, what: str, *, most: int = MOST_TEXTURE_PIXELS
+) -> NDArray[np.uint8]:
+    """Return a Pillow image as [rows, columns, 4] uint8; 16-bit grey keeps its upper 8 bits.
+
+    Raises:
+        SceneError: it has more than `most` pixels; it is not decoded then.
+    """
     columns, rows = image.size
-    if columns * rows > MOST_TEXTURE_PIXELS:
-        raise SceneError(
-            f"{what} has {columns} x {rows} pixels: expected at most {MOST_TEXTURE_PIXELS}"
-        )
+    if columns * rows > most:
+        raise SceneError(f"{what} has {columns} x {rows} pixels: expected at most {most}")
     if image.mode.startswith("I"):
         grey = (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
         image = Image.fromarray(grey)
@@ -95,10 +135,21 @@ class TextureSet:
     def __init__(self) -> None:
         self.textures: list[NDArray[np.uint8]] = []
         self._index: dict[tuple[tuple[int, ...], bytes], int] = {}
+        self._left = MOST_PIXELS_IN_ALL
+
+    def decode(self, data: bytes, what: str) -> NDArray[np.uint8]:
+        """Return the image in `data`, as `decode_image`, which may be added then.
+
+        Raises:
+            SceneError: as `decode_image`, or all images together are larger than a scene's may be.
+        """
+        texture = decode_image(data, what, most=min(self._left, MOST_TEXTURE_PIXELS))
+        self._left -= texture.shape[0] * texture.shape[1]
+        return texture
 
     def add(self, texture: NDArray[np.uint8]) -> int:
         """Return the index of `texture` [rows, columns, 4] uint8; equal pixels share one."""
-        key = (texture.shape, hashlib.sha256(texture.tobytes()).digest())
+        key = (texture.shape, hashlib.sha256(np.ascontiguousarray(texture).data).digest())
         if key not in self._index:
             self._index[key] = len(self.textures)
             self.textures.append(texture)

@@ -107,18 +107,22 @@ def plane(
     low: float = -math.inf,
     high: float = math.inf,
     infinite: bool = False,
+    above: bool = False,
 ) -> NDArray[np.float32]:
     """Return `value` as float32 [rows, columns] or, with `channels`, [rows, columns, channels].
 
     Raises TypeError for a dtype that is not a real number, ValueError for a wrong shape, for NaN,
-    for infinities (unless `infinite` allows +inf) and for values outside [low, high].
+    for infinities (unless `infinite` allows +inf) and for values outside [low, high] ((low, high]
+    with `above`).
     """
     array = floats(name, value, np.float32)
     wanted = f"(rows, columns, {channels})" if channels else "(rows, columns)"
     fits = array.ndim == 3 and array.shape[2] == channels if channels else array.ndim == 2
     if not fits:
         raise ValueError(f"{name} has shape {array.shape}: expected {wanted}")
-    values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite)
+    values_in_range(
+        name, array, unit=unit, low=low, high=high, infinite=infinite, above=above
+    )
     return array
 
 

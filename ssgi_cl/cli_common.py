@@ -95,15 +95,16 @@ def wrapped(text: str, indent: str) -> str:
 
 def report(
     as_json: bool, runtime: Runtime, passes: list[PassTime] | tuple[PassTime, ...],
-    files: list[Path], facts: dict[str, Any],
+    files: list[Path], facts: dict[str, Any], *, explain: bool = False,
 ) -> None:
+    """Print what ran; with `explain` also what was left out, why, and what that saves."""
     if as_json:
         print(json.dumps({
             **facts,
             "device": runtime.info.label,
             "form": str(runtime.form),
-            "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None}
-                       for p in passes],
+            "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None,
+                        "saved_ms": round(p.saved, 4)} for p in passes],
             "files": [str(path) for path in files],
         }, indent=1))
         return
@@ -117,8 +118,23 @@ def report(
     table.add_row("sum", f"{sum(p.ms for p in passes):.2f}")
     console = Console()
     console.print(table)
+    if explain:
+        console.print(_explanation(passes))
     for path in files:
         console.print(f"wrote {path}", highlight=False)
+
+
+def _explanation(passes: list[PassTime] | tuple[PassTime, ...]) -> Table:
+    """Return the table of what was left out."""
+    table = Table("left out", "why", "saves ms, by estimate")
+    table.columns[2].justify = "right"
+    left_out = [p for p in passes if p.skipped]
+    for p in left_out:
+        table.add_row(p.name, p.skipped, f"{p.saved:.2f}" if p.saved else "not known")
+    table.add_section()
+    ran, saved = (sum(times) for times in ((p.ms for p in passes), (p.saved for p in left_out)))
+    table.add_row("sum", f"beside {ran:.2f} ms that ran", f"{saved:.2f}")
+    return table
 
 
 def _merged(passes: list[PassTime] | tuple[PassTime, ...]) -> dict[str, tuple[int, float, str]]:

@@ -22,6 +22,7 @@ from ssgi_cl.cli_common import (
     yfov_of,
 )
 from ssgi_cl.lights import Environment, Light
+from ssgi_cl.plan import SKIPS
 from ssgi_cl.render import Frame, render
 from ssgi_cl.render_params import AO_DEFAULT, BOUNCES
 from ssgi_cl.runtime import Runtime
@@ -60,12 +61,19 @@ if TYPE_CHECKING:
               "ambient light too; by default none.")
 @click.option("--vpls", type=int, default=1024, show_default=True,
               help="Virtual point lights of --indirect multires and vpl.")
+@click.option("--glossy-vpls", type=int, default=0, show_default=True,
+              help="More lights of --indirect vpl, for what glossy surfaces mirror.")
+@click.option("--indirect-ao", is_flag=True,
+              help="Let --ao dim the light of --indirect multires, vpl and gather too.")
 @click.option("--layers", type=int, default=1, show_default=True,
               help="Depth layers; with 2 or more, walls block light of --indirect vpl.")
 @click.option("--extra-cameras", type=int, default=0, show_default=True,
               help="Cameras that show --indirect ssdo what the camera misses.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,
               help="Texels along a shadow map's side.")
+@click.option("--explain", is_flag=True, help="Say of all that was left out how much time that "
+              "saves, by estimate.")
+@click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
 @device_option
 @json_option
@@ -98,12 +106,16 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
             "ao": False if options["ao"] == "none" else options["ao"],
             "indirect": options["indirect"],
             "vpls": options["vpls"],
+            "glossy_vpls": options["glossy_vpls"],
+            "indirect_ao": options["indirect_ao"],
             "layers": options["layers"],
             "extra_cameras": options["extra_cameras"],
             "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
             "ao_samples": options["ao_samples"],
             "shadow_size": options["shadow_size"],
             "exposure": options["exposure"],
+            # A single picture is a first one, though it is the second here.
+            "skips": () if options["no_skips"] else set(SKIPS) - {"unchanged"},
             "runtime": runtime,
         }
         step("compiling kernels")
@@ -116,6 +128,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         as_json, runtime, frame.passes, files,
         {"scene": scene, "width": camera.width, "height": camera.height,
          "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3)},
+        explain=options["explain"],
     )
 
 

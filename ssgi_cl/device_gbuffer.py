@@ -34,6 +34,7 @@ class DeviceGBuffer:
         layers: of depth.
         attributes: layers, from the front, that have normal, albedo and emission: 1 or all.
         front: the layer that shading works on, see `layer`.
+        facing: 1, or -1 to shade the sides that turn away from the viewer.
         depth: `layers` images, scene units; INFINITY where nothing is.
         linear: 1 / depth (orthographic: depth) of layer 0; INFINITY where nothing is.
         normal: 3 images a layer (number 3 layer + channel), view space, facing the viewer; 0 where
@@ -61,6 +62,7 @@ class DeviceGBuffer:
         self.layers = layers
         self.attributes = attributes
         self.front = 0
+        self.facing = 1.0
         self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
         self.depth = runtime.plane(layers, self.whole, math.inf)
         self.linear = runtime.plane(1, self.whole, math.inf)
@@ -120,10 +122,11 @@ class DeviceGBuffer:
             planar = np.concatenate([planar, rest])
         return planar
 
-    def layer(self, number: int) -> DeviceGBuffer:
+    def layer(self, number: int, *, back: bool = False) -> DeviceGBuffer:
         """Return a layer of the current contents as an image of its own that has no margin.
 
-        It shares all memory: planes still hold every layer, and `front` says which is meant.
+        It shares all memory: planes still hold every layer, `front` says which is meant, and
+        `facing` whether its sides towards the viewer are or, with `back`, those away from it.
         Shading (`Shade`, `LitLayers`) looks at that layer; other techniques read layer 0.
 
         Raises:
@@ -136,6 +139,7 @@ class DeviceGBuffer:
             )
         view = copy(self)
         view.size, view.margin, view.front = self.whole, (0, 0), number
+        view.facing = -1.0 if back else 1.0
         return view
 
     def set_camera(self, camera: Camera) -> None:

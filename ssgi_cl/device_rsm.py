@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,22 @@ BRIGHTEST = 1e30
 """W: a texel that reflects more counts as this, so that float32 holds all sums."""
 
 
+@dataclass(frozen=True, eq=False)
+class Lobes:
+    """What the texels of a map mirror.
+
+    Attributes:
+        axis: 3 images, world space, unit length: where the light's ray is mirrored to; 0 where
+            nothing is.
+        flux: 3 images, W.
+        gloss: 1 image, exponent of the Phong lobe.
+    """
+
+    axis: Plane
+    flux: Plane
+    gloss: Plane
+
+
 class DeviceRsm:
     """A reflective shadow map that stays on the device from frame to frame.
 
@@ -47,6 +65,7 @@ class DeviceRsm:
         runtime: the device.
         face_size: (rows, columns) of one face in texels.
         faces: 1, or 6 for a point light; of several lights, those of all of them in turn.
+        glossy: whether there is room for what glossy surfaces mirror.
 
     Attributes:
         size: (rows, columns) of the planes: all faces, stacked from top to bottom.
@@ -56,6 +75,7 @@ class DeviceRsm:
         flux: 3 images, reflected radiant flux of the texel in W.
         area: 1 image, the surface that the texel stands for in square scene units; 0 where
             nothing is.
+        lobes: what texels mirror, or None if there is no room for it.
         origin: [3] float64, world space: where the light's first camera is.
         light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
@@ -63,7 +83,9 @@ class DeviceRsm:
         brightest: flux of a texel, at most; W.
     """
 
-    def __init__(self, runtime: Runtime, face_size: Size, faces: int = 1) -> None:
+    def __init__(
+        self, runtime: Runtime, face_size: Size, faces: int = 1, *, glossy: bool = False
+    ) -> None:
         self.runtime = runtime
         self.face_size = face_size
         self.faces = faces
@@ -72,6 +94,10 @@ class DeviceRsm:
         self.normal = runtime.plane(3, self.size)
         self.flux = runtime.plane(3, self.size)
         self.area = runtime.plane(1, self.size)
+        self.lobes: Lobes | None = None
+        if glossy:
+            axis, flux, gloss = (runtime.plane(n, self.size) for n in (3, 3, 1))
+            self.lobes = Lobes(axis, flux, gloss)
         self.origin: Doubles = np.zeros(3)
         self.light: SpotLight | PointLight | DirectionalLight | None = None
         self.cameras: tuple[Camera, ...] = ()
@@ -83,6 +109,7 @@ class DeviceRsm:
         self._stamps = np.full(faces, -1, np.int32)
         self._uploaded: ReflectiveShadowMap | None = None
         self._kernel = runtime.kernel("rsm/rsm_face.cl", structs=(CAMERA, FACE))
+        self._face_values: list[Any] = []
 
     def upload(self, rsm: ReflectiveShadowMap) -> None:
         """Replace the contents by a map of the same size, unless they are that very map's."""
@@ -91,16 +118,25 @@ class DeviceRsm:
         position, normal, area = (array.astype(np.float32) for array in surfaces(rsm))
         flux = np.asarray(rsm.flux) * np.isfinite(rsm.depth)[..., None]
         flux = np.minimum(flux, np.float32(BRIGHTEST))
+        mirrored = np.zeros_like(flux)
+        if self.lobes is not None:
+            mirrored = _specular_flux(rsm)
+            self.lobes.axis.upload(np.moveaxis(mirrored_axes(rsm).astype(np.float32), -1, 0))
+            self.lobes.flux.upload(np.moveaxis(mirrored, -1, 0))
+            self.lobes.gloss.upload(
+                np.zeros((1, *self.size), np.float32) if rsm.gloss is None
+                else np.asarray(rsm.gloss)[None]
+            )
         self.begin(
             rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
-            brightest=float(flux.max()),
+            brightest=max(float(flux.max()), float(mirrored.max())),
         )
         self.position.upload(np.moveaxis(position, -1, 0))
         self.normal.upload(np.moveaxis(normal, -1, 0))
         self.area.upload(area[None])
         self.flux.upload(np.moveaxis(flux, -1, 0))
         self._stamps[:] = self.version
-        lit = flux.reshape(self.faces, -1).any(axis=1)
+        lit = (flux + mirrored).reshape(self.faces, -1).any(axis=1)
         self._lit.upload(np.where(lit, self.version, -1).astype(np.int32))
         self._uploaded = rsm
 
@@ -150,10 +186,27 @@ class DeviceRsm:
             "rows": self.size[0],
             "stamp": self.version,
         }
+        self._face_values = [CAMERA.pack(camera_values(camera)), FACE.pack(values)]
         self._kernel.run(
             "rsm face", self.face_size, reads=[depth, normal, flux],
             writes=[self.position, self.normal, self.flux, self.area, self._lit],
-            values=[CAMERA.pack(camera_values(camera)), FACE.pack(values)],
+            values=self._face_values,
+        )
+
+    def write_lobes(self, depth: Plane, normal: Plane, flux: Plane, gloss: Plane) -> None:
+        """Queue the pass that adds to the face written last what its texels mirror.
+
+        Args:
+            depth, normal: as of `write_face`.
+            flux: 3 images, W.
+            gloss: 1 image, exponent of the Phong lobe.
+        """
+        lobes = self.lobes
+        if lobes is None:
+            raise ValueError("the device RSM has no room for lobes: expected glossy=True")
+        self.runtime.kernel("rsm/rsm_lobe.cl", structs=(CAMERA, FACE)).run(
+            "rsm lobes", self.face_size, reads=[depth, normal, flux, gloss],
+            writes=[lobes.axis, lobes.flux, lobes.gloss, self._lit], values=self._face_values,
         )
 
     def lit(self) -> NDArray[np.bool_]:
@@ -214,6 +267,28 @@ def surfaces(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     return position * seen_at, normal * seen_at, area * there
 
 
+def mirrored_axes(rsm: ReflectiveShadowMap) -> Doubles:
+    """Return [rows, columns, 3] where the light's ray is mirrored to, world space, in float64."""
+    position, normal, _ = surfaces(rsm)
+    camera = rsm.cameras[0]
+    if camera.is_orthographic:
+        to_light = np.broadcast_to(camera.view[2, :3], position.shape)
+    else:
+        distance = np.linalg.norm(position, axis=-1, keepdims=True)
+        to_light = -position / np.where(distance > 0.0, distance, 1.0)
+    cosine = np.sum(normal * to_light, axis=-1, keepdims=True)
+    axes: Doubles = (2.0 * cosine * normal - to_light) * np.isfinite(rsm.depth)[..., None]
+    return axes
+
+
+def _specular_flux(rsm: ReflectiveShadowMap) -> NDArray[np.float32]:
+    if rsm.specular_flux is None:
+        return np.zeros((*np.shape(rsm.depth), 3), np.float32)
+    seen = np.asarray(rsm.specular_flux) * np.isfinite(rsm.depth)[..., None]
+    flux: NDArray[np.float32] = np.minimum(seen, np.float32(BRIGHTEST))
+    return flux
+
+
 def _faces(array: NDArray[np.float64], rsm: ReflectiveShadowMap) -> list[Doubles]:
     return np.split(array, len(rsm.cameras))
 
@@ -239,8 +314,9 @@ def on_device_rsm(
         )
     runtime = runtime or Runtime.open()
     size, faces = rsm.cameras[0].size, len(rsm.cameras)
+    glossy = rsm.specular_flux is not None
     device: DeviceRsm = runtime.prepared(
-        (DeviceRsm, size, faces), lambda: DeviceRsm(runtime, size, faces)
+        (DeviceRsm, size, faces, glossy), lambda: DeviceRsm(runtime, size, faces, glossy=glossy)
     )
     device.upload(rsm)
     return device

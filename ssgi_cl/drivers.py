@@ -21,10 +21,11 @@ from typing import Any
 
 from ssgi_cl import sources
 from ssgi_cl.atomic import replacement
+from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.errors import DeviceError
 
-PROBE_SECONDS = 30
-"""After this long without an end, a probe counts as crashed at the form that it was at."""
+PROBE_SECONDS = 60
+"""After this long for each form, a probe counts as crashed at the form that it was at."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ class DeviceInfo:
         label: what names are matched against, such as "PoCL 3.1+debian: pthread-...".
         kind: "cpu", "gpu" or "accelerator".
         units: compute units.
-        speeds: form as text -> million reads per second, or the reason why it does not run.
+        speeds: form as text -> million reads per second if nothing else runs, or the reason why
+            it does not run.
     """
 
     driver: str
@@ -149,7 +151,10 @@ def _devices_of(driver: Path) -> list[DeviceInfo]:
         return [DeviceInfo(**entry) for entry in json.loads(record.read_text(encoding="utf-8"))]
     except (OSError, ValueError, TypeError):
         pass  # never probed, or a record of another version: probe
-    found = _probe(driver)
+    try:
+        found = _probe(driver)
+    except TimeoutError:
+        return []  # not kept: it may be the machine that was busy
     try:
         record.parent.mkdir(parents=True, exist_ok=True)
         with replacement(record) as path:
@@ -161,6 +166,7 @@ def _devices_of(driver: Path) -> list[DeviceInfo]:
 
 def _fingerprint(driver: Path) -> str:
     parts = [str(driver), sources.flatten("probe/probe_gather.cl"), str(os.cpu_count())]
+    parts.append(Path(__file__).with_name("probe.py").read_text(encoding="utf-8"))
     try:
         library = Path(driver.read_text(encoding="utf-8").strip())
         parts.append(str(driver.stat().st_mtime_ns))
@@ -178,29 +184,36 @@ def _fingerprint(driver: Path) -> str:
 
 def _probe(driver: Path) -> list[DeviceInfo]:
     """Time every form on every device of a driver, in processes that may die."""
-    environment = {**os.environ, "OCL_ICD_VENDORS": str(driver)}
+    environment = {**os.environ, **replaced_caches(), "OCL_ICD_VENDORS": str(driver)}
     listed = _run_probe(environment, [])
     found = []
     for entry in listed:
         speeds: dict[str, float | str] = {}
-        while missing := [str(form) for form in FORMS if str(form) not in speeds]:
-            where = [str(entry["platform"]), str(entry["device"])]
-            answers = _run_probe(environment, [*where, *missing])
-            speeds.update({answer["form"]: answer["speed"] for answer in answers})
-            if len(answers) < len(missing):  # the process died at the first form without answer
-                speeds[missing[len(answers)]] = "the driver crashes or hangs on it"
+        crashed: list[str] = []
+        where = [str(entry["platform"]), str(entry["device"])]
+        while not set(map(str, FORMS)) <= {*speeds, *crashed}:
+            # All the others anew: forms are only fairly timed side by side.
+            asked = [str(form) for form in FORMS if str(form) not in crashed]
+            answers = _run_probe(environment, [*where, *asked])
+            speeds = {answer["form"]: answer["speed"] for answer in answers}
+            # The process died at the first form without an answer.
+            crashed += [form for form in asked if form not in speeds][:1]
+        speeds |= dict.fromkeys(crashed, "the driver crashes or hangs on it")
         found.append(DeviceInfo(driver=str(driver), speeds=speeds, **entry))
     return found
 
 
 def _run_probe(environment: dict[str, str], arguments: list[str]) -> list[dict[str, Any]]:
     command = [sys.executable, "-m", "ssgi_cl.probe", *arguments]
+    patience = PROBE_SECONDS * max(len(arguments) - 2, 1)
     try:
         done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=PROBE_SECONDS,
+            command, env=environment, capture_output=True, text=True, timeout=patience,
             check=False,
         )
         output = done.stdout
     except subprocess.TimeoutExpired as expired:
+        if not arguments:
+            raise TimeoutError(f"{environment['OCL_ICD_VENDORS']} lists no devices") from None
         output = (expired.stdout or b"").decode()
     return [json.loads(line) for line in output.splitlines() if line.startswith("{")]

@@ -2,6 +2,17 @@
 
 from __future__ import annotations
 
+import reprlib
+from typing import Any
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 120
+
+
+def shown(value: Any) -> str:
+    """Return `value` as in Python code, cut short, for a message about what others wrote."""
+    return _SHORT.repr(value)
+
 
 class SsgiError(Exception):
     """Base of every error of this library that is not a plain ValueError or TypeError."""
@@ -9,6 +20,10 @@ class SsgiError(Exception):
 
 class DeviceError(SsgiError):
     """No OpenCL device fits what was asked for; the message lists those that exist."""
+
+
+class DeviceMemoryError(DeviceError):
+    """The device has too little memory; the message says how much is needed."""
 
 
 class KernelBuildError(SsgiError):

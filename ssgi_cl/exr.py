@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import atomic, check
+from ssgi_cl.exr_header import ExrHeader, read_header
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
@@ -104,17 +106,13 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
         OSError: the file can't be read.
     """
     name = os.fspath(path)
-    with open(name, "rb") as file:  # says precisely why a file can't be opened
-        magic = file.read(4)
-    if magic != b"\x76\x2f\x31\x01":
-        raise ValueError(f"{name} is not an OpenEXR file")
-    header = _header(name)
+    header = read_header(Path(name))
     size = _size(name, header)
-    for channel in header["channels"]:
-        if channel.xSampling != 1 or channel.ySampling != 1:
+    for channel in header.channels:
+        if channel.sampling != (1, 1):
             raise ValueError(
-                f"{name}: channel {channel.name!r} is subsampled {channel.xSampling} x "
-                f"{channel.ySampling}: expected one value for each pixel"
+                f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
+                f"{channel.sampling[1]}: expected one value for each pixel"
             )
     try:
         channels = OpenEXR.File(name, separate_channels=True).channels()
@@ -130,24 +128,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _header(name: str) -> dict[str, Any]:
-    try:
-        file = OpenEXR.File(name, separate_channels=True, header_only=True)
-        parts = len(file.parts)
-        header: dict[str, Any] = file.header() if parts else {}
-    except (RuntimeError, ValueError) as error:
-        raise ValueError(f"{name} is damaged or cut short: its header can't be read") from error
-    if parts != 1:
-        raise ValueError(f"{name} has {parts} parts: expected a file with one")
-    kind = header.get("type", OpenEXR.scanlineimage)
-    if kind not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
-        raise ValueError(f"{name} holds {kind.name}: expected flat pixels, not deep ones")
-    return header
-
-
-def _size(name: str, header: dict[str, Any]) -> tuple[int, int]:
+def _size(name: str, header: ExrHeader) -> tuple[int, int]:
     """Return (rows, columns) of the data window."""
-    data, display = (np.asarray(header[key], np.int64) for key in ("dataWindow", "displayWindow"))
+    data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
     before, after = display[0] - data[0], data[1] - display[1]
     if (before != after).any() or (before < 0).any():
         raise ValueError(

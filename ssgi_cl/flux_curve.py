@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.memory import Size
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import Struct, floats
 
@@ -44,6 +44,8 @@ class FluxCurve:
     Args:
         runtime: the device.
         key: of the maps, at least one; see `curve_key`.
+        glossy: sum up what lobes take away, of maps that have them; luminous flux then counts by
+            the lobe's sharpness too, see kernels/vpl/curve.clh.
 
     Attributes:
         quarters, runs, blocks: see kernels/vpl/curve.clh.
@@ -52,9 +54,10 @@ class FluxCurve:
         version: grows with every change of the contents.
     """
 
-    def __init__(self, runtime: Runtime, key: Key) -> None:
+    def __init__(self, runtime: Runtime, key: Key, *, glossy: bool = False) -> None:
         self.runtime = runtime
         self.key = key
+        self.glossy = glossy
         self.texels = sum(rows * columns * faces for (rows, columns), faces in key)
         self.maps: tuple[DeviceRsm, ...] = ()
         self.version = 0
@@ -92,11 +95,14 @@ class FluxCurve:
         self.maps, self._versions = maps, versions
         self.version += 1
         runtime, lanes = self.runtime, self.runtime.form.lanes
-        kernel = runtime.kernel("vpl/vpl_runs.cl", structs=(CURVE,))
+        kernel = runtime.kernel(
+            "vpl/vpl_runs.cl", {"VPL_GLOSSY": int(self.glossy)}, (CURVE,)
+        )
         for rsm, table in zip(maps, self._tables, strict=True):
+            _, flux, gloss = self._lobes(rsm)
             kernel.run(
                 "vpl runs", rsm.size,
-                reads=[rsm.flux, rsm.area, self._orders[rsm.face_size]],
+                reads=[flux, rsm.area, gloss, self._orders[rsm.face_size]],
                 writes=[self.quarters, self.runs], values=[self._packed(table)],
                 grid=(1, table["map_runs"] // lanes),
             )
@@ -113,22 +119,31 @@ class FluxCurve:
     def cut(self, found: FoundPlaces, lights: int, split: int) -> None:
         """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`."""
         runtime, lanes = self.runtime, self.runtime.form.lanes
-        kernel = runtime.kernel(
-            "vpl/vpl_cut.cl", {"VPL_MIDDLE": int(found.middle)}, (CURVE,)
-        )
+        macros = {"VPL_MIDDLE": int(found.middle), "VPL_GLOSSY": int(self.glossy)}
+        kernel = runtime.kernel("vpl/vpl_cut.cl", macros, (CURVE,))
         for rsm, table in zip(self.maps, self._tables, strict=True):
             packed = self._packed(
                 table, lights=lights, split=split, count=found.count, stride=found.stride,
                 **dict(zip("xyz", rsm.origin - self.origin, strict=True)),
             )
+            axis, flux, gloss = self._lobes(rsm)
             kernel.run(
                 "vpl cut", rsm.size,
                 reads=[
-                    rsm.position, rsm.normal, rsm.flux, rsm.area, self._orders[rsm.face_size],
-                    self.quarters, self.runs, self.blocks,
+                    rsm.position, rsm.normal, axis, flux, rsm.area, gloss,
+                    self._orders[rsm.face_size], self.quarters, self.runs, self.blocks,
                 ],
                 writes=[found.array], values=[packed], grid=(1, -(-found.count // lanes)),
             )
+
+    def _lobes(self, rsm: DeviceRsm) -> tuple[Plane, Plane, Plane]:
+        """Return axis, flux and exponent; of diffuse light, planes for those that aren't read."""
+        if not self.glossy:
+            return rsm.normal, rsm.flux, rsm.area
+        lobes = rsm.lobes
+        if lobes is None:
+            raise ValueError("a reflective shadow map has no specular flux: expected it in all")
+        return lobes.axis, lobes.flux, lobes.gloss
 
     def lit(self) -> int:
         """Return how many texels reflect anything. Waits for the device."""
@@ -145,19 +160,25 @@ class FoundPlaces:
     """Memory for places in the row of texels: edges between pieces, or their middles.
 
     Attributes:
-        array: [8 or 6, stride] floats; see kernels/vpl/vpl_cut.cl.
+        array: [8, 6 or 10, stride] floats; see kernels/vpl/vpl_cut.cl.
         count: places.
         middle: which of the two.
     """
 
-    def __init__(self, runtime: Runtime, count: int, *, middle: bool) -> None:
+    def __init__(
+        self, runtime: Runtime, count: int, *, middle: bool, glossy: bool = False
+    ) -> None:
         self.count = count
         self.middle = middle
         self.stride = -(-count // 16) * 16
-        self.array = runtime.empty((6 if middle else 8) * self.stride, np.float32)
+        rows = (10 if glossy else 6) if middle else 8
+        self.array = runtime.empty(rows * self.stride, np.float32)
 
     def download(self) -> Doubles:
-        """Return [6, count] positions and normals, or [4, count] flux and area before each."""
+        """Return [6, count] positions and normals, or [4, count] flux and area before each.
+
+        Of lobes, [10, count] with axes and exponents too.
+        """
         values = self.array.download().reshape(-1, self.stride)[:, : self.count].astype(np.float64)
         return values if self.middle else values[:4] + values[4:]
 

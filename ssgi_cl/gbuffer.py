@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,10 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 
 Floats = NDArray[np.float32]
+
+LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
+"""Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
+holds at any angle."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,7 +32,7 @@ class GBuffer:
         camera: the camera; its size is that of the results.
         depth: [rows, columns] or [layers, rows, columns] float32, linear view depth in scene
             units, > 0; +inf where nothing is there. Layers go from front to back: none is nearer
-            than the one before it.
+            than the one before it. Depths below 1e-30 or above 1e30 count as these.
         normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
             With None, and where it is 0 on a surface, the normal is reconstructed from depth.
             [layers, rows, columns, 3] gives the deeper layers' normals too.
@@ -60,9 +64,9 @@ class GBuffer:
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
-        depth = _layered("depth", self.depth, 0, unit="scene units", low=0.0, infinite=True)
-        check.values_in_range(
-            "depth", depth, unit="scene units", low=0.0, above=True, infinite=True
+        depth = _layered(
+            "depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True,
+            infinite=True,
         )
         _in_order(depth)
         self._set("depth", depth)
@@ -176,6 +180,10 @@ class ReflectiveShadowMap:
         position: [rows, columns, 3] float32, world space; 0 where nothing is there.
         normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
         flux: [rows, columns, 3] float32, reflected radiant flux of the texel in W.
+        specular_flux: [rows, columns, 3] float32, likewise, what goes into the Phong lobe round
+            the mirrored ray of light; or None, as of scenes without gloss.
+        gloss: [rows, columns] float32, exponent of that lobe, >= 0; expected with
+            `specular_flux`, else None.
     """
 
     light: SpotLight | PointLight | DirectionalLight
@@ -184,11 +192,12 @@ class ReflectiveShadowMap:
     position: ArrayLike
     normal: ArrayLike
     flux: ArrayLike
+    specular_flux: ArrayLike | None = None
+    gloss: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        depth = check.plane("depth", self.depth, unit="scene units", low=0.0, infinite=True)
-        check.values_in_range(
-            "depth", depth, unit="scene units", low=0.0, above=True, infinite=True
+        depth = check.plane(
+            "depth", self.depth, unit="scene units", low=0.0, above=True, infinite=True
         )
         heights = sum(camera.height for camera in self.cameras)
         if depth.shape != (heights, self.cameras[0].width):
@@ -197,10 +206,16 @@ class ReflectiveShadowMap:
                 "as the light's cameras, stacked"
             )
         object.__setattr__(self, "depth", depth)
-        for name, low in (("position", -np.inf), ("normal", -np.inf), ("flux", 0.0)):
-            array = check.plane(name, getattr(self, name), channels=3, low=low)
-            if array.shape[:2] != depth.shape:
-                raise ValueError(f"{name} has shape {array.shape}: expected {(*depth.shape, 3)}")
+        kinds = [("position", 3, -np.inf), ("normal", 3, -np.inf), ("flux", 3, 0.0)]
+        if (self.specular_flux is None) != (self.gloss is None):
+            raise ValueError("expected both of specular_flux and gloss, or neither")
+        if self.gloss is not None:
+            kinds += [("specular_flux", 3, 0.0), ("gloss", 0, 0.0)]
+        for name, channels, low in kinds:
+            array = check.plane(name, getattr(self, name), channels=channels, low=low)
+            shape = (*depth.shape, channels) if channels else depth.shape
+            if array.shape != shape:
+                raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
             object.__setattr__(self, name, array)
 
     @property
@@ -218,6 +233,7 @@ def _layered(
     high: float = np.inf,
     unit: str = "",
     infinite: bool = False,
+    above: bool = False,
 ) -> Floats:
     array = np.asarray(value)
     flat = 3 if channels else 2
@@ -225,10 +241,13 @@ def _layered(
         array = check.floats(name, array)
         if channels and array.shape[-1] != channels:
             raise ValueError(f"{name} has shape {array.shape}: expected {channels} channels")
-        check.values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite)
+        check.values_in_range(
+            name, array, unit=unit, low=low, high=high, infinite=infinite, above=above
+        )
         return array
     return check.plane(
-        name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite
+        name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite,
+        above=above,
     )
 
 
@@ -245,6 +264,22 @@ def _in_order(depth: Floats) -> None:
                 f"least that of layer {layer - 1} there, {depth[layer - 1, row, column]} (scene "
                 "units); layers go from front to back"
             )
+
+
+def _limited(depth: ArrayLike) -> NDArray[Any]:
+    """Return depths within LEAST_DEPTH and MOST_DEPTH; the same array if they are.
+
+    What is infinite, NaN or not above 0 stays as it is. Float64 is limited before it is rounded.
+    """
+    array = np.asarray(depth)
+    if array.dtype.kind != "f" or array.size == 0:
+        return array
+    least, most = np.float32(LEAST_DEPTH), np.float32(MOST_DEPTH)
+    far, near = array > most, array < least
+    if not (near.any() or np.isfinite(array[far]).any()):
+        return array
+    far, near = far & (array < np.inf), near & (array > 0.0)
+    return np.where(far, most, np.where(near, least, array))
 
 
 def _unit(normal: Floats) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -30,12 +30,16 @@ class LightMaps:
         runtime: the device.
         size: texels along the side of a face.
         flux: whether reflected light is asked for.
+        glossy: whether what glossy surfaces mirror is asked for too.
     """
 
-    def __init__(self, runtime: Runtime, size: int, *, flux: bool) -> None:
+    def __init__(
+        self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False
+    ) -> None:
         self.runtime = runtime
         self.size = size
         self._flux = flux
+        self._glossy = glossy
         self._renderer = RsmRenderer(runtime, size, shaded=flux)
         self._depths: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
@@ -44,10 +48,12 @@ class LightMaps:
         self._lamps: dict[int, Lamp] = {}
 
     def draw(
-        self, scene: Scene, lights: Sequence[Light]
+        self, scene: Scene, lights: Sequence[Light], *, idle: Collection[int] = (),
+        keep: bool = True,
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
+        `idle` lamps, by their place among the lights, get no map. Without `keep` all are drawn.
         Which lamps reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
@@ -56,13 +62,13 @@ class LightMaps:
         """
         lamps = {
             index: light for index, light in enumerate(lights)
-            if not isinstance(light, Environment) and power(light).any()
+            if index not in idle and not isinstance(light, Environment) and power(light).any()
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
         for index, light in lamps.items():
             cameras = light_cameras(light, scene.bounds, self.size)
             shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
-        kept = self._kept(scene, lamps)
+        kept = self._kept(scene, lamps) if keep else set()
         rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
         # Should drawing fail, nothing is taken for drawn.
         self._scene, self._lamps = None, {}
@@ -73,7 +79,8 @@ class LightMaps:
             if index in kept:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
             else:
-                self._draw(scene, light, shadow, rsm, first)
+                with self.runtime.part(f"map {kind_name(light)}"):
+                    self._draw(scene, light, shadow, rsm, first)
             first += len(shadow.cameras)
         if rsm is not None and len(kept) < len(lamps):
             self._lit = rsm.lit()
@@ -103,6 +110,12 @@ class LightMaps:
             shadow.depth.copy_image(face, target.depth)
             if rsm is not None:
                 rsm.write_face(first + face, target.depth, target.normal_world, flux)
+            if rsm is not None and rsm.lobes is not None:
+                renderer = self._renderer
+                renderer.render_lobes(kept, light, camera)
+                rsm.write_lobes(
+                    target.depth, target.normal_world, renderer.specular_flux, renderer.gloss
+                )
 
     def _reflects(
         self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
@@ -132,8 +145,12 @@ class LightMaps:
     ) -> DeviceRsm:
         """Return the reflective shadow map with room for all faces, the same if it fits."""
         cameras = tuple(c for shadow in shadows if shadow is not None for c in shadow.cameras)
-        if self._rsm is None or self._rsm.faces != len(cameras):
-            self._rsm = DeviceRsm(self.runtime, (self.size, self.size), len(cameras))
+        glossy = self._glossy and device_scene(scene, self.runtime).glossy
+        fits = self._rsm is not None and self._rsm.faces == len(cameras)
+        if self._rsm is None or not fits or (self._rsm.lobes is not None) != glossy:
+            self._rsm = DeviceRsm(
+                self.runtime, (self.size, self.size), len(cameras), glossy=glossy
+            )
         if len(kept) < len(lamps):
             texels = (c.pixel_to_view[:2] for c in cameras)
             widest = max(abs(to_x * to_y) for to_x, to_y in texels)

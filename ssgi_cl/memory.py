@@ -22,6 +22,12 @@ Size = tuple[int, int]
 """(rows, columns)"""
 
 
+def plane_shape(count: int, size: Size) -> tuple[int, int]:
+    """Return (rows, floats in a row) of the memory of a plane."""
+    # One row before, one after; a guard behind each.
+    return count * size[0] + 2, (size[1] + 15) // 16 * 16 + GUARD
+
+
 class DeviceArray:
     """A list of numbers in device memory."""
 
@@ -29,7 +35,7 @@ class DeviceArray:
         self.runtime = runtime
         self.dtype = values.dtype
         self.count = values.size
-        self.buffer = runtime.allocate(max(values.nbytes, 4))
+        self.buffer = runtime.allocate(max(values.nbytes, 4), self)
         if fill:
             self.upload(values)
 
@@ -68,9 +74,8 @@ class Plane:
         self.count = count
         self.size = size
         self.outside = outside
-        self.pitch = (size[1] + 15) // 16 * 16 + GUARD
-        self._rows = count * size[0] + 2  # one row before, one after
-        self.buffer = runtime.allocate(self._rows * self.pitch * 4)
+        self._rows, self.pitch = plane_shape(count, size)
+        self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
         self._image: Any = None
         self._image_is_current = False
         with self._mapped(write_only=True) as memory:
@@ -162,8 +167,8 @@ class Plane:
                 )
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
+            self.runtime.take(self.pitch * self._rows * 4, self)
             self._image = cl.create_image(self.runtime.context, flags, layout, shape)
-            self.runtime.allocated_bytes += self.pitch * self._rows * 4
         if not self._image_is_current:
             event = cl.enqueue_copy(
                 self.runtime.queue, self._image, self.buffer, offset=0, origin=(0, 0), region=shape

@@ -60,7 +60,7 @@ def bounce_name(indirect: object) -> str | None:
 
 
 def bounce_params(
-    name: str | None, vpls: int, layers: int, radius: float
+    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0
 ) -> BounceParams | None:
     """Return the parameters of a bounce by its name, or None; `radius` is that of SSDO."""
     if name is None:
@@ -70,5 +70,7 @@ def bounce_params(
     if name == "ssdo":
         return SsdoParams(radius=radius, resolution="half", emission=False)
     if name == "gather":
-        return RsmGatherParams(resolution="quarter")
-    return VplSplatParams(vpls=vpls, cutoff=0.0, interleave=True, visibility=layers >= 2)
+        return RsmGatherParams(resolution="adaptive")
+    return VplSplatParams(
+        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=layers >= 2
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import warnings
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import drivers, sources
+from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
-from ssgi_cl.errors import DeviceError, KernelBuildError
-from ssgi_cl.memory import DeviceArray, Plane, Size
+from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
+from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import opencl
+from ssgi_cl.room import Room, outline
 from ssgi_cl.structs import Struct
 
 
@@ -29,11 +32,14 @@ class PassTime:
         name: of the pass.
         ms: milliseconds on the device; 0 if skipped.
         skipped: why it was not run; empty if it ran.
+        saved: milliseconds that this saves by estimate: what the pass took when it last ran; 0 if
+            that is not known.
     """
 
     name: str
     ms: float
     skipped: str = ""
+    saved: float = 0.0
 
 
 class Runtime:
@@ -42,7 +48,8 @@ class Runtime:
     Attributes:
         info: the device.
         form: the build of the kernels that it gets.
-        allocated_bytes, builds: device memory taken and programs compiled so far.
+        room: the device's memory, how much of it is in use, and limits that may be lowered.
+        allocated_bytes, builds: device memory taken and programs compiled so far, in all.
     """
 
     def __init__(self, info: DeviceInfo, form: Form) -> None:
@@ -60,11 +67,14 @@ class Runtime:
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
+        self.room = Room(info.label, device.global_mem_size, device.max_mem_alloc_size)
         self._programs: dict[str, Any] = {}
         self._kernels: dict[tuple[Any, ...], Kernel] = {}
         self._prepared: dict[object, Any] = {}
         self._events: list[tuple[str, Any]] = []
         self._skips: list[tuple[int, PassTime]] = []
+        self._parts: list[tuple[str, int, int]] = []
+        self._costs: dict[str, float] = {}
         self._depth = 0
 
     @classmethod
@@ -106,41 +116,87 @@ class Runtime:
 
     def plane(self, count: int, size: Size, outside: float = 0.0) -> Plane:
         """Return new device memory for `count` images; see kernels/common/gbuffer.clh."""
+        if self.room.counting:
+            rows, pitch = plane_shape(count, size)
+            self.room.take(rows * pitch * 4)
+            plane: Plane = outline(
+                runtime=self, count=count, size=size, outside=outside, pitch=pitch
+            )
+            return plane
         return Plane(self, count, size, outside)
 
     def array(self, values: NDArray[Any]) -> DeviceArray:
         """Return new device memory that holds a copy of `values` (at least one element)."""
+        if self.room.counting:
+            return self.empty(values.size, values.dtype.type)
         return DeviceArray(self, values)
 
     def empty(self, count: int, dtype: type[np.generic]) -> DeviceArray:
         """Return new device memory for `count` elements (at least one), not initialised."""
+        if self.room.counting:
+            self.room.take(max(count, 1) * np.dtype(dtype).itemsize)
+            array: DeviceArray = outline(
+                runtime=self, dtype=np.dtype(dtype), count=max(count, 1)
+            )
+            return array
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
-    def allocate(self, size: int) -> Any:
-        """Return a new buffer of `size` bytes; raises DeviceError if there is no room."""
+    def allocate(self, size: int, owner: object) -> Any:
+        """Return a new buffer of `size` bytes, which lives as long as `owner`.
+
+        Raises:
+            DeviceMemoryError: there is no room; the driver was not asked unless it said so.
+        """
         cl = opencl()
 
-        self.allocated_bytes += size
+        self.take(size, owner)
         flags = cl.mem_flags.READ_WRITE
         if self.shares_memory:
             flags |= cl.mem_flags.ALLOC_HOST_PTR
         try:
             return cl.Buffer(self.context, flags, size)
         except cl.Error as error:
-            raise DeviceError(
-                f"{self.info.label}: no room for {size / 2**20:.1f} MiB more; "
-                f"{self.allocated_bytes / 2**20:.1f} MiB were asked for so far"
+            raise DeviceMemoryError(
+                f"{self.info.label}: the driver has no room for {size / 2**20:.1f} MiB more "
+                f"({error}); {self.room}"
             ) from error
 
+    def take(self, size: int, owner: object) -> None:
+        """Count `size` bytes as taken while `owner` lives; DeviceMemoryError if they don't fit."""
+        self.room.take(size)
+        self.allocated_bytes += size
+        weakref.finalize(owner, self.room.give_back, size).atexit = False
+
     def prepared(self, key: object, make: Callable[[], Any]) -> Any:
-        """Return what `make` returned for `key` before, or its result now (kept: 64 latest)."""
+        """Return what `make` returned for `key` before, or its result now (kept: 64 latest).
+
+        Raises:
+            DeviceMemoryError: there is no room for it, even with nothing else kept; the message
+                says how much it needs.
+        """
+        if self.room.counting:
+            return make()
         value = self._prepared.pop(key, None)
         if value is None:
-            value = make()
+            value = self._made(make)
             if len(self._prepared) >= 64:
                 self._prepared.pop(next(iter(self._prepared)))
         self._prepared[key] = value
         return value
+
+    def _made(self, make: Callable[[], Any]) -> Any:
+        try:
+            return make()
+        except DeviceMemoryError:
+            self._prepared.clear()  # all that nobody holds is free now
+        try:
+            return make()
+        except DeviceMemoryError as error:
+            needed = self.room.needed(make)
+            raise DeviceMemoryError(
+                f"{error}; {needed / 2**20:.1f} MiB are needed in all: take a smaller size, fewer "
+                "layers or less overscan"
+            ) from error
 
     # ---- programs
 
@@ -163,6 +219,9 @@ class Runtime:
         Raises:
             KernelBuildError: the compiler refused it; the message has file:line in kernels/.
         """
+        if self.room.counting:
+            stand_in: Kernel = outline()
+            return stand_in
         key = (path, tuple(sorted((macros or {}).items())), tuple(structs), most_lanes)
         kernel = self._kernels.get(key)
         if kernel is None:
@@ -220,10 +279,15 @@ class Runtime:
     # ---- time
 
     @contextmanager
-    def frame(self) -> Iterator[Self]:
-        """Collect the passes within; frames inside a frame belong to it."""
+    def frame(self, costs: dict[str, float] | None = None) -> Iterator[Self]:
+        """Collect the passes within; frames inside a frame belong to it.
+
+        `costs` is the caller's memory of what passes and parts took, in ms by name: `times` brings
+        it up to date, and what is skipped is estimated from it.
+        """
         if self._depth == 0:
-            self._events, self._skips = [], []
+            self._events, self._skips, self._parts = [], [], []
+            self._costs = {} if costs is None else costs
         self._depth += 1
         try:
             yield self
@@ -236,6 +300,14 @@ class Runtime:
             self._events[-1][1].wait()
         ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6)
                for name, event in self._events]
+        taken: dict[str, list[float]] = {}
+        for p in ran:
+            taken.setdefault(p.name, []).append(p.ms)
+        whole: dict[str, list[float]] = {}
+        for name, first, end in self._parts:
+            whole.setdefault(name, []).append(sum(p.ms for p in ran[first:end]))
+        for name, times in {**taken, **whole}.items():
+            self._costs[name] = sum(times) / len(times)
         for position, skip in reversed(self._skips):
             ran.insert(position, skip)
         return ran
@@ -244,9 +316,20 @@ class Runtime:
         """Add a pass to the current frame."""
         self._events.append((name, event))
 
-    def skip(self, name: str, why: str) -> None:
-        """Note in the current frame that a pass was not needed."""
-        self._skips.append((len(self._events), PassTime(name, 0.0, why)))
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Note that the passes within make up a part of the frame, which may be skipped as one."""
+        first = len(self._events)
+        yield
+        self._parts.append((name, first, len(self._events)))
+
+    def skip(self, name: str, why: str, saved: float | None = None) -> None:
+        """Note in the current frame that a pass or part was not needed.
+
+        By default it saves what it took when it last ran.
+        """
+        cost = self._costs.get(name, 0.0) if saved is None else saved
+        self._skips.append((len(self._events), PassTime(name, 0.0, why, cost)))
 
     def finish(self) -> None:
         """Wait for the device."""
@@ -263,6 +346,7 @@ def _load_driver(info: DeviceInfo) -> None:
     if _loaded_driver is None:
         asked = os.environ.get("OCL_ICD_VENDORS")
         os.environ["OCL_ICD_VENDORS"] = info.driver
+        os.environ |= replaced_caches()
         try:
             cl = opencl()
 
@@ -288,6 +372,7 @@ class Kernel:
 
         self.runtime = runtime
         self.name = name
+        self._typed = False
         try:
             self._kernel = cl.Kernel(program, self.name)
         except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
@@ -327,7 +412,12 @@ class Kernel:
         arguments = [read.argument() for read in reads]
         arguments += [write.buffer for write in writes]
         extent = np.array([size[1], size[0]], np.int32)
-        self._kernel.set_args(*arguments, extent, *values)
+        arguments += [extent, *values]
+        if not self._typed:
+            # PyOpenCL finds out what an argument is by trying, 11 us each, unless it is told.
+            self._kernel.set_arg_types([_argument_type(argument) for argument in arguments])
+            self._typed = True
+        self._kernel.set_args(*arguments)
         group = local or self._group(rows, columns)
         work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
         event = cl.enqueue_nd_range_kernel(
@@ -342,3 +432,10 @@ class Kernel:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":
             return (1, 16 if columns <= 16 else 64)
         return (8, 8) if rows >= 8 else (1, 64)
+
+
+def _argument_type(argument: Any) -> np.dtype[Any] | None:
+    """Return what PyOpenCL is told of an argument: None for memory, bytes for vectors, structs."""
+    if isinstance(argument, np.ndarray):
+        return np.dtype(f"V{argument.nbytes}")
+    return argument.dtype if isinstance(argument, np.generic) else None

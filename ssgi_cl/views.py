@@ -38,6 +38,25 @@ def share_view(share: Floats) -> Picture:
     return _bytes(np.clip(share, 0.0, 1.0) * np.float32(255.0))
 
 
+LEVELS = {
+    32: (255, 255, 255), 16: (255, 255, 255), 8: (90, 90, 255), 4: (0, 210, 210),
+    2: (0, 210, 0), 1: (255, 70, 0),
+}
+"""Colours of the levels of a `MultiresGrid`, by pixels between points: coarse, finer, finest."""
+
+
+def levels_view(steps: NDArray[np.int32]) -> Picture:
+    """Return [rows, columns, 3] uint8: which level computed a pixel; black: interpolated.
+
+    Args:
+        steps: [rows, columns] as `MultiresGrid.computed` returns them.
+    """
+    view = np.zeros((*steps.shape, 3), np.uint8)
+    for step, colour in LEVELS.items():
+        view[steps == step] = colour
+    return view
+
+
 def gbuffer_views(gbuffer: GBuffer) -> dict[str, Picture]:
     """Return name -> picture of depth, normal and albedo, without the margin."""
     depth = gbuffer.first("depth")

@@ -20,6 +20,8 @@ Doubles = NDArray[np.float64]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear sRGB (ITU-R BT.709)."""
 MOST_VPLS = 1 << 24
+SHARPEST = 1000.0
+"""Exponent of a lobe; VPL_SHARPEST in kernels/vpl/glossy.clh."""
 PARTS = 16
 
 
@@ -27,12 +29,17 @@ PARTS = 16
 class Vpls:
     """Virtual point lights; each radiates flux / pi times the cosine to its normal (W/sr).
 
+    Those with lobes radiate flux (n + 1) / (2 pi F) times the n-th power of the cosine to their
+    axis, on the side of their normal alone; F is the share of the lobe on that side.
+
     Attributes:
         position: [count, 3] float64, world space.
         normal: [count, 3] float64, world space, unit length, on the side that is lit.
         flux: [count, 3] float64, RGB, W.
         area: [count] float64, of the surface that the light stands for, squared scene units, > 0.
         parts: the lights that each of these is made of, `PARTS` one after the other, or None.
+        axis: [count, 3] float64, world space, unit length: of lobes, or None for diffuse light.
+        gloss: [count] float64, exponent n of each lobe, which counts as one in [1, SHARPEST].
     """
 
     position: Doubles
@@ -40,6 +47,8 @@ class Vpls:
     flux: Doubles
     area: Doubles
     parts: Vpls | None = None
+    axis: Doubles | None = None
+    gloss: Doubles | None = None
 
     def __len__(self) -> int:
         return len(self.area)
@@ -53,7 +62,10 @@ class Vpls:
         if len(self) <= count:
             return self
         middle, flux, area = cut_evenly(np.vstack([self.flux.T, self.area]), count)
-        return Vpls(self.position[middle], self.normal[middle], flux, area)
+        lobe = () if self.axis is None or self.gloss is None else (
+            None, self.axis[middle], self.gloss[middle]
+        )
+        return Vpls(self.position[middle], self.normal[middle], flux, area, *lobe)
 
 
 class ChosenVpls:
@@ -80,7 +92,7 @@ class ChosenVpls:
         self.curve = curve
         self.count = count
         self.split = PARTS if parts else 1
-        self.places = FoundPlaces(runtime, count, middle=True)
+        self.places = FoundPlaces(runtime, count, middle=True, glossy=curve.glossy)
         self.part_places = FoundPlaces(runtime, count * PARTS, middle=True) if parts else None
         self.edges = FoundPlaces(runtime, count * self.split + 1, middle=False)
         self._version = 0
@@ -109,7 +121,10 @@ class ChosenVpls:
     def _lights(self, places: FoundPlaces, edges: Doubles) -> Vpls:
         amounts = np.diff(edges, axis=1)
         found = places.download()[:, : amounts.shape[1]]
-        return Vpls(found[:3].T + self.curve.origin, found[3:].T, amounts[:3].T, amounts[3])
+        lobe = (None, found[6:9].T, found[9]) if self.curve.glossy else ()
+        return Vpls(
+            found[:3].T + self.curve.origin, found[3:6].T, amounts[:3].T, amounts[3], *lobe
+        )
 
 
 def choose_vpls(
@@ -117,6 +132,7 @@ def choose_vpls(
     count: int = 1024,
     *,
     parts: bool = False,
+    glossy: bool = False,
     runtime: Runtime | None = None,
 ) -> Vpls:
     """Choose virtual point lights in proportion to flux, spread evenly over what is lit.
@@ -130,7 +146,9 @@ def choose_vpls(
     Args:
         rsms: a reflective shadow map, or one for each light.
         count: of lights, >= 1. If no more texels are lit than that, each of them is one.
-        parts: give the lights' parts too, unless every texel is a light.
+        parts: give the lights' parts too, unless every texel is a light; not with `glossy`.
+        glossy: lights with lobes, for what glossy surfaces mirror; flux then counts by
+            sqrt(n + 1) more, so that sharper lobes get more lights. Maps without any give none.
         runtime: the device; by default the fastest found.
 
     Returns:
@@ -140,25 +158,35 @@ def choose_vpls(
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
     count = check.integer("vpls", count, low=1, high=MOST_VPLS, unit="virtual point lights")
+    check.switch("glossy", glossy)
+    if glossy and parts:
+        raise ValueError("parts is True: expected False with glossy=True, lobes have no parts")
     maps = on_device_rsms(rsms, runtime)
+    if glossy:
+        maps = [rsm for rsm in maps if rsm.lobes is not None]
     if not maps:
-        return Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    chosen = _chosen_vpls(maps, count, parts=parts)
+        none, lobe = np.zeros((0, 3)), (None, np.zeros((0, 3)), np.zeros(0)) if glossy else ()
+        return Vpls(none, none, none, np.zeros(0), *lobe)
+    chosen = _chosen_vpls(maps, count, parts=parts, glossy=glossy)
     with chosen.curve.runtime.frame():
         chosen.curve.update(maps)
         chosen.update()
     return chosen.download()
 
 
-def _chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool) -> ChosenVpls:
+def _chosen_vpls(
+    maps: Sequence[DeviceRsm], count: int, *, parts: bool, glossy: bool
+) -> ChosenVpls:
     """Return what chooses from maps of these sizes, the same as last time; nothing is queued."""
     runtime, key = maps[0].runtime, curve_key(maps)
 
     def make() -> ChosenVpls:
-        curve: FluxCurve = runtime.prepared((FluxCurve, key), lambda: FluxCurve(runtime, key))
+        curve: FluxCurve = runtime.prepared(
+            (FluxCurve, key, glossy), lambda: FluxCurve(runtime, key, glossy=glossy)
+        )
         return ChosenVpls(curve, min(count, curve.texels), parts=parts)
 
-    chosen: ChosenVpls = runtime.prepared((ChosenVpls, key, count, parts), make)
+    chosen: ChosenVpls = runtime.prepared((ChosenVpls, key, count, parts, glossy), make)
     return chosen
 
 
@@ -178,8 +206,10 @@ def on_device_rsms(
             continue
         runtime = runtime or Runtime.open()
         size, faces = rsm.cameras[0].size, len(rsm.cameras)
+        glossy = rsm.specular_flux is not None
         device: DeviceRsm = runtime.prepared(
-            (on_device_rsms, index, size, faces), partial(DeviceRsm, runtime, size, faces)
+            (on_device_rsms, index, size, faces, glossy),
+            partial(DeviceRsm, runtime, size, faces, glossy=glossy),
         )
         device.upload(rsm)
         maps.append(device)
@@ -187,13 +217,14 @@ def on_device_rsms(
 
 
 def cut_evenly(
-    amounts: NDArray[np.floating], count: int
+    amounts: NDArray[np.floating], count: int, importance: Doubles | None = None
 ) -> tuple[NDArray[np.intp], Doubles, Doubles]:
     """Cut a row into pieces of equal luminous flux.
 
     Args:
         amounts: [4, lights] RGB flux and area of the row.
         count: of pieces.
+        importance: [lights] by which luminous flux counts more; by default 1.
 
     Returns:
         Which light is at the middle of each piece, and the pieces' flux [count, 3] and area.
@@ -202,6 +233,8 @@ def cut_evenly(
     np.cumsum(amounts, axis=1, dtype=np.float64, out=sums[:, 1:])
     # Not `@`: a BLAS's threads would wait for more work on the cores that the passes need.
     before = np.einsum("c,cn->n", LUMINANCE, sums[:3])
+    if importance is not None:
+        before[1:] = np.cumsum(np.diff(before) * importance)
     edges = np.linspace(0.0, before[-1], count + 1)
     middle = np.searchsorted(before[1:-1], 0.5 * (edges[1:] + edges[:-1]))
     # An edge may fall into the middle of a light.

@@ -31,13 +31,13 @@ from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
-from ssgi_cl.techniques.sparse import COARSE
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.ssdo import SPLIT
 from ssgi_cl.techniques.ssdo_points import POINTS
 from ssgi_cl.techniques.ssdo_views import VIEWS
 from ssgi_cl.techniques.upsample import UPSAMPLE
 from ssgi_cl.techniques.vpl_tree import CUT
+from ssgi_cl.tiles import TILES
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,8 @@ USES = {
     "lamp_shadows/lamp_shadows.cl": Use(
         (CAMERA, LIGHT, LAMP_SHADOW),
         [
-            {"SHADE_KIND": kind, "SHADE_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers}
+            {"SHADE_KIND": kind, "SHADE_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers,
+             "LAMP_THICKNESS": add}
             for kind, add, layers in ((0, 0, 1), (1, 1, 2), (2, 0, 1))
         ],
     ),
@@ -158,7 +159,10 @@ USES = {
     "multires/multires_start.cl": Use((), [{"MULTIRES_CHANNELS": 3}]),
     "multires/shade_list.cl": Use(
         (CAMERA, VPL, CUT),
-        [{"VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "SHADE_ROWS": 2} for n in (0, 1)],
+        [
+            {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "VPL_SIGHT": n, "SHADE_ROWS": 2}
+            for n in (0, 1)
+        ],
     ),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
@@ -166,6 +170,7 @@ USES = {
     ),
     "raster/raster_fill.cl": Use(rasterizer.STRUCTS),
     "raster/raster_flux.cl": Use((CAMERA, shadow_map.FLUX)),
+    "raster/raster_gloss.cl": Use(),
     "raster/raster_scan.cl": Use(rasterizer.STRUCTS),
     "raster/raster_setup.cl": Use(rasterizer.STRUCTS),
     "raster/raster_tiles.cl": Use(
@@ -173,15 +178,12 @@ USES = {
     ),
     "raster/raster_vertices.cl": Use(rasterizer.STRUCTS),
     "rsm/rsm_face.cl": Use((CAMERA, FACE)),
+    "rsm/rsm_lobe.cl": Use((CAMERA, FACE)),
     "rsm/rsm_normals.cl": Use((VIEW_ROTATION,)),
-    "rsm_gather/rsm_gather_count.cl": Use(),
+    "rsm_gather/rsm_gather_bound.cl": Use(),
     "rsm_gather/rsm_gather_disk.cl": Use(
         (CAMERA, GATHER, MAP), [disk(0, 0, 0), disk(1, 1, 0), disk(0, 1, 1)]
     ),
-    "rsm_gather/rsm_gather_interpolate.cl": Use(
-        (CAMERA, COARSE), [{"RSM_GATHER_STEP": step} for step in (2, 8)]
-    ),
-    "rsm_gather/rsm_gather_list.cl": Use(),
     "rsm_gather/rsm_gather_pick.cl": Use(),
     "rsm_gather/rsm_gather_same.cl": Use(
         (CAMERA, GATHER), [{"RSM_GATHER_LISTED": listed} for listed in (0, 1)]
@@ -190,18 +192,19 @@ USES = {
     "rsm_gather/rsm_gather_texels.cl": Use(),
     "shade/shade_combine.cl": Use(
         (CAMERA, COMBINE),
-        [combine(0, 0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1, 1), combine(0, 1, 0, 0, 0, 1, 0)],
+        [combine(0, 0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1, 1), combine(0, 1, 0, 2, 0, 1, 0)],
     ),
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
+    "slices/slices_slopes.cl": Use((CAMERA,), [{"SLOPES_LAYERS": 2}]),
     "slices/slices_sorted.cl": Use((), [{"SORTED_COUNT": 6}]),
     "ssdo_bitmask/ssdo_bitmask.cl": Use(
         (CAMERA, SLICES, ssdo_bitmask.OWN),
         [
             slices(
-                layers, SLICES_THICKNESS=a, SLICES_NEXT=b, BITMASK_BOUNCE=c, BITMASK_BACKS=d,
-                BITMASK_CONES=e, BITMASK_KEPT=f, SKY_SIZE=32,
+                layers, SLICES_THICKNESS=a, SLICES_NEXT=b, BITMASK_THICK=a, BITMASK_BOUNCE=c,
+                BITMASK_BACKS=d, BITMASK_CONES=e, BITMASK_KEPT=f, SKY_SIZE=32,
             )
             for layers, a, b, c, d, e, f in ((1, 0, 0, 1, 0, 8, 1), (2, 1, 1, 1, 1, 0, 0))
         ],
@@ -222,7 +225,8 @@ USES = {
         (CAMERA, POINTS),
         [
             {"POINTS_COUNT": 16, "POINTS_LAYERS": layers, "POINTS_SENDERS": senders,
-             "POINTS_STEP": step, "POINTS_SKY": sky, "POINTS_PAPER": paper}
+             "POINTS_STEP": step, "POINTS_SKY": sky, "POINTS_PAPER": paper,
+             "POINTS_THICKNESS": paper}
             for layers, senders, step, sky, paper in (
                 (1, 0, 1, 0, 0), (2, 2, 2, 1, 0), (2, 1, 4, 0, 1)
             )
@@ -236,6 +240,9 @@ USES = {
             for layers, senders in ((1, 0), (2, 2))
         ],
     ),
+    "tiles/tiles_calm.cl": Use(),
+    "tiles/tiles_facts.cl": Use((CAMERA,), [{"TILES_LAYERS": layers} for layers in (1, 2)]),
+    "tiles/tiles_open.cl": Use((TILES,)),
     "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
     "upsample/upsample_blur_columns.cl": Use(
         (CAMERA, UPSAMPLE), [{"UPSAMPLE_STEP": step, "BLUR_RADIUS": 7} for step in (2, 4)]
@@ -249,29 +256,44 @@ USES = {
     ),
     "vpl/vpl_blocks.cl": Use((CURVE,)),
     "vpl/vpl_boxes.cl": Use((CAMERA, VPL)),
-    "vpl/vpl_cut.cl": Use((CURVE,), [{"VPL_MIDDLE": middle} for middle in (0, 1)]),
+    "vpl/vpl_cut.cl": Use((CURVE,), [
+        {"VPL_MIDDLE": middle, "VPL_GLOSSY": glossy}
+        for middle, glossy in ((0, 0), (1, 0), (0, 1), (1, 1))
+    ]),
     "vpl/vpl_grid.cl": Use((CAMERA, VPL), [SIGHT]),
     "vpl/vpl_interleaved.cl": Use(
         (CAMERA, VPL),
         [
             {**SIGHT, "VPL_NEAR": near, "VPL_CUT": cut, "VPL_ADD": add, "VPL_SIGHT": 1 - add,
-             "VPL_SHARE": 16}
-            for near, cut, add in ((0, 0, 0), (1, 1, 1), (0, 2, 1))
+             "VPL_SHARE": 16, "VPL_GLOSSY": glossy, "VPL_PARTS": cut % 2 * (1 - glossy)}
+            for near, cut, add, glossy in ((0, 0, 0, 0), (1, 1, 1, 0), (0, 2, 1, 0), (1, 1, 0, 1))
         ],
     ),
     "vpl/vpl_lists.cl": Use(
         (CAMERA, VPL),
-        [{"VPL_CUT": cut, "VPL_SUBSETS": 1 + 15 * cut, "VPL_PARTS": cut} for cut in (0, 1)],
+        [
+            {"VPL_CUT": cut, "VPL_SUBSETS": 1 + 15 * cut, "VPL_PARTS": parts, "VPL_GLOSSY": glossy}
+            for cut, parts, glossy in ((0, 0, 0), (1, 1, 0), (0, 0, 1), (1, 0, 1))
+        ],
     ),
+    "vpl/vpl_near.cl": Use((CAMERA, VPL)),
     "vpl/vpl_occupy.cl": Use((CAMERA, VPL, TURN), [{**SIGHT, "VPL_LAYERS": n} for n in (0, 2)]),
-    "vpl/vpl_place.cl": Use((PLACE,), [{"VPL_PART": part} for part in (0, 1)]),
-    "vpl/vpl_runs.cl": Use((CURVE,)),
+    "vpl/vpl_place.cl": Use(
+        (PLACE,),
+        [{"VPL_PART": part, "VPL_GLOSSY": glossy} for part, glossy in ((0, 0), (1, 0), (0, 1))],
+    ),
+    "vpl/vpl_runs.cl": Use((CURVE,), [{"VPL_GLOSSY": glossy} for glossy in (0, 1)]),
     "vpl/vpl_splat.cl": Use(
         (CAMERA, VPL),
         [
             {"VPL_NEAR": near, "VPL_CUT": cut, "VPL_LISTS": add, "VPL_ADD": add, "VPL_PARTS": add,
-             "VPL_ROWS": 2}
-            for near, cut, add in ((0, 0, 0), (1, 1, 1), (0, 2, 1))
+             "VPL_ROWS": 2, "VPL_GLOSSY": glossy}
+            for near, cut, add, glossy in ((0, 0, 0, 0), (1, 1, 1, 0), (0, 2, 1, 0))
+        ]
+        + [
+            {"VPL_NEAR": cut, "VPL_CUT": cut, "VPL_LISTS": 1, "VPL_ADD": 1, "VPL_PARTS": 0,
+             "VPL_ROWS": 2, "VPL_GLOSSY": 1}
+            for cut in (0, 1)
         ],
     ),
     "vpl/vpl_totals.cl": Use(),
@@ -279,8 +301,15 @@ USES = {
 """Every kernel. A new one belongs here."""
 
 WARNINGS = [
-    "-Wall", "-Wextra", "-Wundef", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Werror",
+    "-Weverything", "-Werror",
     "-Wno-unused-parameter",  # a kernel keeps its arguments whatever its switches say
+    "-Wno-unused-macros",  # and so does a file its macros
+    "-Wno-declaration-after-statement",  # forbidden before C99
+    "-Wno-comma",  # takes a vector's literal for the operator
+    "-Wno-float-equal",  # comparisons with what was stored as it is
+    "-Wno-padded",  # of structs that stay in registers; the host's have no padding
+    "-Wno-bad-function-cast",  # of floor() and its kin, whose results are whole
+    "-Wno-missing-variable-declarations",  # a sampler can't be static
 ]
 
 every_kernel = pytest.mark.parametrize("path", sources.kernel_names())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -224,6 +225,54 @@ def test_what_cannot_be_met_is_refused_with_the_facts(runtime: Runtime) -> None:
         choose("ssao", SIZE, error=0.001)
     with pytest.raises(ValueError, match=r"of ssao with 3 depth layers is expected"):
         choose("ssao", SIZE, error=0.001, layers=3)
+
+
+@pytest.fixture
+def some_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Records of GTAO and, made up from it, of the bitmask; none of the others."""
+    made = json.loads(json.dumps(presets.record("gtao")))
+    for entry in made["layers"]:
+        for point in [*entry["presets"].values(), *entry["curve"]]:
+            point["parameters"] = {"slices": 2, "taps": 9, "thickness": 0.2}
+    made["pace"]["parameters"] = {"slices": 2, "taps": 9}
+    (tmp_path / "bitmask_ao.json").write_text(json.dumps(made))
+    (tmp_path / "gtao.json").write_text(json.dumps(presets.record("gtao")))
+    presets.record.cache_clear()
+    monkeypatch.setattr(presets.resources, "files", lambda package: tmp_path)
+    yield
+    presets.record.cache_clear()
+
+
+@pytest.mark.usefixtures("some_recorded", "same_pace")
+@pytest.mark.parametrize("technique", ["gtao", "bitmask_ao"])
+def test_each_technique_that_is_recorded_is_chosen_by_name_error_and_time(
+    technique: str, runtime: Runtime
+) -> None:
+    curve = presets.curve(technique)
+    chosen = choose(technique, SIZE, preset="high", radius=0.7).params
+    assert type(chosen) is TECHNIQUES[technique].params
+    assert chosen.radius == 0.7
+    assert choose(technique, SIZE, error=curve[0].error_cut).error <= curve[0].error_cut
+    assert choose(technique, SIZE, budget_ms=1e9, runtime=runtime).ms is not None
+    with pytest.raises(ValueError, match=(
+        rf"budget_ms is 0.001: cannot be met: the fastest setting of {technique} takes about "
+        r"\d+(\.\d+)? ms here at 800 x 600"
+    )):
+        choose(technique, SIZE, budget_ms=0.001, runtime=runtime)
+    with pytest.raises(ValueError, match=rf"error is 0.001: the best recorded .* {technique}"):
+        choose(technique, SIZE, error=0.001)
+
+
+@pytest.mark.usefixtures("some_recorded")
+@pytest.mark.parametrize("asked", [{"preset": "low"}, {"error": 0.1}, {"budget_ms": 8.0}], ids=str)
+def test_technique_that_is_not_recorded_says_which_are(
+    asked: dict[str, Any], steps: GBuffer, runtime: Runtime
+) -> None:
+    message = "'hbao' has no presets: expected one of bitmask_ao, gtao"
+    with pytest.raises(ValueError, match=message):
+        choose("hbao", SIZE, runtime=runtime, **asked)
+    with pytest.raises(ValueError, match=message):
+        gi.hbao(steps, runtime=runtime, **asked)
 
 
 @pytest.mark.parametrize(

@@ -20,14 +20,13 @@ from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
-from ssgi_cl.techniques.sparse import COARSE
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.ssdo import SPLIT
 from ssgi_cl.techniques.upsample import UPSAMPLE
 
 STRUCTS = (
     CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, LIT, COMBINE, SPLIT,
-    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, SUMS, COARSE, VPL, TURN,
+    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, SUMS, VPL, TURN,
 )
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.views import depth_view, gbuffer_views, normal_view, share_view
+from ssgi_cl.views import depth_view, gbuffer_views, levels_view, normal_view, share_view
 
 
 def test_nearest_is_white_furthest_dark_grey_and_nothing_black() -> None:
@@ -52,6 +52,13 @@ def test_shares_are_linear_and_clipped() -> None:
 def full_gbuffer(**arrays: np.ndarray) -> GBuffer:
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), width=4, height=2)
     return GBuffer(camera=camera, depth=np.full((4, 6), 2.0, np.float32), **arrays)
+
+
+def test_levels_have_a_colour_each_and_what_is_interpolated_none() -> None:
+    steps = np.array([[16, 8, 4], [2, 1, 0]], np.int32)
+    view = levels_view(steps)
+    assert len({tuple(colour) for colour in view.reshape(-1, 3).tolist()}) == 6
+    np.testing.assert_array_equal(view[1, 2], 0)
 
 
 def test_gbuffer_views_leave_out_the_margin_and_what_is_not_there() -> None:

@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from ..case import Family
 from ..peers import PEERS
 from . import (
+    bent_normals,
     bilateral,
+    converged,
     floor,
     lecture,
     multires_splat,
     rasterize,
     rsm_gather,
     shade,
+    skips,
     slices,
     ssao,
     ssdo,
@@ -24,6 +27,8 @@ from . import (
 OWN: Mapping[str, Family] = {
     **ssao.FAMILIES,
     **slices.FAMILIES,
+    **converged.FAMILIES,
+    **bent_normals.FAMILIES,
     **lecture.FAMILIES,
     **floor.FAMILIES,
     **bilateral.FAMILIES,
@@ -32,6 +37,7 @@ OWN: Mapping[str, Family] = {
     **rsm_gather.FAMILIES,
     **ssdo.FAMILIES,
     **rasterize.FAMILIES,
+    **skips.FAMILIES,
     **vpl_splat.FAMILIES,
     **multires_splat.FAMILIES,
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.techniques.rsm_gather import RESOLUTIONS, RsmGather, RsmGatherParams
+from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
@@ -58,7 +58,13 @@ class RsmGatherFamily(Own):
             return total
 
         # Samples that are the same for all pixels need no scattered reads, others ten each.
-        pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
+        pixels = int(np.count_nonzero(context.seen))
+        note = "without drawing the maps and, as long as they stay, without drawing samples"
+        if self.resolution != "full":
+            run()
+            share = 100.0 * sum(technique.computed for technique, _ in roads) / len(roads)
+            pixels = int(0.01 * share * pixels)
+            note += f"; {share:.1f} % of the pixels computed"
         reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(roads)
         return Subject(
             run=run,
@@ -69,15 +75,15 @@ class RsmGatherFamily(Own):
                 "world": context.bounce,
                 "assumption": lambda: context.bounce(visibility=False),
             },
-            note="without drawing the maps and, as long as they stay, without drawing samples",
+            note=note,
         )
 
 
 FAMILIES: Mapping[str, Family] = {
     "rsm-gather": RsmGatherFamily(),
-    "rsm-gather-quarter": RsmGatherFamily(resolution="quarter"),
+    "rsm-gather-adaptive": RsmGatherFamily(resolution="adaptive"),
     "rsm-gather-disk": RsmGatherFamily(pattern="fixed", SETTINGS=("100", "400", "1600")),
-    "rsm-gather-disk-quarter": RsmGatherFamily(
-        pattern="fixed", resolution="quarter", SETTINGS=("100", "400", "1600")
+    "rsm-gather-disk-adaptive": RsmGatherFamily(
+        pattern="fixed", resolution="adaptive", SETTINGS=("100", "400", "1600")
     ),
 }

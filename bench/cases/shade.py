@@ -16,6 +16,7 @@ from ssgi_cl.techniques.shade import shade
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
+from .skips import MOVING
 
 
 class Direct(Own):
@@ -68,7 +69,7 @@ class WholeFrame(Own):
         return Subject(
             run=lambda: render(
                 view.scene, context.camera, view.lights, ao="ssao", ao_radius=context.radius,
-                ao_samples=samples, runtime=context.runtime,
+                ao_samples=samples, skips=MOVING, runtime=context.runtime,
             )
         )
 

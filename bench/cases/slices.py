@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.rasterize.view import downloaded
+from ssgi_cl.presets import NAMES
+from ssgi_cl.presets.choose import choose
+from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
 from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams
@@ -18,7 +20,7 @@ from ssgi_cl.techniques.slices import SliceParams, SliceTechnique
 from ssgi_cl.truth import Truth
 from ssgi_cl.truth import slices as assumption
 
-from ..case import Family, Own, Subject
+from ..case import Family, Own, Subject, count_of
 from ..context import Context
 
 OVERSCAN = 0.1
@@ -53,10 +55,15 @@ class Slices(Own):
             )
         slices, taps, layers = int(match[1]), int(match[2]), int(match[3] or 1)
         params = self.params(slices=slices, taps=taps, radius=context.radius)
-        gbuffer = context.gbuffer if layers == 1 else context.layered(layers, OVERSCAN)
-        technique = self.make(context.runtime, context.size, params, gbuffer.margin, layers=layers)
-        note = "" if layers == 1 else "several depth layers, and a tenth of overscan"
-        return _subject(context, technique, gbuffer, note)
+        return _layered(context, self.make, params, layers)
+
+
+def _layered(context: Context, make: Any, params: SliceParams, layers: int) -> Subject:
+    """Return a technique on a G-buffer of some layers, with overscan if there are several."""
+    gbuffer = context.gbuffer if layers == 1 else context.layered(layers, OVERSCAN)
+    technique = make(context.runtime, context.size, params, gbuffer.margin, layers=layers)
+    note = "" if layers == 1 else "several depth layers, and a tenth of overscan"
+    return _subject(context, technique, gbuffer, note)
 
 
 def _subject(
@@ -65,7 +72,7 @@ def _subject(
     params, layers = technique.params, technique.layers
     truths: dict[str, Any] = {"world": context.occlusion}
     if not getattr(params, "joined", False):
-        truths["assumption"] = lambda: _converged(context, technique, gbuffer)
+        truths["assumption"] = lambda: converged(context, technique, gbuffer)
     return Subject(
         run=lambda: technique.run(gbuffer),
         image=lambda: technique(gbuffer),
@@ -77,10 +84,10 @@ def _subject(
     )
 
 
-def _converged(
+def converged(
     context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer
 ) -> Truth:
-    """Return what the technique converges to, the same for all numbers of slices and taps."""
+    """Return what a technique converges to, the same for all numbers of slices and taps."""
     model = replace(
         technique.params, slices=1, taps=1, tap_power=1.0, resolution="full", blur_radius=0,
         blur_passes=1, blur_resolution="own",
@@ -93,6 +100,29 @@ def _converged(
             rebuild=context.truths.rebuild, progress=progress,
         ),
     )
+
+
+@dataclass(frozen=True)
+class Presets(Own):
+    """A technique by the name of its preset; the setting is NAME, or NAME-LAYERS.
+
+    Attributes:
+        make: the technique.
+    """
+
+    make: Any
+    SETTINGS: tuple[str, ...] = (*NAMES, "high-2", "high-4")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make the technique and its G-buffer ready."""
+        name, _, number = setting.partition("-")
+        layers = count_of(number or "1", "NAME-LAYERS, layers", 1, MOST_LAYERS)
+        chosen = choose(
+            self.make.name, context.size, preset=name, layers=layers, radius=context.radius
+        )
+        # Tuned for the world: what each of them would converge to says nothing.
+        subject = _layered(context, self.make, chosen.params, layers)
+        return replace(subject, truths={"world": context.occlusion})
 
 
 XEGTAO_HIGH = {"tap_power": 2.0, "falloff": 0.615, "contrast": 2.2}
@@ -121,5 +151,8 @@ FAMILIES: Mapping[str, Family] = {
     "bitmask_ao": Slices(
         BitmaskAo, BitmaskParams, ("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4")
     ),
+    "hbao-preset": Presets(Hbao),
+    "gtao-preset": Presets(Gtao),
+    "bitmask-preset": Presets(BitmaskAo),
     "xegtao": XegtaoHigh(),
 }

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.further_views import FurtherViews
+from ssgi_cl.lights import Environment
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene, margin_of
@@ -16,7 +21,7 @@ from ssgi_cl.render import Renderer
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.shadow_maps import uploaded_maps
 from ssgi_cl.techniques.ssao import SsaoParams
-from ssgi_cl.techniques.ssdo import Ssdo
+from ssgi_cl.techniques.ssdo import Ssdo, SsdoPlanes
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 
 from ..case import Family, Own, Subject, count_of
@@ -25,9 +30,21 @@ from ..context import Context
 MAP_SIZE = 1024
 """Texels along a side of each shadow map."""
 
-
 EXTRA_CAMERAS = 4
 """As many as published."""
+
+EVEN_SKY = (0.2, 0.2, 0.2)
+"""W m^-2 sr^-1, of scenes without a sky."""
+
+CORRECTIONS: Mapping[str, dict[str, Any]] = {
+    "": {},
+    "-layer": {"layers": 2},
+    "-layers": {"layers": 4},
+    "-overscan": {"overscan": 0.1},
+    "-views": {"views": EXTRA_CAMERAS},
+    "-all": {"layers": 4, "overscan": 0.1, "views": EXTRA_CAMERAS},
+}
+"""What a single view misses, and what finds it."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +56,17 @@ class SsdoFamily(Own):
             of "bitmask".
         resolution: "full", "half" or "quarter".
         layers, overscan: of the G-buffer.
+        views: extra cameras, drawn in each run.
+        far: whether surfaces send light however far away they are, as in the truth; else up to the
+            reach of ambient occlusion.
     """
 
     method: str
     resolution: str = "full"
     layers: int = 1
     overscan: float = 0.0
+    views: int = 0
+    far: bool = False
     SETTINGS: tuple[str, ...] = ("8", "16")
 
     def prepare(self, context: Context, setting: str) -> Subject:
@@ -60,8 +82,10 @@ class SsdoFamily(Own):
         counted: dict[str, Any] = {
             "samples" if self.method == "points" else "slices": number
         }
+        bounds = context.view.scene.bounds
+        radius = float(np.linalg.norm(bounds[1] - bounds[0])) if self.far else context.radius
         params = SsdoParams(
-            radius=context.radius, method=self.method, resolution=self.resolution, **counted
+            radius=radius, method=self.method, resolution=self.resolution, **counted
         )
         technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
         with runtime.frame():
@@ -71,9 +95,16 @@ class SsdoFamily(Own):
         lamps = context.lamps
         maps = [rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime) for lamp in lamps]
         shadows = uploaded_maps(lamps, maps, runtime)
+        further = FurtherViews(runtime, self.views)
+
+        def run() -> SsdoPlanes:
+            views = further.drawn(context.view.scene, context.camera, gbuffer)
+            return technique.run(
+                gbuffer, lamps, shadows=shadows, views=map(_dark, views) if self.views else ()
+            )
 
         def image() -> NDArray[np.float32]:
-            bounce = technique.run(gbuffer, lamps, shadows=shadows).bounce
+            bounce = run().bounce
             if bounce is None:
                 return np.zeros((*context.size, 3), np.float32)
             return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
@@ -81,13 +112,19 @@ class SsdoFamily(Own):
         reads = number if self.method == "points" else 2 * number * params.taps
         pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
         return Subject(
-            run=lambda: technique.run(gbuffer, lamps, shadows=shadows),
+            run=run,
             image=image,
             quantity="bounce",
             samples=float(pixels * reads * self.layers),
             truths={"world": context.bounce},
-            note="direct light of the lamps included, shadow maps not",
+            note="direct light of the lamps included, shadow maps and the camera's own view not",
         )
+
+
+def _dark(view: DeviceGBuffer) -> DeviceGBuffer:
+    """Return a view without emission: the truth is of lamps alone."""
+    view.emits = False
+    return view
 
 
 class Frames(Own):
@@ -130,7 +167,18 @@ class Frames(Own):
                 f"setting is {setting!r}: expected ssao, direct, bounce, layers, bitmask or views, "
                 "and a number, such as ssao-8"
             )
-        return Subject(run=lambda: renderer(view.scene, context.camera, view.lights, exposure=1.0))
+        lights = view.lights
+        if not any(isinstance(light, Environment) for light in lights):
+            lights = (*lights, Environment(EVEN_SKY))  # without any, SSAO has nothing to dim
+        cameras = cycle((context.camera, _moved(context.camera)))
+        return Subject(run=lambda: renderer(view.scene, next(cameras), lights, exposure=1.0))
+
+
+def _moved(camera: Camera) -> Camera:
+    """Return the camera a little aside, so that nothing of the frame before can be kept."""
+    view = camera.view.copy()
+    view[0, 3] += 1e-3 * float(np.linalg.norm(camera.position) or 1.0)
+    return replace(camera, view=view)
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -141,5 +189,9 @@ FAMILIES: Mapping[str, Family] = {
     "ssdo-bitmask-layers": SsdoFamily(
         "bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")
     ),
+    **{
+        f"ssdo-far{name}": SsdoFamily("bitmask", far=True, SETTINGS=("2", "4"), **corrections)
+        for name, corrections in CORRECTIONS.items()
+    },
     "ssdo-frame": Frames(),
 }

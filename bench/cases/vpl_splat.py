@@ -48,7 +48,9 @@ class VplsByNumber(Own):
 
 @dataclass(frozen=True)
 class VplsByCut(Own):
-    """1024 lights without parts; the setting is the cut, of the irradiance at 1 scene unit.
+    """1024 lights without parts; the setting is the cut, of the irradiance at a tenth of the scene.
+
+    That is, of the diagonal of its box: at 1 percent a light reaches across the whole scene.
 
     Attributes:
         cull: tiles skip lights that give them nothing.
@@ -62,15 +64,17 @@ class VplsByCut(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and splatting ready."""
         percent = count_of(setting.removesuffix("-percent"), "N-percent, N a number", 1, 10_000)
+        diagonal = float(np.linalg.norm(np.ptp(context.view.scene.bounds, axis=0)))
         params = VplSplatParams(
-            cutoff=0.01 * percent, cull=self.cull, restore=self.restore, refine=0.0
+            cutoff=0.01 * percent, unit_distance=0.1 * diagonal, cull=self.cull,
+            restore=self.restore, refine=0.0,
         )
         return vpl_subject(context, params)
 
 
 def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
     """Return splatting with any parameters as a subject."""
-    maps = _drawn(context)
+    maps = drawn_maps(context)
     gbuffer = context.layered(4, 0.1) if params.visibility else context.gbuffer
     technique = VplSplat(context.runtime, context.size, params)
     pixels = context.size[0] * context.size[1]
@@ -91,7 +95,7 @@ def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
     )
 
 
-def _drawn(context: Context) -> list[DeviceRsm]:
+def drawn_maps(context: Context) -> list[DeviceRsm]:
     """Return the lamps' maps in device memory."""
     if not context.lamps:
         raise ValueError(f"{context.view.name} has no lamp: expected at least one")

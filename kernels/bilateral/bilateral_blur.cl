@@ -10,6 +10,8 @@
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          weights by distance in pixels: of 0 to BLUR_RADIUS, then BLUR_ROWS - 1 zeros; that of
 //                  0 is 0 unless BLUR_SHAPE is 2, as a pixel counts fully whatever it fits
+//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0. Where they are
+//                  calm, the value is the same all round and stays
 // Writes:  blurred BLUR_COUNT x [rows, columns]; the value itself where nothing is
 // Macros:  BLUR_RADIUS (1..16), BLUR_COUNT (1..4),
 //          BLUR_SHAPE (0 along rows, 1 along columns, 2 the full square),
@@ -26,6 +28,7 @@
 
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
+#include "tiles/open.clh"
 
 #if !defined(BLUR_RADIUS) || !defined(BLUR_COUNT) || !defined(BLUR_SHAPE) || !defined(BLUR_ROWS)
 #error "BLUR_RADIUS, BLUR_COUNT, BLUR_SHAPE and BLUR_ROWS must be defined by the host"
@@ -36,12 +39,22 @@
 
 __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
                              __global const float *restrict weights,
+                             __global const int *restrict tiles,
                              __global float *restrict blurred, const int2 size, // of the value
                              const SsgiCamera camera, const BlurParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1) * BLUR_ROWS;
     if (x >= size.x || y >= size.y) {
+        return;
+    }
+    if (ssgi_tiles_are(TILES_IS_CALM, tiles, params.tile_columns, params.tile_step, x,
+                       min(x + SSGI_LANES, size.x) - 1, y)) {
+        for (int r = 0; r < min(BLUR_ROWS, size.y - y); ++r) {
+            for (int c = 0; c < BLUR_COUNT; ++c) {
+                ssgi_store(ssgi_load(value, size, c, x, y + r), blurred, size, c, x, y + r, 0.0f);
+            }
+        }
         return;
     }
     const int2 whole =
@@ -58,7 +71,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
               reach = BLUR_RADIUS;
 #endif
     SsgiFit fit[BLUR_ROWS];
-    vfloat off_row[BLUR_ROWS], total[BLUR_ROWS], sum[BLUR_ROWS][BLUR_COUNT];
+    vfloat off_left[BLUR_ROWS], total[BLUR_ROWS], sum[BLUR_ROWS][BLUR_COUNT];
 #pragma unroll
     for (int r = 0; r < BLUR_ROWS; ++r) {
         const int row = min(y + r, size.y - 1);
@@ -71,8 +84,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
                              ssgi_load(normal, whole, 1, at_x, at_row),
                              ssgi_load(normal, whole, 2, at_x, at_row), params.depth_scale,
                              params.normal_scale);
-        off_row[r] = v_fma(v_splat((float)(first - r)), fit[r].off_y,
-                           v_fma(v_splat((float)-reach), fit[r].off_x, fit[r].off));
+        off_left[r] = v_fma(v_splat((float)-reach), fit[r].off_x, fit[r].off);
         total[r] = v_splat(1.0f);
         for (int c = 0; c < BLUR_COUNT; ++c) {
             sum[r][c] = ssgi_load(value, size, c, x, row);
@@ -86,8 +98,8 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         vfloat off[BLUR_ROWS];
 #pragma unroll
         for (int r = 0; r < BLUR_ROWS; ++r) {
-            off[r] = off_row[r];
-            off_row[r] = off_row[r] + fit[r].off_y;
+            // Not added up: the first row of the window depends on the rows of a work-item.
+            off[r] = v_fma(v_splat((float)(dy - r)), fit[r].off_y, off_left[r]);
         }
         for (int dx = -reach; dx <= reach; ++dx) {
             vfloat u = ssgi_load(linear, whole, 0, at_x + dx, at_y + dy);

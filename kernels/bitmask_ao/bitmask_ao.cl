@@ -16,6 +16,7 @@
 // Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
+//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), BITMASK_ANGLE, BITMASK_JOINED,
 //          SLICES_THICKNESS, SLICES_NEXT (0, 1)
@@ -28,10 +29,8 @@
 #error "SLICES_COUNT, _TAPS, _LAYERS, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED must be defined"
 #endif
 
-#define BITMASK_ENDS 0
-#define BITMASK_BOUNCE 0
-#define BITMASK_MORE 0
 #define SSGI_SCAN_BY_LAYER
+#define SSGI_SCAN_TILES 1
 #include "common/slices.clh"
 
 #include "bitmask_ao/surfaces.clh"
@@ -48,8 +47,8 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 #include "common/scan.clh"
 
 __kernel void bitmask_ao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
-                         __global float *restrict openness, const int2 size,
-                         const SsgiCamera camera, const SliceParams params)
+                         __global const int *restrict tiles, __global float *restrict openness,
+                         const int2 size, const SsgiCamera camera, const SliceParams params)
 {
-    ssgi_occlude(near, normal, table, openness, size, camera, params);
+    ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);
 }

@@ -16,12 +16,15 @@
 // Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
+//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with GTAO_BENT 3
 //          more images, the bend in view space, about n's length at most; 0 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_BENT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
+#define SSGI_SCAN_TILES 1
+#define SSGI_SCAN_PAIRS
 #include "common/slices.clh"
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
@@ -30,9 +33,10 @@
 #endif
 
 typedef struct {
-    vfloat rise;   // of the horizon above the tangent plane: cotangent, or with falloff cosine
-    vfloat seen;   // by this slice
-    vmask rises;   // does a horizon of this slice?
+    vfloat rise[2]; // by side, of the horizon above the tangent plane: cotangent, or with falloff
+                    // cosine
+    vfloat seen;    // by this slice
+    vmask rises;    // does a horizon of this slice?
     vfloat occluded, whole;
 #if GTAO_BENT
     vfloat up, along; // sum of the directions that this slice hides, times 3
@@ -56,7 +60,7 @@ SSGI_INLINE void
 ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
                 const int layer, const SliceParams params, SsgiGathered *gathered)
 {
-    gathered->rise = v_splat(0.0f);
+    gathered->rise[side] = v_splat(0.0f);
 }
 
 #if GTAO_FALLOFF
@@ -68,25 +72,29 @@ SSGI_INLINE vfloat gtao_cosine(const vfloat cot)
 #endif
 
 SSGI_INLINE void
-ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap *tap, const int side,
+ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap taps[2],
          const SliceParams params, SsgiGathered *gathered)
 {
     const vfloat zero = v_splat(0.0f);
+#pragma unroll
+    for (int side = 0; side < 2; ++side) {
+        const SsgiTap *tap = &taps[side];
 #if GTAO_FALLOFF
-    const vfloat edge = side == 0 ? slice->edge : -slice->edge;
-    const vfloat low = gtao_cosine(edge);
-    const vfloat scale = ssgi_scale(receiver, tap->f);
-    const vfloat depth = tap->f / (receiver->radius * scale);
-    const vfloat distance = v_sqrt(
-        v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
-    const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
-    const vfloat top =
-        gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
-    const vfloat rise = (top - low) * weight;
+        const vfloat edge = side == 0 ? slice->edge : -slice->edge;
+        const vfloat low = gtao_cosine(edge);
+        const vfloat scale = ssgi_scale(receiver, tap->f);
+        const vfloat depth = tap->f / (receiver->radius * scale);
+        const vfloat distance = v_sqrt(
+            v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
+        const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
+        const vfloat top =
+            gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
+        const vfloat rise = (top - low) * weight;
 #else
-    const vfloat rise = tap->height * tap->inverse;
+        const vfloat rise = tap->height * tap->inverse;
 #endif
-    gathered->rise = v_max(gathered->rise, v_select(zero, rise, tap->counts));
+        gathered->rise[side] = v_max(gathered->rise[side], v_select(zero, rise, tap->counts));
+    }
 }
 
 // a of the angle that has this cosine and sine, g being towards the side.
@@ -141,7 +149,7 @@ ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int si
               const SliceParams params, SsgiGathered *gathered)
 {
     const vfloat one = v_splat(1.0f);
-    const vfloat rise = gathered->rise;
+    const vfloat rise = gathered->rise[side];
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
     const vfloat sin_normal = side == 0 ? slice->sin_normal : -slice->sin_normal;
 #if GTAO_FALLOFF
@@ -180,8 +188,8 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 #include "common/scan.clh"
 
 __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
-                   __global float *restrict openness, const int2 size, const SsgiCamera camera,
-                   const SliceParams params)
+                   __global const int *restrict tiles, __global float *restrict openness,
+                   const int2 size, const SsgiCamera camera, const SliceParams params)
 {
-    ssgi_occlude(near, normal, table, openness, size, camera, params);
+    ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);
 }

@@ -9,18 +9,20 @@
 //          it passes the tap's pixel centre, so that a plane never shadows itself.
 // Reads:   depth   LAMP_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal  images 3 light.layer + c, likewise, view space, unit length
+//          thickness  of the front layer, likewise, scene units; with LAMP_THICKNESS 0 not read
 //          tile    [4 rows][3][16 columns]: a point of the unit disc; where in its part of the
 //                  way a tap lies, [0, 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (SHADE_ADD 1) or set
 // Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_ADD (0, 1), LAMP_TAPS (1..256),
-//          LAMP_LAYERS (>= 1)
+//          LAMP_LAYERS (>= 1), LAMP_THICKNESS (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    LAMP_TAPS * LAMP_LAYERS scattered reads per lit pixel
 
 #include "shade/lamp.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LAMP_TAPS) || !defined(LAMP_LAYERS)
-#error "SHADE_KIND, SHADE_ADD, LAMP_TAPS and LAMP_LAYERS must be defined by the host"
+#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LAMP_TAPS) ||                          \
+    !defined(LAMP_LAYERS) || !defined(LAMP_THICKNESS)
+#error "SHADE_KIND, SHADE_ADD, LAMP_TAPS, _LAYERS and _THICKNESS must be defined by the host"
 #endif
 
 #define LAMP_ONSET 50.0f     // per radius
@@ -34,7 +36,8 @@ static inline vfloat lamp_inside(const vfloat c, const vfloat d, const int size)
     return (border - c) / safe;
 }
 
-__kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal, __global const float *restrict tile,
+__kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal,
+                           ssgi_plane thickness, __global const float *restrict tile,
                            __global float *restrict irradiance, const int2 size,
                            const SsgiCamera camera, const LightParams light,
                            const LampShadowParams params)
@@ -114,7 +117,13 @@ __kernel void lamp_shadows(ssgi_plane depth, ssgi_plane normal, __global const f
                 if (layer + 1 < LAMP_LAYERS) {
                     next = ssgi_gather(depth, whole, layer + 1, column, row);
                 }
-                const vfloat back = v_min(seen + params.thickness, next);
+                vfloat thick = v_splat(params.thickness);
+#if LAMP_THICKNESS
+                if (layer == 0) {
+                    thick = ssgi_gather(thickness, whole, 0, column, row);
+                }
+#endif
+                const vfloat back = v_min(seen + thick, next);
                 const vmask within = v_gt(qz, seen) & v_lt(qz, back);
                 const vfloat front = v_select(z, seen, within);
                 const vfloat front_k = ssgi_k(camera, front);

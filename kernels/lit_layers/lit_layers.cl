@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
-// lit_layers: the radiance that one layer's surfaces send, on the side that the camera sees.
+// lit_layers: the radiance that one layer's surfaces send, on the side that the camera sees or,
+// with `facing` -1, on the other.
 //
 // L = albedo / pi (E_lamps + A E_ambient) + emission.
 // Reads:   depth, normal, albedo, emission  with margin: image `layer`, or 3 layer + c
 //          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
 //          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
 //          ambient   [9][3] coefficients, see shade/ambient.clh
-// Writes:  radiance  images 3 layer + c, W m^-2 sr^-1; 0 where nothing is
+// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is
 // Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS (0, 1), LIT_EMISSION (0, 1); LIT_STEP
 // Params:  view to world rotation, margin; open_size columns and rows of `openness`
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -35,14 +36,14 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
     const vmask there = v_lt(ssgi_load(depth, size, params.layer, x, y), v_splat(INFINITY));
     if (!v_any(there)) {
         for (int c = 0; c < 3; ++c) {
-            ssgi_store(zero, radiance, size, first + c, x, y, 0.0f);
+            ssgi_store(zero, radiance, size, params.image + c, x, y, 0.0f);
         }
         return;
     }
 #if LIT_AMBIENT
-    const vfloat vx = ssgi_load(normal, size, first, x, y);
-    const vfloat vy = ssgi_load(normal, size, first + 1, x, y);
-    const vfloat vz = ssgi_load(normal, size, first + 2, x, y);
+    const vfloat vx = ssgi_load(normal, size, first, x, y) * params.facing;
+    const vfloat vy = ssgi_load(normal, size, first + 1, x, y) * params.facing;
+    const vfloat vz = ssgi_load(normal, size, first + 2, x, y) * params.facing;
     const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
     const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
     const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
@@ -73,6 +74,6 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
 #if LIT_EMISSION
         sum = sum + ssgi_load(emission, size, first + c, x, y);
 #endif
-        ssgi_store(v_select(zero, sum, there), radiance, size, first + c, x, y, 0.0f);
+        ssgi_store(v_select(zero, sum, there), radiance, size, params.image + c, x, y, 0.0f);
     }
 }

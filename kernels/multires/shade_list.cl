@@ -6,29 +6,63 @@
 //          list     how many samples there are, and so many times row << 16 | column
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
+//          grid, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
 // Writes:  values   3 x [rows, columns], W/m^2, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), VPL_ADD (1: to what is there), SHADE_ROWS (times SSGI_LANES
-//          samples of a work-item, so that each light is read once for all of them; 1 to 4)
+//          samples of a work-item, so that each light is read once for all of them; 1 to 4),
+//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
+//          VPL_STEPS (along a line of sight)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
-// Cost:    24 operations and a division per sample and light of its list
+// Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, VPL_STEPS
+//          reads per sample and run of 16 on it
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
+#include "vpl/grid.clh"
 #include "vpl/light.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(SHADE_ROWS)
-#error "VPL_NEAR, VPL_CUT, VPL_ADD and SHADE_ROWS must be defined"
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(SHADE_ROWS) ||        \
+    !defined(VPL_SIGHT) || !defined(VPL_GRID) || !defined(VPL_STEPS)
+#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID, _STEPS and SHADE_ROWS must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
 #define SHADE_PIECE (SSGI_LANES * SHADE_ROWS)
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
+#if VPL_SIGHT
+// Run of 16 that a record belongs to; the first of its four for a run of 64.
+static inline int shade_run(const int record, const int stride)
+{
+    const int fours = tree_first(stride, 1), sixteens = tree_first(stride, 2);
+    const int most = tree_first(stride, 3);
+    return record < fours       ? record / 16
+           : record < sixteens ? (record - fours) / 4
+           : record < most     ? record - sixteens
+                               : (record - most) * 4;
+}
+
+// Where a line of sight to a run of 16 ends: at the mean of its lights, lifted off their surface.
+static inline VplCell shade_end(__global const float *restrict record,
+                                __global const float *restrict grid_box, const VplParams params)
+{
+    const float squared =
+        record[4] * record[4] + record[5] * record[5] + record[6] * record[6];
+    const float scale = -1.0f / sqrt(max(squared, 1e-12f));
+    return vpl_cell(v_splat(record[0]), v_splat(record[1]), v_splat(record[2]),
+                    v_splat(record[4] * scale), v_splat(record[5] * scale),
+                    v_splat(record[6] * scale), grid_box, params);
+}
+#endif
+
 __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
                          __global const float *restrict records,
                          __global const int *restrict lists, __global const int *restrict counts,
+#if VPL_SIGHT
+                         __global const int *restrict grid, __global const float *restrict grid_box,
+#endif
                          __global float *restrict values, const int2 size, const SsgiCamera camera,
                          const VplParams params, const CutParams cut)
 {
@@ -50,6 +84,17 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
                                  camera, params);
             sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
+#if VPL_SIGHT
+        VplCell eye[SHADE_ROWS];
+        vmask open[SHADE_ROWS];
+#pragma unroll
+        for (int r = 0; r < SHADE_ROWS; ++r) {
+            eye[r] = vpl_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box,
+                              params);
+            open[r] = v_splat_int(-1);
+        }
+        int latest = -1; // run of 16 that `open` is about
+#endif
         const int count = counts[group];
         __global const int *restrict lights = lists + group * params.room;
         for (int block = 0; block < count; block += SHADE_BLOCK) {
@@ -61,9 +106,27 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
             }
             for (int i = block; i < end; ++i) {
                 __global const float *restrict light = records + lights[i] * TREE_RECORD;
+#if VPL_SIGHT
+                const int run = shade_run(lights[i], params.stride);
+                if (run != latest) {
+                    latest = run;
+                    const VplCell end_cell = shade_end(
+                        records + (tree_first(params.stride, 2) + run) * TREE_RECORD, grid_box,
+                        params);
+                    const float phase = ((float)(run * 5 & 15) + 0.5f) / 16.0f;
+#pragma unroll
+                    for (int r = 0; r < SHADE_ROWS; ++r) {
+                        open[r] = ~vpl_blocked(grid, eye[r], end_cell, phase);
+                    }
+                }
+#endif
 #pragma unroll
                 for (int r = 0; r < SHADE_ROWS; ++r) {
+#if VPL_SIGHT
+                    const vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
+#else
                     const vfloat w = vpl_weight(light, at[r], params);
+#endif
 #pragma unroll
                     for (int j = 0; j < 3; ++j) {
                         part[r][j] = v_fma(w, v_splat(light[8 + j]), part[r][j]);
@@ -80,6 +143,9 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
         }
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
+            if (start + r * SSGI_LANES >= samples) {
+                break;
+            }
             // Past the list's end the last sample comes again, with the same value.
             const int last = samples - 1;
             const vint n = v_imin(v_iota() + (start + r * SSGI_LANES), v_splat_int(last));

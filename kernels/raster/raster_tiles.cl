@@ -79,7 +79,7 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
 #if RASTER_CUTOUT
         const int cutout = cutouts[record.triangle];
         __global const float *material = materials + max(cutout, 0) * RASTER_MATERIAL;
-        RasterLinear u_of, v_of;
+        RasterLinear u_of = {(float3)(0.0f), 0.0f}, v_of = u_of;
         if (cutout >= 0) {
             const int a = corners[record.triangle];
             const int b = corners[view.triangle_stride + record.triangle];

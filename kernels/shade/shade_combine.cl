@@ -2,16 +2,16 @@
 // shade_combine: radiance of each pixel from direct, ambient and indirect irradiance.
 //
 // L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
-// light alone; with SHADE_BOUNCES it is brightened, colour by colour, by the albedo (Jimenez et al.
+// light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by colour, by the albedo (Jimenez et al.
 // 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion").
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          openness  [rows, columns] A (SHADE_AO 1)
-//          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1)
+//          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1; 2: times A, which it reads too)
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any
-//          ambient light), SHADE_SKY: 0 or 1
+//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too
 // Params:  ambient coefficients, view to world rotation
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -53,6 +53,14 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const int at_x = x + params.margin_columns;
     const int at_y = y + params.margin_rows;
     const vmask there = v_lt(ssgi_load(linear, whole, 0, at_x, at_y), v_splat(INFINITY));
+#if !SHADE_SKY
+    if (!v_any(there)) {
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(v_splat(sky[c]), radiance, size, c, x, y, 0.0f);
+        }
+        return;
+    }
+#endif
     vfloat light[3];
     for (int c = 0; c < 3; ++c) {
         light[c] = v_splat(0.0f);
@@ -106,7 +114,12 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         light[c] = light[c] + ssgi_load(direct, size, c, x, y);
 #endif
 #if SHADE_INDIRECT
-        light[c] = light[c] + ssgi_load(indirect, size, c, x, y);
+        const vfloat bounced = ssgi_load(indirect, size, c, x, y);
+#if SHADE_INDIRECT == 2
+        light[c] = v_fma(bounced, ssgi_load(openness, size, 0, x, y), light[c]);
+#else
+        light[c] = light[c] + bounced;
+#endif
 #endif
         vfloat sum = ssgi_load(albedo, whole, c, at_x, at_y) * light[c] * M_1_PI_F;
 #if SHADE_EMISSION

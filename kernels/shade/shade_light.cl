@@ -34,6 +34,13 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
     const int at_x = x + light.margin_columns;
     const int at_y = y + light.margin_rows;
     const vfloat zero = v_splat(0.0f);
+    const vfloat seen = ssgi_load(depth, whole, light.layer, at_x, at_y);
+    if (!v_any(v_lt(seen, v_splat(INFINITY)))) {
+#if !SHADE_ADD
+        lamp_store(zero, light, irradiance, size, x, y);
+#endif
+        return;
+    }
     const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
     const vfloat unhidden = lamp_at(light, &receiver).strength;
     const vmask lit = receiver.there & v_gt(unhidden, zero);

@@ -6,17 +6,18 @@
 // Departs: sectors are equal parts of the cosine-weighted measure (see bitmask_ao), so that a
 //          sender is weighted by what it covers: irradiance is pi times the mean over the measure
 //          of the radiance that arrives. There is no area of a sender, no distance and no clamp to
-//          choose, and within a furnace of radiance L it is pi L (1 - A). The first surface on the
-//          way outward in a layer to cover a sector lights it, the front layer before the deeper
-//          ones. Taps are spread over what of a side lies in the arrays, and a surface goes on for
-//          half of the way from its last tap to the next. A surface that turns its back on the
-//          camera is seen by the receiver from behind: it sends `back` of its front's radiance, or
-//          with BITMASK_BACKS what `sent` has for backs.
+//          choose, and within a furnace of radiance L it is pi L (1 - A). A tap is a piece of the
+//          plane that it lies in (see pieces.clh), so that surfaces have no thickness unless it is
+//          asked for; the first on the way outward to cover a sector lights it, whatever its layer.
+//          Taps are spread over what of a side lies in the arrays. A surface that turns its back
+//          on the camera is seen by the receiver from behind: it sends `back` of its front's
+//          radiance, or with BITMASK_BACKS what `sent` has for backs.
 // Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
 //          the direction in its middle, from a map that is filtered to the width of a step.
 // Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
+//          slopes  2 SLICES_LAYERS x likewise, from slices_slopes
 //          sky     [SKY_SIZE][SKY_SIZE][3] radiance by octahedral direction, see sky.clh
 //          sent    3 SLICES_LAYERS x [rows, 4 stride] from slices_sorted: senders' radiance,
 //                  W m^-2 sr^-1; with BITMASK_BACKS as many more for their backs
@@ -26,22 +27,23 @@
 //          kept    SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for each
 //                  sector that is covered; 0 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
-//          BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT (0, 1), BITMASK_CONES (0 to 16),
-//          SKY_SIZE (>= 1)
+//          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT (0, 1), BITMASK_CONES
+//          (0 to 16), SKY_SIZE (>= 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
-// Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel, with BITMASK_BOUNCE up
-//          to 6 times as many more, where a tap covers something
+// Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS times 3 reads per pixel, with
+//          BITMASK_BOUNCE 3 to 6 more where a tap covers something
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
-    !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_BOUNCE) ||             \
-    !defined(BITMASK_BACKS) || !defined(BITMASK_KEPT) || !defined(BITMASK_CONES) ||                \
-    !defined(SKY_SIZE)
+    !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_THICK) ||              \
+    !defined(BITMASK_BOUNCE) || !defined(BITMASK_BACKS) || !defined(BITMASK_KEPT) ||               \
+    !defined(BITMASK_CONES) || !defined(SKY_SIZE)
 #error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
 #endif
 
 // What receivers know beside the scan; the struct SsdoBitmaskParams is generated from
 // ssgi_cl.techniques.ssdo_bitmask.
 typedef struct {
+    __global const float *slopes;
     __global const float *sent;
     __global const float *sky;
     __global int *kept;
@@ -49,18 +51,16 @@ typedef struct {
 } SsdoGiven;
 
 #define BITMASK_ANGLE 0
-#define BITMASK_JOINED 1
-#define BITMASK_ENDS 1
 #define BITMASK_MORE (3 * (BITMASK_CONES > 0) + 3 * BITMASK_BOUNCE)
 #define SSGI_SCAN_MORE BITMASK_MORE
 #define SSGI_SCAN_KEPT BITMASK_KEPT
 #define SSGI_SCAN_FAR (BITMASK_CONES > 0)
 #define SSGI_SCAN_WITHIN 1
-#define SSGI_SCAN_BY_LAYER
+#define SSGI_SCAN_PIECES
 #define SSGI_SCAN_GIVEN SsdoGiven
 #include "common/slices.clh"
 
-#include "bitmask_ao/surfaces.clh"
+#include "ssdo_bitmask/pieces.clh"
 #if BITMASK_CONES
 #include "ssdo_bitmask/sky.clh"
 #endif
@@ -90,12 +90,14 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 #include "common/scan.clh"
 
 __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+                           __global const float *restrict slopes,
                            __global const float *restrict sky, __global const float *restrict sent,
                            __global float *restrict light, __global int *restrict kept,
                            const int2 size, const SsgiCamera camera, const SliceParams params,
                            const SsdoBitmaskParams own)
 {
     SsdoGiven given;
+    given.slopes = slopes;
     given.sent = sent;
     given.sky = sky;
     given.kept = kept;

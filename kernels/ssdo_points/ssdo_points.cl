@@ -11,6 +11,7 @@
 //          the area that the density of taps gives it, see ssdo_points/sender.clh.
 // Reads:   depth    POINTS_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal   3 POINTS_SENDERS (at least 3) x likewise, view space, unit length
+//          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 0 not read
 //          radiance 3 POINTS_SENDERS x likewise, W m^-2 sr^-1, of the sides that the camera sees
 //          taps     [4 rows][POINTS_COUNT][5, with POINTS_SKY 11][16 columns]: a point of the unit
 //                   ball, view space; the solid angle of its direction over its length, and
@@ -20,13 +21,14 @@
 //          nothing is: 1, and 0
 // Macros:  POINTS_COUNT (1..256), POINTS_LAYERS (>= 1), POINTS_SENDERS (0..POINTS_LAYERS layers
 //          that send light), POINTS_STEP (1, 2, 4 pixels from one receiver to the next),
-//          POINTS_SKY, POINTS_PAPER (0, 1)
+//          POINTS_SKY, POINTS_PAPER, POINTS_THICKNESS (0, 1)
 // Launch:  SSGI_LANES receivers of a row per work-item
 // Cost:    POINTS_COUNT * POINTS_LAYERS depth reads per receiver, 6 more for a sender
 
 #if !defined(POINTS_COUNT) || !defined(POINTS_LAYERS) || !defined(POINTS_SENDERS) ||               \
-    !defined(POINTS_STEP) || !defined(POINTS_SKY) || !defined(POINTS_PAPER)
-#error "POINTS_COUNT, _LAYERS, _SENDERS, _STEP, _SKY and _PAPER must be defined by the host"
+    !defined(POINTS_STEP) || !defined(POINTS_SKY) || !defined(POINTS_PAPER) ||                     \
+    !defined(POINTS_THICKNESS)
+#error "the macros POINTS_* of the header must be defined by the host"
 #endif
 
 #define POINTS_FIELDS (POINTS_SKY ? 11 : 5)
@@ -49,8 +51,9 @@ static inline vfloat points_own(ssgi_plane plane, const int2 whole, const int im
 #endif
 }
 
-__kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane radiance,
-                          __global const float *restrict taps, __global float *restrict gathered,
+__kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickness,
+                          ssgi_plane radiance, __global const float *restrict taps,
+                          __global float *restrict gathered,
                           const int2 size, // of the result
                           const SsgiCamera camera, const PointsParams params)
 {
@@ -133,7 +136,13 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane radian
             if (layer + 1 < POINTS_LAYERS) {
                 next = ssgi_gather(depth, whole, layer + 1, column_at, row_at);
             }
-            const vfloat back = v_min(seen + thick, next);
+#if POINTS_THICKNESS
+            const vfloat own_thick =
+                layer == 0 ? ssgi_gather(thickness, whole, 0, column_at, row_at) : thick;
+#else
+            const vfloat own_thick = thick;
+#endif
+            const vfloat back = v_min(seen + own_thick, next);
             const vmask within = counts & v_gt(qz, seen) & v_lt(qz, back);
             const vfloat front = v_select(z, seen, within);
             const vfloat front_k = ssgi_k(camera, front);
@@ -149,7 +158,8 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane radian
             if (layer < POINTS_SENDERS && v_any(hit)) {
                 points_add(&queue, hit, column_at, row_at, layer, i);
                 if (queue.count >= SSGI_LANES) {
-                    points_weigh(&queue, depth, normal, radiance, tile, whole, camera, params);
+                    points_weigh(&queue, depth, normal, thickness, radiance, tile, whole, camera,
+                                 params);
                 }
             }
 #endif
@@ -180,7 +190,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane radian
 #endif
 #if POINTS_SENDERS > 0
     if (queue.count > 0) {
-        points_weigh(&queue, depth, normal, radiance, tile, whole, camera, params);
+        points_weigh(&queue, depth, normal, thickness, radiance, tile, whole, camera, params);
     }
     for (int c = 0; c < 3; ++c) {
         const vfloat bounce = points_kept(queue.light[c]);

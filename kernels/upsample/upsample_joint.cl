@@ -101,19 +101,20 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
                 total[p] = total[p] + weight[p][corner];
             }
         }
-        vmask lost = there & v_lt(total[p], v_splat(UPSAMPLE_LEAST_WEIGHT));
+        const vmask lost = there & v_lt(total[p], v_splat(UPSAMPLE_LEAST_WEIGHT));
         if (v_any(lost)) {
             total[p] = v_select(total[p], v_splat(1.0f), lost);
+            vmask left = lost;
             vfloat fits[4];
             for (int corner = 0; corner < 4; ++corner) {
                 fits[corner] = upsample_fit(fit, &corners, corner, p, rest);
             }
             const vfloat best = v_max(v_max(fits[0], fits[1]), v_max(fits[2], fits[3]));
             for (int corner = 0; corner < 4; ++corner) {
-                const vmask chosen = lost & v_eq(fits[corner], best);
+                const vmask chosen = left & v_eq(fits[corner], best);
                 weight[p][corner] = v_select(
                     v_select(weight[p][corner], v_splat(0.0f), lost), v_splat(1.0f), chosen);
-                lost = lost & ~chosen;
+                left = left & ~chosen;
             }
         }
     }

@@ -5,13 +5,15 @@
 //          Where no more texels are lit than there are lights, each is a piece of its own.
 // Reads:   position  3 x [rows, columns] of one map, scene units from its origin
 //          normal    3 x [rows, columns]
-//          order, flux, area        see vpl_runs
+//          axis      3 x [rows, columns] of lobes (VPL_GLOSSY 1)
+//          order, flux, area, gloss see vpl_runs
 //          quarters, runs, blocks   see vpl/curve.clh
 // Writes:  found  VPL_MIDDLE 0: [8][params.stride] of each edge between pieces, red, green, blue
 //                 and area before it, and what these four lack (an edge may lie in a texel);
 //                 VPL_MIDDLE 1: [6][params.stride] position and normal of the texel in the middle
-//                 of each piece. Only of places that lie in this map.
-// Macros:  VPL_MIDDLE (0, 1)
+//                 of each piece, VPL_GLOSSY 1: [10] with the axis and exponent of its lobe too.
+//                 Only of places that lie in this map.
+// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY as in vpl_runs
 // Params:  params.count places; params.lights x params.split pieces; the map's first run; how far
 //          its origin is from that of the result's positions
 // Launch:  SSGI_LANES places per work-item
@@ -19,8 +21,8 @@
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-#ifndef VPL_MIDDLE
-#error "VPL_MIDDLE must be defined"
+#if !defined(VPL_MIDDLE) || !defined(VPL_GLOSSY)
+#error "VPL_MIDDLE and VPL_GLOSSY must be defined"
 #endif
 
 // How much comes before edge number j, or the middle of piece j: j / pieces of the whole, which is
@@ -73,10 +75,10 @@ static inline vint vpl_last(__global const float *restrict table, const int elem
     return at;
 }
 
-__kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane flux, ssgi_plane area,
-                      __global const int *restrict order, __global const float *restrict quarters,
-                      __global const float *restrict runs, __global const float *restrict blocks,
-                      __global float *restrict found,
+__kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, ssgi_plane flux,
+                      ssgi_plane area, ssgi_plane gloss, __global const int *restrict order,
+                      __global const float *restrict quarters, __global const float *restrict runs,
+                      __global const float *restrict blocks, __global float *restrict found,
                       const int2 size, // of the map
                       const VplCurveParams params)
 {
@@ -158,7 +160,12 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane flux, s
         const vfloat green = ssgi_gather(flux, size, 1, x, y);
         const vfloat blue = ssgi_gather(flux, size, 2, x, y);
         const vmask lit = there & v_gt(v_max(red, v_max(green, blue)), zero);
-        const vfloat amount = measure == VPL_LIT ? v_splat(1.0f) : vpl_luminance(red, green, blue);
+        vfloat amount = measure == VPL_LIT ? v_splat(1.0f) : vpl_luminance(red, green, blue);
+#if VPL_GLOSSY
+        if (measure != VPL_LIT) {
+            amount = amount * vpl_importance(ssgi_gather(gloss, size, 0, x, y));
+        }
+#endif
 #if VPL_MIDDLE
         chosen = v_iselect(chosen, at, lit);
 #else
@@ -184,7 +191,17 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane flux, s
         const vfloat n = v_select(zero, ssgi_gather(normal, size, c, x, y), any);
         v_store(v_select(v_load(place), p, here), place);
         v_store(v_select(v_load(way), n, here), way);
+#if VPL_GLOSSY
+        __global float *restrict lobe = found + (6 + c) * params.stride + start;
+        const vfloat r = v_select(zero, ssgi_gather(axis, size, c, x, y), any);
+        v_store(v_select(v_load(lobe), r, here), lobe);
+#endif
     }
+#if VPL_GLOSSY
+    __global float *restrict sharp = found + 9 * params.stride + start;
+    const vfloat exponent = v_select(zero, ssgi_gather(gloss, size, 0, x, y), any);
+    v_store(v_select(v_load(sharp), exponent, here), sharp);
+#endif
 #else
     for (int c = 0; c < 4; ++c) {
         const VplPair in_block = vpl_before(runs, params.runs, VPL_CHANNELS + c, run, false);

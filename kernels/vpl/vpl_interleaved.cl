@@ -8,13 +8,15 @@
 //          through the grid of vpl_occupy.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
-//          lights  [segments][params.span][VPL_LIGHT]
+//          lights  [segments][params.span][VPL_FLOATS]
 //          lists   [tiles][16][params.room] and counts [tiles][16], see vpl_lists
 //          grid, grid_box  see vpl_occupy
+//          near, near_counts  see vpl_near (VPL_PARTS 1)
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
-// Macros:  VPL_NEAR, VPL_CUT and VPL_ADD as in vpl_splat; VPL_SIGHT (0: light passes through walls,
-//          1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that share a line),
-//          VPL_STEPS (along a line)
+// Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_SIGHT (0: light passes
+//          through walls, 1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that share
+//          a line), VPL_STEPS (along a line), VPL_PARTS (1: in place of one in 16 of the lights
+//          near by, each pixel takes one in 16 of the parts of all of them)
 // Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such pixels
 // Cost:    1 / 16 of vpl_splat, and VPL_STEPS reads for each pixel and line
 
@@ -22,14 +24,40 @@
 #include "common/gbuffer.clh"
 #include "vpl/grid.clh"
 #include "vpl/light.clh"
+#include "vpl/lobe.clh"
 #include "vpl/receiver.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_SIGHT) ||        \
-    !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_STEPS)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID and _STEPS must be defined"
+    !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_STEPS) || !defined(VPL_GLOSSY) ||      \
+    !defined(VPL_PARTS)
+#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _STEPS, _GLOSSY, _PARTS must be defined"
 #endif
 
 #define VPL_PIECES (16 / SSGI_LANES)
+
+#if VPL_SIGHT
+// Whether a light is hidden; another phase of the steps for each pixel of 4 x 4.
+static inline vmask vpl_hidden(__global const int *restrict grid,
+                               __global const float *restrict grid_box, const VplCell start,
+                               __global const float *restrict light, const int subset,
+                               const int first, const VplParams params)
+{
+    const VplCell finish = vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
+                                    v_splat(-light[VPL_NORMAL]), v_splat(-light[VPL_NORMAL + 1]),
+                                    v_splat(-light[VPL_NORMAL + 2]), grid_box, params);
+    const int phase = (subset * 5 + first / VPL_SHARE * 3) & 15;
+    return vpl_blocked(grid, start, finish, ((float)phase + 0.5f) / 16.0f);
+}
+#endif
+
+#if VPL_PARTS
+// Part `subset` of light segment * params.span + number.
+static inline int vpl_part(const int light, const int subset, const VplParams params)
+{
+    const int number = light % params.span;
+    return light + 15 * number + params.stride + subset;
+}
+#endif
 
 __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                               __global const float *restrict lights,
@@ -37,6 +65,8 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                               __global const int *restrict counts,
                               __global const int *restrict grid,
                               __global const float *restrict grid_box,
+                              __global const int *restrict near,
+                              __global const int *restrict near_counts,
                               __global float *restrict irradiance, const int2 size,
                               const SsgiCamera camera, const VplParams params)
 {
@@ -59,19 +89,57 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
     const int own = (tile_y * tiles.x + tile_x) * 16 + subset;
     __global const int *restrict list = lists + own * params.room;
     const int count = v_any(shone) ? counts[own] : 0;
-    lights += (params.segment + subset) * params.span * VPL_LIGHT;
+    lights += (params.segment + subset) * params.span * VPL_FLOATS;
     const vfloat zero = v_splat(0.0f);
 #if VPL_SIGHT
     const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, params);
 #endif
     vfloat sum[3] = {zero, zero, zero};
+#if VPL_PARTS
+    const int near_by = v_any(shone) ? near_counts[own / 16] : 0;
+    __global const int *restrict near_list = near + own / 16 * params.near_room;
+    __global const float *restrict all_lights = lights - subset * params.span * VPL_FLOATS;
+    for (int first = 0; first < near_by; first += VPL_SHARE) {
+        const int end = min(first + VPL_SHARE, near_by);
+        vfloat part[3] = {zero, zero, zero};
+        vfloat all = zero;
+        for (int i = first; i < end; ++i) {
+            __global const float *restrict whole = all_lights + near_list[i] * VPL_FLOATS;
+            __global const float *restrict light =
+                all_lights + vpl_part(near_list[i], subset, params) * VPL_FLOATS;
+            const vfloat w = VPL_WEIGHT(light, at, params) * vpl_parts_share(whole, at, params);
+            all = all + w;
+            for (int j = 0; j < 3; ++j) {
+                part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
+            }
+        }
+#if VPL_SIGHT
+        const int chosen = near_list[first + (subset * 7 + 3) % 16 * (end - first) / 16];
+        __global const float *restrict one =
+            all_lights + vpl_part(chosen, subset, params) * VPL_FLOATS;
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, subset, first, params);
+#else
+        const vmask open = shone;
+#endif
+        if (v_any(v_gt(all, zero) & shone)) {
+            for (int j = 0; j < 3; ++j) {
+                sum[j] = sum[j] + v_select(zero, part[j], open);
+            }
+        }
+    }
+#endif
     for (int first = 0; first < count; first += VPL_SHARE) {
         const int end = min(first + VPL_SHARE, count);
         vfloat part[3] = {zero, zero, zero};
         vfloat all = zero;
         for (int i = first; i < end; ++i) {
-            __global const float *restrict light = lights + list[i] * VPL_LIGHT;
-            const vfloat w = vpl_weight(light, at, params);
+            __global const float *restrict light = lights + list[i] * VPL_FLOATS;
+            vfloat w = VPL_WEIGHT(light, at, params);
+#if VPL_PARTS
+            if (near_by > 0) {
+                w = w * (1.0f - vpl_parts_share(light, at, params));
+            }
+#endif
             all = all + w;
             for (int j = 0; j < 3; ++j) {
                 part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
@@ -82,14 +150,10 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         if (!v_any(wanted)) {
             continue;
         }
-        // Another light of each piece for each pixel of 4 x 4, and another phase of the steps.
+        // Another light of each piece for each pixel of 4 x 4.
         __global const float *restrict one =
-            lights + list[first + (subset * 7 + 3) % 16 * (end - first) / 16] * VPL_LIGHT;
-        const VplCell finish = vpl_cell(v_splat(one[0]), v_splat(one[1]), v_splat(one[2]),
-                                        v_splat(-one[4]), v_splat(-one[5]), v_splat(-one[6]),
-                                        grid_box, params);
-        const int phase = (subset * 5 + first / VPL_SHARE * 3) & 15;
-        const vmask open = ~vpl_blocked(grid, start, finish, ((float)phase + 0.5f) / 16.0f);
+            lights + list[first + (subset * 7 + 3) % 16 * (end - first) / 16] * VPL_FLOATS;
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, subset, first, params);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);
         }

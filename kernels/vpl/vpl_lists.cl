@@ -6,28 +6,40 @@
 //          diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R along its
 //          normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light behind the
 //          tile; the greatest cosines over the least distance between light and tile.
+//          Of a light with a lobe, in place of the sphere: the least angle between its axis and the
+//          ball round the tile, which is tighter than an ellipsoid round the lobe where the tile is
+//          small beside it.
 //          All of them are conservative, so that a tile's pixels get the same bits from its list as
 //          from all lights.
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
-//          lights  [segments][VPL_BOUNDS][params.stride] positions (0-2), normals (3-5), area (6)
+//          lights  [segments][VPL_BOUNDS][params.stride] positions (0-2), normals (3-5), area (6);
+//                  VPL_GLOSSY 1: axes in place of normals, and normals (7-9), n - 1 (10), 2 pi F
+//                  (11); see glossy.clh
 // Writes:  lists   [tiles][VPL_SUBSETS][params.room] numbers of the lights; -1 - n for light n whose
 //                  parts, params.stride + 16 n to + 15, precede it
 //          counts  [tiles][VPL_SUBSETS]
 // Macros:  VPL_CUT (0: only what gives nothing is left out, 1), VPL_SUBSETS (1, 16: light i of
 //          params.count is number i / 16 of the subset i % 16, which has a segment of its own),
 //          VPL_PARTS (1: lights closer than sqrt(params.refine A) to a tile have their parts
-//          with them)
+//          with them), VPL_GLOSSY (1: lights with Phong lobes)
 // Launch:  a work-item for each tile and subset; lanes are lights
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
+#include "vpl/glossy.clh"
 #include "vpl/receiver.clh"
 
-#if !defined(VPL_CUT) || !defined(VPL_SUBSETS) || !defined(VPL_PARTS)
-#error "VPL_CUT, VPL_SUBSETS and VPL_PARTS must be defined"
+#if !defined(VPL_CUT) || !defined(VPL_SUBSETS) || !defined(VPL_PARTS) || !defined(VPL_GLOSSY)
+#error "VPL_CUT, VPL_SUBSETS, VPL_PARTS and VPL_GLOSSY must be defined"
 #endif
 
-#define VPL_BOUNDS 7 // floats of a light
+#if VPL_GLOSSY // floats of a light, and where its normal is
+#define VPL_BOUNDS VPL_LOBE_BOUNDS
+#define VPL_NORMAL 7
+#else
+#define VPL_BOUNDS 7
+#define VPL_NORMAL 3
+#endif
 
 #if VPL_PARTS
 // Appends light `number` if it is kept, marked and with its 16 parts if it is close and there is room
@@ -73,8 +85,15 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
     __global int *restrict list = lists + own * params.room;
     const vfloat zero = v_splat(0.0f);
     float extent = 0.0f;
+#if VPL_GLOSSY
+    float radius = 0.0f; // squared, of the ball round the tile
+#endif
     for (int j = 0; j < 3; ++j) {
         extent += max(fabs(box[j]), fabs(box[3 + j]));
+#if VPL_GLOSSY
+        const float half_side = 0.5f * (box[3 + j] - box[j]);
+        radius = fma(half_side, half_side, radius);
+#endif
     }
     int count = 0;
     for (int i = 0; i < number_of; i += SSGI_LANES) {
@@ -82,12 +101,15 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         vfloat emitted = zero;               // greatest height of the tile above the light
         vfloat received = v_splat(-box[12]); // and of the light above the tile
         vfloat slack = v_splat(extent);
-#if VPL_CUT
+#if VPL_GLOSSY
+        vfloat along = zero;   // of the way to the tile's centre
+        vfloat away = zero;    // its square
+#elif VPL_CUT
         vfloat from_centre = zero; // least distance of the box from the sphere's centre
 #endif
         for (int j = 0; j < 3; ++j) {
             const vfloat y = v_load(lights + j * params.stride + i);
-            const vfloat m = v_load(lights + (3 + j) * params.stride + i);
+            const vfloat m = v_load(lights + (VPL_NORMAL + j) * params.stride + i);
             const vfloat low = v_splat(box[j]);
             const vfloat high = v_splat(box[3 + j]);
             const vfloat d = v_max(v_max(low - y, y - high), zero);
@@ -95,7 +117,12 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
             emitted = emitted + v_max(m * (low - y), m * (high - y));
             received = received + v_max(y * box[6 + j], y * box[9 + j]);
             slack = slack + v_abs(y);
-#if VPL_CUT
+#if VPL_GLOSSY
+            const vfloat axis = v_load(lights + (3 + j) * params.stride + i);
+            const vfloat way = 0.5f * (low + high) - y;
+            along = v_fma(axis, way, along);
+            away = v_fma(way, way, away);
+#elif VPL_CUT
             const vfloat c = v_fma(m, v_splat(params.lobe_centre), y);
             const vfloat e = v_max(v_max(low - c, c - high), zero);
             from_centre = v_fma(e, e, from_centre);
@@ -105,13 +132,37 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         received = v_fma(slack, v_splat(VPL_SLACK), received);
         vmask kept = v_gt(emitted, zero) & v_gt(received, zero) &
                      v_ilt(v_iota() + i, v_splat_int(number_of));
-#if VPL_CUT
+#if VPL_GLOSSY
+        // Rounding grows with the exponent, which is at most 1000: cosines get 1e-6 more.
+        const vfloat one = v_splat(1.0f);
+        const vfloat inverse = v_rsqrt(v_max(away, v_splat(1e-24f)));
+        const vfloat centred = v_clamp(along * inverse, -1.0f, 1.0f);
+        const vfloat sine = v_min(inverse * (sqrt(radius) * 1.00001f), one);
+        const vfloat cosine = v_sqrt(v_max(v_fma(-sine, sine, one), zero));
+        const vfloat across = v_sqrt(v_max(v_fma(-centred, centred, one), zero));
+        const vfloat nearest_to_axis = v_min(
+            v_select(v_fma(centred, cosine, v_fma(across, sine, v_splat(1e-6f))), one,
+                     v_ge(centred, cosine) | v_ge(sine, one)), one);
+        kept = kept & v_gt(nearest_to_axis, zero);
+#endif
+#if VPL_CUT && VPL_GLOSSY
+        const vfloat area = v_load(lights + 6 * params.stride + i);
+        const vfloat sharp = v_load(lights + 10 * params.stride + i);
+        const vfloat nearest = squared * (1.0f - 1e-5f);
+        const vfloat lobe = v_pow(v_max(nearest_to_axis, zero),
+                                  vpl_sharpness(sharp, area, v_max(nearest, v_splat(1e-24f))) + one);
+        const vfloat spread =
+            v_max(nearest * v_load(lights + 11 * params.stride + i) / (sharp + 2.0f), area);
+        const vfloat distance = v_sqrt(v_max(nearest, v_splat(1e-24f)));
+        const vfloat most = v_min(received / distance, one) * lobe * 1.001f;
+        kept = kept & v_gt(most, spread * params.cut);
+#elif VPL_CUT
         // cos cos <= min(1, height / distance) for both; times the squared distance.
         const vfloat area = v_load(lights + 6 * params.stride + i);
         const vfloat nearest = squared * (1.0f - 1e-5f);
         const vfloat distance = v_sqrt(nearest);
         const vfloat most = v_min(emitted, distance) * v_min(received, distance) * (1.0f + 1e-5f);
-        const vfloat bound = v_fma(nearest, v_splat(3.14159265f), area) * params.cut;
+        const vfloat bound = v_max(nearest * 3.14159265f, area) * params.cut; // "clamped"
         const vmask inside = v_eq(nearest, zero);
         kept = kept & (v_gt(most, bound * nearest) | (inside & v_gt(v_splat(1.0f), bound))) &
                v_le(from_centre, v_splat(params.lobe_squared));

@@ -3,10 +3,12 @@
 //
 // Reads:   edges   [8][params.edge_stride] flux and area before each piece; see vpl_cut
 //          places  [6][params.place_stride] positions from the maps' origin, normals; world axes
+//                  (6 to 9 of VPL_GLOSSY 1: axes and exponents of lobes)
 // Writes:  lights  [segments][params.span][VPL_LIGHT] in view space, lengths of params.per_unit,
 //                  flux over params.brightest; places without a light have no flux
 //          bounds  VPL_PART 0: [segments][VPL_BOUNDS][params.stride]; see vpl_lists
-// Macros:  VPL_PART (1: the lights' parts, 16 n to 16 n + 15 behind the lights of the segment)
+// Macros:  VPL_PART (1: the lights' parts, 16 n to 16 n + 15 behind the lights of the segment),
+//          VPL_GLOSSY (1: lights with lobes, which have no parts; see glossy.clh)
 // Params:  from the maps' origin and axes to view space; of params.lights lights, params.split
 //          pieces each, number i is light i % batch / subsets of the segment
 //          i / batch * subsets + i % batch % subsets
@@ -15,12 +17,22 @@
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-#ifndef VPL_PART
-#error "VPL_PART must be defined"
+#if !defined(VPL_PART) || !defined(VPL_GLOSSY)
+#error "VPL_PART and VPL_GLOSSY must be defined"
 #endif
 
+#if VPL_GLOSSY
+#include "vpl/glossy.clh"
+#define VPL_LIGHT VPL_LOBE_LIGHT
+#define VPL_BOUNDS VPL_LOBE_BOUNDS
+#define VPL_NORMAL 12
+#define VPL_FACING 7
+#else
 #define VPL_LIGHT 12 // as in vpl/light.clh
 #define VPL_BOUNDS 7 // as in vpl_lists
+#define VPL_NORMAL 4
+#define VPL_FACING 3
+#endif
 #define VPL_LEAST_AREA 1e-12f
 #define VPL_MOST 1e30f // W
 
@@ -60,15 +72,24 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
         amounts[c] = v_select(zero, v_max(amount, zero), there);
     }
     vfloat p[3], m[3];
+#if VPL_GLOSSY
+    vfloat r[3];
+#endif
     for (int c = 0; c < 3; ++c) {
         p[c] = v_gather(places + c * params.place_stride, place);
         m[c] = v_gather(places + (3 + c) * params.place_stride, place);
+#if VPL_GLOSSY
+        r[c] = v_gather(places + (6 + c) * params.place_stride, place);
+#endif
     }
     const float turn[3][4] = {{params.xx, params.xy, params.xz, params.x},
                               {params.yx, params.yy, params.yz, params.y},
                               {params.zx, params.zy, params.zz, params.z}};
     const vfloat area = v_max(amounts[3] * (params.per_unit * params.per_unit),
                               v_splat(VPL_LEAST_AREA));
+#if !VPL_PART
+    __global float *restrict own_bounds = bounds + segment * VPL_BOUNDS * params.stride + first;
+#endif
     const vint at = (own + (segment * params.span + VPL_PART * params.stride)) * VPL_LIGHT;
     for (int c = 0; c < 3; ++c) {
         const vfloat seen = v_fma(p[0], v_splat(turn[c][0]),
@@ -78,17 +99,35 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
         const vfloat facing = v_fma(m[0], v_splat(turn[c][0]),
                                     v_fma(m[1], v_splat(turn[c][1]), m[2] * turn[c][2]));
         v_scatter(seen, lights + c, at);
-        v_scatter(-facing, lights + 4 + c, at);
+        v_scatter(-facing, lights + VPL_NORMAL + c, at);
+#if VPL_GLOSSY
+        const vfloat axis = v_fma(r[0], v_splat(turn[c][0]),
+                                  v_fma(r[1], v_splat(turn[c][1]), r[2] * turn[c][2]));
+        v_scatter(-axis, lights + 4 + c, at);
+        v_store(axis, own_bounds + (3 + c) * params.stride);
+#endif
         v_scatter(v_min(amounts[c], v_splat(VPL_MOST)) * params.per_brightest, lights + 8 + c, at);
 #if !VPL_PART
-        v_store(seen, bounds + (segment * VPL_BOUNDS + c) * params.stride + first);
-        v_store(facing, bounds + (segment * VPL_BOUNDS + 3 + c) * params.stride + first);
+        v_store(seen, own_bounds + c * params.stride);
+        v_store(facing, own_bounds + (VPL_FACING + c) * params.stride);
 #endif
     }
     v_scatter(area, lights + 3, at);
+#if VPL_GLOSSY
+    const vfloat cosine = v_fma(r[0], m[0], v_fma(r[1], m[1], r[2] * m[2]));
+    const vfloat sharp = v_clamp(v_gather(places + 9 * params.place_stride, place), 1.0f,
+                                 VPL_SHARPEST) - 1.0f;
+    const vfloat whole = vpl_lobe_share(sharp, v_clamp(cosine, 0.0f, 1.0f)) * 6.28318531f;
+    v_store(sharp, own_bounds + 10 * params.stride);
+    v_store(whole, own_bounds + 11 * params.stride);
+    v_scatter(sharp, lights + 7, at);
+    v_scatter(whole, lights + 11, at);
+    v_scatter(zero, lights + 15, at);
+#else
     v_scatter(zero, lights + 7, at);
     v_scatter(zero, lights + 11, at);
+#endif
 #if !VPL_PART
-    v_store(area, bounds + (segment * VPL_BOUNDS + 6) * params.stride + first);
+    v_store(area, own_bounds + 6 * params.stride);
 #endif
 }

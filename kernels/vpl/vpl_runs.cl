@@ -3,18 +3,24 @@
 //
 // Reads:   flux   3 x [rows, columns] W
 //          area   [rows, columns] square scene units; of texels without flux it doesn't count
+//          gloss  [rows, columns] Phong exponent (VPL_GLOSSY 1)
 //          order  [params.face_runs][16] row << 16 | column of a face's texels along its curve,
 //                 -1 past their end
 // Writes:  quarters, runs  see vpl/curve.clh; of runs the sums alone. From run params.first_run on,
 //                          0 past the map
+// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance)
 // Launch:  SSGI_LANES runs per work-item
 // Cost:    five scattered reads a texel
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, __global const int *restrict order,
-                       __global float *restrict quarters, __global float *restrict runs,
+#ifndef VPL_GLOSSY
+#error "VPL_GLOSSY must be defined"
+#endif
+
+__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, ssgi_plane gloss,
+                       __global const int *restrict order, __global float *restrict quarters, __global float *restrict runs,
                        const int2 size, // of the map
                        const VplCurveParams params)
 {
@@ -42,8 +48,12 @@ __kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, __global const int *res
         const vfloat green = v_select(zero, ssgi_gather(flux, size, 1, x, y), there);
         const vfloat blue = v_select(zero, ssgi_gather(flux, size, 2, x, y), there);
         const vmask lit = v_gt(v_max(red, v_max(green, blue)), zero);
+        vfloat measure = vpl_luminance(red, green, blue);
+#if VPL_GLOSSY
+        measure = measure * vpl_importance(ssgi_gather(gloss, size, 0, x, y));
+#endif
         const vfloat amounts[VPL_SUMS] = {
-            v_select(zero, one, lit), vpl_luminance(red, green, blue), red, green, blue,
+            v_select(zero, one, lit), measure, red, green, blue,
             v_select(zero, ssgi_gather(area, size, 0, x, y), lit)};
         for (int sum = 0; sum < VPL_SUMS; ++sum) {
             sums[sum] = sums[sum] + amounts[sum];

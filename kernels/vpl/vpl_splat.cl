@@ -7,23 +7,25 @@
 // Departs: the cut fades w linearly from 2 cut down to cut, so that splats have no edge.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
-//          lights  [segments][params.span][VPL_LIGHT]
+//          lights  [segments][params.span][VPL_FLOATS]
 //          lists   [tiles][params.room] and counts [tiles], see vpl_lists
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
 // Macros:  VPL_NEAR (0 disc, 1 clamped: max(pi d^2, A) for the sum), VPL_CUT (0, 1; 2: what 1 leaves
 //          out), VPL_LISTS (0: all lights, 1), VPL_ADD (1: to what is there), VPL_PARTS (1: as
-//          in vpl_lists, with VPL_LISTS), VPL_ROWS (of a work-item, 1 to 16, divides 16)
+//          in vpl_lists, with VPL_LISTS), VPL_ROWS (of a work-item, 1 to 16, divides 16),
+//          VPL_GLOSSY (0 diffuse lights, 1 with Phong lobes)
 // Launch:  SSGI_LANES pixels of VPL_ROWS rows per work-item
-// Cost:    24 operations and a division per pixel and light
+// Cost:    24 operations and a division per pixel and light, of lobes 70, four and a root
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "vpl/light.clh"
+#include "vpl/lobe.clh"
 #include "vpl/receiver.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_LISTS) || !defined(VPL_ADD) ||         \
-    !defined(VPL_PARTS) || !defined(VPL_ROWS)
-#error "VPL_NEAR, VPL_CUT, VPL_LISTS, VPL_ADD, VPL_PARTS and VPL_ROWS must be defined"
+    !defined(VPL_PARTS) || !defined(VPL_ROWS) || !defined(VPL_GLOSSY)
+#error "VPL_NEAR, _CUT, _LISTS, _ADD, _PARTS, _ROWS and _GLOSSY must be defined"
 #endif
 
 #define VPL_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -38,7 +40,7 @@ __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const floa
     if (x >= size.x || y >= size.y) {
         return;
     }
-    __global const float *restrict own = lights + params.segment * params.span * VPL_LIGHT;
+    __global const float *restrict own = lights + params.segment * params.span * VPL_FLOATS;
     const vfloat zero = v_splat(0.0f);
     VplReceiver at[VPL_ROWS];
     vfloat sum[VPL_ROWS][3];
@@ -66,16 +68,16 @@ __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const floa
 #if VPL_LISTS
             const int listed_number = list[i];
             const int number = listed_number < 0 ? -1 - listed_number : listed_number;
-            __global const float *restrict light = own + number * VPL_LIGHT;
+            __global const float *restrict light = own + number * VPL_FLOATS;
 #else
-            __global const float *restrict light = own + i * VPL_LIGHT;
+            __global const float *restrict light = own + i * VPL_FLOATS;
 #endif
             for (int r = 0; r < VPL_ROWS; ++r) {
-                vfloat w = vpl_weight(light, at[r], params);
+                vfloat w = VPL_WEIGHT(light, at[r], params);
 #if VPL_PARTS
                 if (number >= params.stride) {
                     const int whole = (number - params.stride) / 16;
-                    w = w * vpl_parts_share(own + whole * VPL_LIGHT, at[r], params);
+                    w = w * vpl_parts_share(own + whole * VPL_FLOATS, at[r], params);
                 } else if (listed_number < 0) {
                     w = w * (1.0f - vpl_parts_share(light, at[r], params));
                 }

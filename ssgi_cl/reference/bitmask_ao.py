@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -35,13 +34,12 @@ def openness(scan: Scan, params: BitmaskParams) -> Doubles:
         covered = np.zeros((*scan.depth.shape, SECTORS), bool)
         for side in (1, -1):
             for layer in range(len(scan.depths)):
-                for found in hidden_by(scan, plane, side, layer, params):
+                for where, *between in hidden_by(scan, plane, side, layer, params):
                     ends = (
-                        sector_of(cot, plane, side, params.sectors)[..., None]
-                        for cot in (found.nearer, found.farther)
+                        sector_of(cot, plane, side, params.sectors)[..., None] for cot in between
                     )
                     first, last = sorted_pair(*ends)
-                    covered |= found.where[..., None] & (number >= first) & (number < last)
+                    covered |= where[..., None] & (number >= first) & (number < last)
         weight = plane.weight
         if params.sectors == "cosine":
             weight = weight * plane.length * whole_of(plane)
@@ -51,36 +49,14 @@ def openness(scan: Scan, params: BitmaskParams) -> Doubles:
     return a
 
 
-@dataclass(frozen=True, eq=False)
-class Hidden:
-    """What a surface hides.
-
-    Attributes:
-        where: [rows, columns].
-        nearer, farther: cotangents between which it hides, on the way outward.
-        first, last: numbers of the taps at its ends, from 1; 0 is the receiver. A lone tap is both.
-        faces: of a lone tap, whether the plane through it and the next shows its front.
-    """
-
-    where: NDArray[np.bool_]
-    nearer: Doubles
-    farther: Doubles
-    first: int
-    last: int
-    faces: NDArray[np.bool_] | None = None
-
-
 def hidden_by(
-    scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams, *, ends: bool = False
-) -> Iterator[Hidden]:
-    """Give all that one layer hides on a side, from near to far.
-
-    With `ends` surfaces behind which nothing follows go on for half of the way to the next tap.
-    """
+    scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
+) -> Iterator[tuple[NDArray[np.bool_], Doubles, Doubles]]:
+    """Give what one layer hides on a side, from near to far: where, between which cotangents."""
     taps = list(scan.taps(plane, side, layer))
     if not params.joined:
-        for number, tap in enumerate(taps, start=1):
-            yield Hidden(tap.counts, tap.back, tap.cot, number, number)
+        for tap in taps:
+            yield tap.counts, tap.back, tap.cot
         return
     zero = np.zeros(scan.depth.shape)
     receiver = Tap(
@@ -91,8 +67,7 @@ def hidden_by(
     points = [receiver, *taps]
     slopes = [_slope(one, other) for one, other in pairwise(points)]
     tangent = np.where(receiver.there, side * plane.rise, np.nan)
-    nothing = np.full_like(zero, np.nan)
-    around = [tangent, *slopes, nothing]
+    around = [tangent, *slopes, np.full_like(zero, np.nan)]
     for index, (one, other) in enumerate(pairwise(points)):
         link = slopes[index]
         before, behind = around[index], around[index + 2]
@@ -101,20 +76,11 @@ def hidden_by(
         least, most = np.fmin(before, behind) - slack, np.fmax(before, behind) + slack
         joined = (link >= least) & (link <= most)
         inside = [scan.outside(end.f, end.x, end.y) <= 0.0 for end in (one, other)]
-        yield Hidden(joined & inside[0] & inside[1], one.cot, other.cot, index, index + 1)
+        yield joined & inside[0] & inside[1], one.cot, other.cot
         cut, at = joined & (inside[0] ^ inside[1]), _cut(scan, plane, side, one, other)
-        nearer, farther = np.where(inside[0], one.cot, at), np.where(inside[0], at, other.cot)
-        yield Hidden(cut, nearer, farther, index, index + 1)
-        if ends:
-            following = points[index + 2].px - other.px if index + 2 < len(points) else 1.0
-            half = 0.5 * np.maximum(following, 0.5)
-            goes_on = joined & other.counts & np.isnan(behind)
-            at = _end(scan, plane, side, other, np.nan_to_num(link), half)
-            yield Hidden(goes_on, other.cot, at, index, index + 1)
-        alone = other.there & inside[1] & ~joined
+        yield cut, np.where(inside[0], one.cot, at), np.where(inside[0], at, other.cot)
         back = scan.cotangent(plane, side, other.behind, other.x, other.y)
-        faces = behind * other.px <= other.f
-        yield Hidden(alone, back, other.cot, index + 1, index + 1, faces)
+        yield other.there & inside[1] & ~joined, back, other.cot
 
 
 def _slope(one: Tap, other: Tap) -> Doubles:
@@ -134,17 +100,6 @@ def _cut(scan: Scan, plane: Slice, side: int, one: Tap, other: Tap) -> Doubles:
     below = np.where(end > 0.0, -root, root) - first
     t = np.clip(2.0 * start / np.where(below == 0.0, -1e-30, below), 0.0, 1.0)
     return scan.cotangent(plane, side, one.f + t * f, one.x + t * x, one.y + t * y)
-
-
-def _end(
-    scan: Scan, plane: Slice, side: int, tap: Tap, slope: Doubles, px: Doubles
-) -> Doubles:
-    """Return the cotangent px behind a tap; that of the tap where that is beyond the radius."""
-    stretch = 1.0 + px / np.maximum(tap.px, 1e-30)
-    x, y = tap.x * stretch, tap.y * stretch
-    f = np.minimum(tap.f + slope * px, 0.999 if scan.perspective else np.inf)
-    inside = scan.outside(f, x, y) <= 0.0
-    return np.where(inside, scan.cotangent(plane, side, f, x, y), tap.cot)
 
 
 def turn(c: Doubles) -> Doubles:

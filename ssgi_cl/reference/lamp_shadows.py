@@ -39,7 +39,9 @@ def lamp_shadows_reference(
         if isinstance(light, Environment):
             continue
         direct = direct_reference(light, (position - shift) @ turn, normal @ turn)
-        shadow = _shadow(view, layers, position, normal, light, params)
+        shadow = _shadow(
+            view, layers, gbuffer.first("thickness"), position, normal, light, params
+        )
         total += direct * (1.0 - shadow)[..., None]
     return np.where(there[..., None], total, 0.0)
 
@@ -71,6 +73,7 @@ def _ways(view: SurfaceView, position: Doubles, light: Lamp, radius: float) -> D
 def _shadow(
     view: SurfaceView,
     layers: Doubles,
+    given: NDArray[np.float32] | None,
     position: Doubles,
     normal: Doubles,
     light: Lamp,
@@ -104,7 +107,10 @@ def _shadow(
         for number, layer in enumerate(layers):
             deeper = layers[number + 1][row, column] if number + 1 < len(layers) else np.inf
             seen = layer[row, column]
-            back = np.minimum(seen + params.thickness * params.radius, deeper)
+            thick: float | Doubles = params.thickness * params.radius
+            if given is not None and number == 0:
+                thick = given[row, column].astype(np.float64)
+            back = np.minimum(seen + thick, deeper)
             within = (span > 0.0) & (at > seen) & (at < back)
             front = np.where(within, seen, depth)
             surface = view.position(row + 0.5, column + 0.5, front)

@@ -42,11 +42,11 @@ def multires_grid_reference(
     image = np.asarray(truth, np.float64)
     there = np.isfinite(view.inner(view.depth))
     steps = np.where(there, 1, 0)
-    coarsest = params.steps[0]
+    coarsest = params.spacings[0]
     values = np.where(there[..., None], image, 0.0)[::coarsest, ::coarsest]
     computed = np.zeros(view.size, int)
     computed[::coarsest, ::coarsest] = coarsest * steps[::coarsest, ::coarsest]
-    for step in params.steps[1:]:
+    for step in params.spacings[1:]:
         level = _Level(view, step, params)
         guess, known = level.interpolate(values, bound * bound_scale(step))
         here = there[::step, ::step]

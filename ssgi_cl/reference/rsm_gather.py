@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_rsm import surfaces
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.rsm_gather import RESOLUTIONS, RsmGatherParams
+from ssgi_cl.techniques.rsm_gather import RsmGatherParams
 from ssgi_cl.techniques.rsm_samples import (
     cap_pattern,
     cube_turns,
@@ -54,20 +54,12 @@ class Discs:
 def rsm_gather_reference(
     gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams | None = None
 ) -> Doubles:
-    """Return irradiance [rows, columns, 3] in W/m^2."""
-    params = params or RsmGatherParams()
-    full = SurfaceView.of(gbuffer)
-    step = RESOLUTIONS[params.resolution]
-    every = gathered(full, rsm, params)
-    if step == 1:
-        return every
-    coarse = full.reduced(step)
-    value, left = interpolated(gathered(coarse, rsm, params), coarse, full, params)
-    return np.where(left[..., None], every, value)
+    """Return irradiance [rows, columns, 3] in W/m^2, gathered for every pixel."""
+    return gathered(SurfaceView.of(gbuffer), rsm, params or RsmGatherParams())
 
 
 def gathered(view: SurfaceView, rsm: ReflectiveShadowMap, params: RsmGatherParams) -> Doubles:
-    """Return the irradiance of all pixels of a view, none of them interpolated."""
+    """Return the irradiance of all pixels of a view, whatever the resolution."""
     rows, columns = view.size
     points, normals = receivers(view, rsm)
     texels = Discs.of(rsm)
@@ -203,50 +195,3 @@ def _turned(pattern: Doubles, angle: Doubles) -> Doubles:
     result[..., 0] = cosine * pattern[:, 0] - sine * pattern[:, 1]
     result[..., 1] = sine * pattern[:, 0] + cosine * pattern[:, 1]
     return result
-
-
-def interpolated(
-    value: Doubles, coarse: SurfaceView, full: SurfaceView, params: RsmGatherParams
-) -> tuple[Doubles, NDArray[np.bool_]]:
-    """Return [rows, columns, 3] from a coarse result, and where it can't be interpolated."""
-    rows, columns = full.size
-    step = coarse.step // full.step
-    y, x = np.indices(full.size)
-    depth, normal = full.inner(full.depth), full.inner(full.normal)
-    there = np.isfinite(depth)
-    point = np.where(there[..., None], full.inner(full.positions()), 0.0)
-    total, weight_sum, fitting = np.zeros((rows, columns, 3)), np.zeros(full.size), []
-    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        cy = np.minimum(y // step + down, coarse.size[0] - 1)
-        cx = np.minimum(x // step + right, coarse.size[1] - 1)
-        weight = (1.0 - np.abs(cy * step - y) / step) * (1.0 - np.abs(cx * step - x) / step)
-        tap = coarse.inner(coarse.depth)[cy, cx]
-        # Depth of the tangent plane on the coarse pixel's line of sight.
-        row, column = full.centres()
-        row, column = full.inner(row) + cy * step - y, full.inner(column) + cx * step - x
-        one, two = (full.position(row, column, np.full(full.size, d)) for d in (1.0, 2.0))
-        sight = two - one
-        facing = np.sum(normal * sight, axis=-1)
-        facing = np.minimum(facing, -0.0017 * np.linalg.norm(sight, axis=-1))
-        plane = 1.0 + np.sum(normal * (point - one), axis=-1) / facing
-        own = full.flatness(np.where(there, depth, 1.0))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            off = np.abs(full.flatness(tap) - full.flatness(plane)) / np.abs(own)
-        cosine = np.sum(normal * coarse.inner(coarse.normal)[cy, cx], axis=-1)
-        fits = (
-            np.isfinite(tap) & (off <= params.plane_tolerance)
-            & (cosine >= np.cos(params.normal_tolerance))
-        )
-        total += np.where(fits, weight, 0.0)[..., None] * value[cy, cx]
-        weight_sum += np.where(fits, weight, 0.0)
-        fitting.append(np.where(fits, value[cy, cx].sum(axis=-1), np.nan))
-    known = np.stack(fitting)
-    count = np.isfinite(known).sum(axis=0)
-    most, least = np.max(known, axis=0, initial=0.0, where=~np.isnan(known)), np.min(
-        known, axis=0, initial=np.inf, where=~np.isnan(known)
-    )
-    with np.errstate(invalid="ignore"):
-        done = (count >= 3) & (most - least <= (most + least) * params.spread)
-    done |= (y % step == 0) & (x % step == 0)
-    result = total / np.maximum(weight_sum, 1e-9)[..., None]
-    return np.where((there & done)[..., None], result, 0.0), there & ~done

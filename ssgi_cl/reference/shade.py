@@ -31,6 +31,7 @@ def shade_reference(
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
     multi_bounce: bool = False,
+    indirect_ao: bool = False,
 ) -> Doubles:
     """Return radiance [rows, columns, 3]; the arguments are those of `shade`."""
     position, normal, there = world_surface(gbuffer)
@@ -53,7 +54,8 @@ def shade_reference(
         ambient *= np.asarray(ao, np.float64)[..., None]
     irradiance += ambient
     if indirect is not None:
-        irradiance += np.asarray(indirect, np.float64)
+        dimmed = np.asarray(ao, np.float64)[..., None] if indirect_ao and ao is not None else 1.0
+        irradiance += dimmed * np.asarray(indirect, np.float64)
     radiance = reflectance * irradiance / np.pi
     emission = gbuffer.first("emission")
     if emission is not None:

@@ -2,21 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bitmask_ao import (
-    SECTORS,
-    hidden_by,
-    sector_of,
-    sorted_pair,
-    whole_of,
-)
-from ssgi_cl.reference.gbuffer import Doubles
+from ssgi_cl.reference.bitmask_ao import SECTORS, sector_of, sorted_pair, whole_of
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.sky import looked_up
-from ssgi_cl.reference.slices import Scan, Slice, scanned
+from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
+
+FIRST = 0.0625
+"""Where the first piece of a side begins if its plane passes below the receiver, px from that."""
+FARTHEST = 0.999
+"""`Tap.f` of the farthest end of a piece with a perspective camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """What a tap stands for, on one side of a slice and in one layer; arrays [rows, columns].
+
+    Attributes:
+        layer: number.
+        tap: in its middle.
+        where: whether it is there and within the radius.
+        least, most: sectors between which it hides.
+        faces: whether the receiver sees the side that the camera sees.
+    """
+
+    layer: int
+    tap: Tap
+    where: NDArray[np.bool_]
+    least: NDArray[np.int64]
+    most: NDArray[np.int64]
+    faces: NDArray[np.bool_]
 
 
 def ssdo_bitmask_reference(
@@ -41,9 +63,9 @@ def ssdo_bitmask_reference(
         for i in (0, 1)
     )
     sent = None if radiance is None else np.asarray(radiance)[:, rows[:, None], columns]
+    slopes = slopes_of(gbuffer, full)[..., rows[:, None], columns]
     layers = len(scan.depths)
-    fronts = None if sent is None else sent[:layers]
-    backs = None if sent is None else sent[layers:] if len(sent) > layers else params.back * sent
+    thick = params.thickness > 0.0 or scan.given is not None
     shape = scan.depth.shape
     hidden, whole = np.zeros(shape), np.full(shape, 1e-30)
     skylight, bounce = np.zeros((*shape, 3)), np.zeros((*shape, 3))
@@ -52,28 +74,18 @@ def ssdo_bitmask_reference(
         covered = np.zeros((*shape, sectors), bool)
         light = np.zeros((*shape, 3))
         for side in (1, -1):
-            for layer in range(layers):
-                for found in hidden_by(scan, plane, side, layer, params, ends=True):
-                    ends = [
-                        sector_of(cot, plane, side, count=sectors)[..., None]
-                        for cot in (found.nearer, found.farther)
-                    ]
-                    least, most = sorted_pair(*ends)
-                    now = found.where[..., None] & (number >= least) & (number < most)
-                    fresh = (now & ~covered).mean(axis=-1)
-                    covered |= now
-                    if fronts is None or backs is None:
-                        continue
-                    rises = side * (ends[1] - ends[0])[..., 0] < 0
-                    faces = rises if found.faces is None else found.faces
-                    sides = [
-                        0.5 * sum(
-                            _at_tap(radiance_of_side[layer], scan, plane, side, tap)
-                            for tap in (found.first, found.last)
-                        )
-                        for radiance_of_side in (fronts, backs)
-                    ]
-                    light += fresh[..., None] * np.where(faces[..., None], *sides)
+            for piece in pieces(scan, plane, side, slopes, sectors, thick=thick):
+                least, most = piece.least[..., None], piece.most[..., None]
+                now = piece.where[..., None] & (number >= least) & (number < most)
+                fresh = (now & ~covered).mean(axis=-1)[..., None]
+                covered |= now
+                if sent is None:
+                    continue
+                front = _at_tap(sent[piece.layer], scan, piece.tap)
+                back = params.back * front
+                if len(sent) > layers:
+                    back = _at_tap(sent[layers + piece.layer], scan, piece.tap)
+                light += fresh * np.where(piece.faces[..., None], front, back)
         share = plane.weight * plane.length * whole_of(plane)
         hidden += share * covered.mean(axis=-1)
         whole += share
@@ -98,13 +110,93 @@ def _irradiance(total: Doubles, whole: Doubles, there: NDArray[np.bool_]) -> Dou
     return result
 
 
-def _at_tap(sent: Doubles, scan: Scan, plane: Slice, side: int, tap: int) -> Doubles:
-    """Return radiance [rows, columns, 3] at the place of a tap, numbered as in `Hidden`."""
+def pieces(
+    scan: Scan, plane: Slice, side: int, slopes: Doubles, sectors: int, *, thick: bool
+) -> Iterator[Piece]:
+    """Give what the taps of a side stand for, from near to far, of each the layers front to back.
+
+    Args:
+        slopes: [layers, 2, rows, columns] of the scan's arrays, see `slopes_of`.
+        thick: whether surfaces go on behind their front.
+    """
+    taps = list(scan.taps_of_all_layers(plane, side))
+    px = [layers[0].px for layers in taps]
+    gain = -scan.depth if scan.perspective else np.ones_like(scan.depth)
+    for index, layers in enumerate(taps):
+        half = 0.5 * (px[index] + (px[index - 1] if index else 0.0))
+        last = index + 1 == len(px)
+        end = 2.0 * px[index] - half if last else 0.5 * (px[index] + px[index + 1])
+        for layer, tap in enumerate(layers):
+            along, down = (
+                gain * _at_tap(slope[..., None], scan, tap)[..., 0] for slope in slopes[layer]
+            )
+            own = tap.f - along * tap.x - down * tap.y
+            start = np.where(own >= 0.0, FIRST, half) if index == 0 else half
+
+            def at(
+                distance: Doubles, along: Doubles = along, down: Doubles = down, own: Doubles = own
+            ) -> tuple[Doubles, Doubles, Doubles]:
+                x = side * distance * plane.cosine * scan.to_x
+                y = side * distance * plane.sine * scan.to_y
+                f = own + along * x + down * y
+                return (np.minimum(f, FARTHEST) if scan.perspective else f), x, y
+
+            near_out, far_out = scan.outside(*at(start)), scan.outside(*at(end))
+            cut = (near_out <= 0.0) ^ (far_out <= 0.0)
+            part = np.clip(near_out / np.where(cut, near_out - far_out, 1.0), 0.0, 1.0)
+            border = start + part * (end - start)
+            ends = [
+                sector_of(scan.cotangent(plane, side, *at(distance)), plane, side, count=sectors)
+                for distance in (
+                    np.where(cut & (near_out > 0.0), border, start),
+                    np.where(cut & (far_out > 0.0), border, end),
+                )
+            ]
+            least, most = sorted_pair(*ends)
+            if thick:
+                inside = scan.outside(tap.f, tap.x, tap.y) <= 0.0
+                back = sector_of(tap.back, plane, side, count=sectors)
+                least = np.where(inside, np.minimum(least, back), least)
+                most = np.where(inside, np.maximum(most, back), most)
+            within = tap.there & ((near_out <= 0.0) | (far_out <= 0.0))
+            yield Piece(layer, tap, within, least, most, own >= 0.0)
+
+
+def slopes_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
+    """Return [layers, 2, rows, columns]: how 1 / depth (orthographic: depth) changes at each pixel.
+
+    Per slope of the line of sight (orthographic: per scene unit), along columns, then along rows.
+    The difference to that neighbour counts whose own line misses the pixel the least, or the mean
+    of both where they differ no more than those lines bend; 0 without any.
+    """
+    depth = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)
+    near = depth if view.camera.is_orthographic else 1.0 / depth
+    near = np.where(np.isfinite(depth), near, np.nan)
+    origin = np.zeros(1)
+    units = np.subtract(view.slopes(origin + 1.0, origin + 1.0), view.slopes(origin, origin))
+    found = []
+    for axis, unit in ((2, units[0]), (1, units[1])):
+        step = np.diff(near, axis=axis)
+        gap = np.full_like(np.take(near, [0], axis), np.nan)
+        down, up = (np.concatenate(pair, axis) for pair in ((gap, step), (step, gap)))
+        bend = np.abs(up - down)
+        before, behind = (np.roll(each, shift, axis) for each, shift in ((down, 1), (up, -1)))
+        misses = (np.abs(down - before), np.abs(behind - up))
+        down_miss, up_miss = (np.where(np.isnan(miss), bend, miss) for miss in misses)
+        lesser = (down_miss < up_miss) | (
+            (down_miss == up_miss) & (np.abs(down) <= np.abs(up))
+        )
+        one = np.where(np.isnan(up) | (~np.isnan(down) & lesser), down, up)
+        alike = bend <= 2.0 * np.minimum(down_miss, up_miss)
+        found.append(np.nan_to_num(np.where(alike, 0.5 * (down + up), one)) / unit)
+    return np.stack(found, axis=1)
+
+
+def _at_tap(sent: Doubles, scan: Scan, tap: Tap) -> Doubles:
+    """Return what [rows, columns, n] holds at a tap, 0 outside."""
     rows, columns = sent.shape[:2]
-    dx, dy = plane.offset[side][tap - 1] if tap else (np.zeros_like(plane.dither),) * 2
-    row, column = (
-        np.floor(at).astype(int) for at in (scan.row + dy, scan.column + dx)
-    )
+    row = np.floor(scan.row + tap.y / scan.to_y).astype(int)
+    column = np.floor(scan.column + tap.x / scan.to_x).astype(int)
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     seen = sent[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
     result: Doubles = np.where(inside[..., None], seen, 0.0)

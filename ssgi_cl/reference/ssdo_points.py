@@ -67,6 +67,7 @@ def ssdo_points_reference(
     sets = sets or tap_sets(params.samples, None if sky is None else np.asarray(sky, np.float64))
     sent = None if radiance is None else np.asarray(radiance, np.float64)
     at = _receivers(views[0], params, step)
+    given = gbuffer.first("thickness")
     y, x = np.indices(at.there.shape)
     shape = at.there.shape
     hidden, known = np.zeros(shape), np.zeros(shape)
@@ -82,7 +83,7 @@ def ssdo_points_reference(
         cosine = np.abs(cosine)
         length = sets.length[y % 4, x % 4, number] * at.radius
         counts, hides, arriving = _tap(
-            views, sent, at, at.position + length[..., None] * way, solid_angle, params
+            views, given, sent, at, at.position + length[..., None] * way, solid_angle, params
         )
         hidden += np.where(counts, hides, 0.0) * solid_angle * cosine
         known += np.where(counts, solid_angle * cosine, 0.0)
@@ -133,6 +134,7 @@ def _receivers(view: SurfaceView, params: PointsParams, step: int) -> _Receivers
 
 def _tap(
     views: list[SurfaceView],
+    given: NDArray[np.float32] | None,
     sent: Doubles | None,
     at: _Receivers,
     tap: Doubles,
@@ -152,7 +154,10 @@ def _tap(
     for number, view in enumerate(views):
         seen = view.depth[row, column]
         deeper = views[number + 1].depth[row, column] if number + 1 < len(views) else np.inf
-        back = np.minimum(seen + params.thickness * at.radius, deeper)
+        thick = params.thickness * at.radius
+        if given is not None and number == 0:
+            thick = given[row, column].astype(np.float64)
+        back = np.minimum(seen + thick, deeper)
         within = counts & (depth > seen) & (depth < back)
         seen = np.where(within, seen, -at.position[..., 2])
         surface = view.position(row + 0.5, column + 0.5, seen)

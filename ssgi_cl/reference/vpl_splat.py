@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.device_vpls import lobe_share
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.techniques.vpl_splat import VplSplatParams
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.vpls import PARTS, SHARPEST, Vpls
 
 Doubles = NDArray[np.float64]
 
@@ -45,7 +47,8 @@ def receivers(gbuffer: GBuffer) -> tuple[NDArray[np.bool_], Doubles, Doubles]:
 def vpl_splat_reference(gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by all lights, without visibility or blur.
 
-    With `interleave`, pixel (x, y) takes the lights i with i % 16 = (y % 4) * 4 + x % 4, times 16.
+    With `interleave`, pixel (x, y) takes the lights i with i % 16 = (y % 4) * 4 + x % 4, times 16;
+    of lights with parts that are near, part number i % 16 of each, times 16.
     """
     seen, point, normal = receivers(gbuffer)
     total = np.zeros_like(point)
@@ -53,6 +56,16 @@ def vpl_splat_reference(gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams) ->
     for index in range(len(vpls)):
         taken = subset == (index % 16 if params.interleave else 0)
         weight = form_factor(point[taken], normal[taken], vpls, index, params)
+        if params.interleave and vpls.parts is not None and params.refine > 0.0:
+            squared = np.sum((vpls.position[index] - point) ** 2, axis=-1)
+            near = 4.0 / 3.0 * (1.0 - squared / (params.refine * vpls.area[index]))
+            share = np.clip(near, 0.0, 1.0)
+            weight *= 1.0 - share[taken]
+            for part in range(PARTS):
+                own = (subset == part) & (share > 0.0)
+                number = PARTS * index + part
+                shining = form_factor(point[own], normal[own], vpls.parts, number, params)
+                total[own] += (share[own] * shining)[:, None] * vpls.parts.flux[number]
         total[taken] += weight[:, None] * vpls.flux[index]
     result = np.zeros((*seen.shape, 3))
     result[seen] = total * (16.0 if params.interleave else 1.0)
@@ -107,17 +120,45 @@ def form_factor(
     squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
     received = np.maximum(np.sum(way * normal, axis=-1), 0.0)
     emitted = np.maximum(-(way @ vpls.normal[index]), 0.0)
-    area = vpls.area[index]
-    if params.near == "disk":
-        spread = math.pi * squared + area
-    else:
-        spread = np.maximum(math.pi * squared, area)
-    weight = received * emitted / (squared * spread)
+    area, sphere, lobe = vpls.area[index], math.pi * squared, emitted / np.sqrt(squared)
+    if vpls.axis is not None and vpls.gloss is not None:
+        cosine = np.maximum(-(way @ vpls.axis[index]), 0.0) / np.sqrt(squared)
+        exponent = min(max(vpls.gloss[index], 1.0), SHARPEST)
+        sharp = (exponent - 1.0) / (1.0 + (exponent - 1.0) * area / (4.0 * math.pi * squared))
+        turned = float(vpls.axis[index] @ vpls.normal[index])
+        share = float(lobe_share(np.array([exponent]), np.array([turned]))[0])
+        lobe = np.where(emitted > 0.0, np.minimum(cosine, 1.0) ** (sharp + 1.0), 0.0)
+        sphere = squared * 2.0 * math.pi * share / (sharp + 2.0)
+    spread = sphere + area if params.near == "disk" else np.maximum(sphere, area)
+    weight = received / np.sqrt(squared) * lobe / spread
     if params.cutoff > 0.0:
         cut = params.cutoff / (math.pi * params.unit_distance**2)
         weight = np.maximum(np.minimum(weight, 2.0 * (weight - cut)), 0.0)
     result: Doubles = weight
     return result
+
+
+def lobe_share_exact(exponent: float, cosine: float) -> float:
+    """Return which share of a lobe (n + 1) / (2 pi) cos^n lies above its surface.
+
+    Where its axis turns away from the normal, the surface's edge sweeps over the lobe: the share
+    falls by sin^n of the angle per radian, times what makes it 1/2 at a right angle.
+
+    Args:
+        exponent: n >= 1.
+        cosine: of the axis to the normal, in [0, 1] or clipped to it.
+    """
+    def swept(angle: float) -> float:
+        node, weight = _gauss_points()
+        return float(weight @ np.sin(0.5 * angle * (node + 1.0)) ** exponent) * angle
+
+    angle = math.acos(min(max(cosine, 0.0), 1.0))
+    return 1.0 - 0.5 * swept(angle) / swept(0.5 * math.pi)
+
+
+@lru_cache(maxsize=1)
+def _gauss_points() -> tuple[Doubles, Doubles]:
+    return np.polynomial.legendre.leggauss(200)
 
 
 def _subsets(seen: NDArray[np.bool_]) -> NDArray[np.int64]:

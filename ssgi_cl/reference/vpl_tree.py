@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
+from ssgi_cl.reference.sight_grid import SightGridReference
 from ssgi_cl.vpls import LUMINANCE, Vpls
 
 Doubles = NDArray[np.float64]
@@ -132,13 +133,29 @@ class VplTreeReference:
         found.append(runs[~self.error(runs, group)[1]])
         return np.concatenate(found)
 
-    def irradiance(self, records: Numbers, point: Doubles, normal: Doubles) -> Doubles:
-        """Return irradiance [samples, 3] in W/m^2 by records at samples in view space."""
+    def irradiance(
+        self, records: Numbers, point: Doubles, normal: Doubles,
+        walls: SightGridReference | None = None,
+    ) -> Doubles:
+        """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
+
+        What belongs to a run of 16 shares a line of sight to its mean; of a run of 64, to that of
+        its first 16.
+        """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
         received = np.maximum(np.sum(way * normal[:, None], axis=-1), 0.0)
         emitted = np.maximum(-np.sum(way * self.normal[records], axis=-1), 0.0)
         weight = received * emitted / (squared * (math.pi * squared + self.area[records]))
+        if walls is not None:
+            level = np.searchsorted(self.first, records, side="right") - 1
+            runs = (records - np.array(self.first)[level]) * 4**level // 16
+            for run in np.unique(runs):
+                end = self.first[2] + run
+                axis = self.normal[end] / np.linalg.norm(self.normal[end])
+                phase = ((run * 5 & 15) + 0.5) / 16.0
+                hidden = walls.hidden(point, normal, self.position[end], axis, phase)
+                weight[np.ix_(hidden, runs == run)] = 0.0
         result: Doubles = weight @ self.flux[records]
         return result
 

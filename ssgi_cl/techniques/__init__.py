@@ -78,9 +78,14 @@ TECHNIQUES: dict[str, Entry] = {
         BitmaskParams,
         BitmaskAo,
         "ao",
+        # Each number of slices and taps is a kernel of its own, which takes seconds to compile.
         tunable={
-            **_SLICES, "taps": [6, 9, 12, 14, 16, 20, 24], "thickness": (0.02, 0.5),
-            "slack": (0.1, 1.0),
+            "slices": [1, 2, 3, 4],
+            "taps": [6, 9, 14, 20],
+            "tap_power": (0.8, 2.0),
+            "resolution": ["full", "half"],
+            "blur_radius": (1, 6),
+            "thickness": (0.02, 0.5),
         },
         layers=_LAYERS,
     ),

@@ -15,6 +15,7 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.tiles import TILE, OpenTiles, tile_values
 
 BLUR = Struct(
     "BlurParams",
@@ -22,6 +23,8 @@ BLUR = Struct(
         *floats("depth_scale", "normal_scale"),
         ("margin_columns", "int"),
         ("margin_rows", "int"),
+        ("tile_columns", "int"),
+        ("tile_step", "int"),
     ),
 )
 
@@ -94,14 +97,24 @@ class Bilateral:
             )
             for shape in self._shapes
         }
+        self._no_tiles = runtime.array(np.zeros(1, np.int32))
         weights = np.append(params.weights(), 0.0)
         weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
         self._weights = runtime.array(weights.astype(np.float32))
         self._planes = [runtime.plane(channels, size) for _ in range(2)]
 
-    def run(self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur") -> Plane:
-        """Queue the passes and return the plane that holds the result (not `value`, if active)."""
+    def run(
+        self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
+        tiles: OpenTiles | None = None, step: int = 1,
+    ) -> Plane:
+        """Queue the passes and return the plane that holds the result (not `value`, if active).
+
+        In open `tiles` the value is the same in every pixel; it has every `step`-th pixel of their
+        image. Where all that the blur reads is open, the value stays.
+        """
         params = self.params
+        if params.passes * params.radius * step > TILE:
+            tiles = None  # it reads more than the tiles next to a pixel's
         if not self.active:
             self.runtime.skip(name, "no passes or radius 0")
             return value
@@ -110,8 +123,10 @@ class Bilateral:
                 **params.scales(),
                 "margin_columns": gbuffer.margin[1],
                 "margin_rows": gbuffer.margin[0],
+                **tile_values(tiles, step),
             }
         )
+        bits = self._no_tiles if tiles is None else tiles.bits
         for i in range(params.passes):
             for shape in self._shapes:
                 out = self._planes[0] if value is not self._planes[0] else self._planes[1]
@@ -119,7 +134,7 @@ class Bilateral:
                 self._kernels[shape].run(
                     f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                     self.size,
-                    reads=[value, gbuffer.linear, gbuffer.normal, self._weights],
+                    reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
                     writes=[out],
                     values=[gbuffer.camera_struct, packed],
                     grid=(-(-rows // self._rows[shape]), -(-columns // self.runtime.form.lanes)),

@@ -19,6 +19,7 @@ from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import rotation_values
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.tiles import OpenTiles
 
 LEAST_OPEN = 0.02
 """What a bent normal has along the normal at least, relative to where all is open: where less is
@@ -72,9 +73,11 @@ class Gtao(SliceTechnique[GtaoParams]):
             self._bend = runtime.kernel("gtao/gtao_bent.cl", {}, (VIEW_ROTATION,))
             self._bent = runtime.plane(4, size)
 
-    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+    def run(
+        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+    ) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
-        plane = super().run(gbuffer)
+        plane = super().run(gbuffer, tiles, layers)
         if not self.params.bent_normals:
             return plane
         camera = gbuffer.camera

@@ -40,8 +40,8 @@ class LampShadowParams(Params):
     )
     taps: int = param(12, "depths read on the way to a lamp", low=1, high=256)
     thickness: float = param(
-        0.5, "of surfaces, along the line of sight; the next depth layer ends them if it is nearer",
-        low=0.0, high=1e30, unit="radii",
+        0.5, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it; "
+        "the next depth layer ends them if it is nearer", low=0.0, high=1e30, unit="radii",
     )
     bias: float = param(
         0.01, "height above the tangent plane up to which nothing casts a shadow", low=0.0,
@@ -92,6 +92,7 @@ class LampShadows(Lamps):
                 "SHADE_ADD": int(add),
                 "LAMP_TAPS": params.taps,
                 "LAMP_LAYERS": gbuffer.layers,
+                "LAMP_THICKNESS": int(gbuffer.thickness is not None),
             },
             (CAMERA, LIGHT, LAMP_SHADOW),
         )
@@ -110,7 +111,9 @@ class LampShadows(Lamps):
         kernel.run(
             f"light {kind_name(light)}",
             self.size,
-            reads=[gbuffer.depth, gbuffer.normal, self._tile],
+            reads=[
+                gbuffer.depth, gbuffer.normal, gbuffer.thickness or self._nothing, self._tile,
+            ],
             writes=[self.irradiance],
             values=[
                 gbuffer.camera_struct,

@@ -25,7 +25,7 @@ LIGHT = Struct(
     (
         *floats("position_x", "position_y", "position_z"),
         *floats("direction_x", "direction_y", "direction_z"),
-        *floats("least_cosine", "red", "green", "blue"),
+        *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
         *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
     ),
@@ -140,6 +140,7 @@ def light_values(
         **dict(zip(("position_x", "position_y", "position_z"), position, strict=True)),
         **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
         "least_cosine": least,
+        "facing": gbuffer.facing,
         "red": red, "green": green, "blue": blue,
         **rotation_values(to_light),
         **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import product
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.lights import Light
@@ -15,15 +16,15 @@ from ssgi_cl.techniques.lamps import Lamps, ShadowMap
 LIT = Struct(
     "LitParams",
     (
-        *floats(*ROTATION),
-        *((n, "int") for n in ("layer", "margin_columns", "margin_rows")),
+        *floats(*ROTATION, "facing"),
+        *((n, "int") for n in ("layer", "image", "margin_columns", "margin_rows")),
         *((n, "int") for n in ("open_columns", "open_rows")),
     ),
 )
 
 
 class LitLayers:
-    """Light on the side that the camera sees of every layer, prepared for images of one size.
+    """Light that the surfaces of every layer send, prepared for images of one size.
 
     Args:
         runtime: the device.
@@ -33,6 +34,8 @@ class LitLayers:
             The rest is dark.
         lamps: makes what lights a layer of size `whole`; by default `Lamps`.
         emission: whether surfaces send what they emit too.
+        backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
+            outer side of every other layer away from the camera.
 
     Attributes:
         lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
@@ -48,6 +51,7 @@ class LitLayers:
         lamps: Callable[[], Lamps] | None = None,
         *,
         emission: bool = True,
+        backs: bool = False,
     ) -> None:
         self.runtime = runtime
         self.whole = whole
@@ -55,12 +59,12 @@ class LitLayers:
         self.attributes = layers if attributes is None else attributes
         self.lamps: Plane | None = None
         self._emission = emission
-        # What the front layer gets is of use later; deeper layers share memory.
-        self._lamps = [
-            lamps() if lamps else Lamps(runtime, whole) for _ in range(min(self.attributes, 2))
-        ]
+        self._sides = (False, True) if backs else (False,)
+        # What the front layer gets is of use later; the rest shares memory.
+        count = min(self.attributes * len(self._sides), 2)
+        self._lamps = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
         self._ambient = Ambient(runtime)
-        self._radiance = runtime.plane(3 * layers, whole)
+        self._radiance = runtime.plane(3 * layers * len(self._sides), whole)
         self._nothing = runtime.plane(1, (1, 1))
 
     def run(
@@ -82,8 +86,8 @@ class LitLayers:
             step: 1, 2 or 4.
 
         Returns:
-            3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is;
-            None if all is dark.
+            3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
+            with `backs` as many more behind them; None if all is dark.
         """
         given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
         if given != (self.whole, self.layers, self.attributes):
@@ -93,10 +97,11 @@ class LitLayers:
             )
         self._ambient.set(lights)
         self.lamps = None
-        for number in range(self.attributes):
-            layer = gbuffer.layer(number)
-            lamps = self._lamps[min(number, 1)].run(layer, lights, shadows)
-            if number == 0:
+        for back, number in product(self._sides, range(self.attributes)):
+            layer = gbuffer.layer(number, back=back)
+            first = number == 0 and not back
+            lamps = self._lamps[0 if first else 1].run(layer, lights, shadows)
+            if first:
                 self.lamps = lamps
             if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
                 self.runtime.skip("lit layers", "no light and no emission")
@@ -130,14 +135,17 @@ class LitLayers:
         rows, columns = openness.size if openness is not None else (1, 1)
         values = {
             **rotation_values(layer.camera.view[:3, :3].T),
+            "facing": layer.facing,
             "layer": layer.front,
+            "image": 3 * (layer.front + (self.layers if layer.facing < 0.0 else 0)),
             "margin_columns": margin[1],
             "margin_rows": margin[0],
             "open_columns": columns,
             "open_rows": rows,
         }
         kernel.run(
-            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else ""),
+            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
+            + (" back" if layer.facing < 0.0 else ""),
             self.whole,
             reads=[
                 layer.depth, layer.normal, layer.albedo, layer.emission,

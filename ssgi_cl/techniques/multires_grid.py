@@ -52,7 +52,7 @@ class MultiresGridParams(Params):
             raise ValueError(f"coarsest is {self.coarsest}: expected one of {STEPS} (px)")
 
     @property
-    def steps(self) -> tuple[int, ...]:
+    def spacings(self) -> tuple[int, ...]:
         """Pixels between the points of each level, from the coarsest to 1."""
         return tuple(step for step in reversed(STEPS) if step <= self.coarsest)
 
@@ -192,7 +192,7 @@ class MultiresGrid:
             raise ValueError(f"channels is {channels}: expected 1 to {MOST_CHANNELS}")
         self._levels = [
             Level(runtime, number, step, (-(-size[0] // step), -(-size[1] // step)), channels)
-            for number, step in enumerate(params.steps)
+            for number, step in enumerate(params.spacings)
         ]
         self._points = [Points(runtime, level.size) for level in self._levels[:-1]]
         self._macros = {"MULTIRES_CHANNELS": channels}
@@ -205,6 +205,10 @@ class MultiresGrid:
     def result(self) -> Plane:
         """Values of all pixels, once all levels are done; 0 where nothing is."""
         return self._levels[-1].values
+
+    def half(self, gbuffer: DeviceGBuffer) -> Source:
+        """Return every second pixel, once a level is planned; all if there is one level alone."""
+        return self._points[-1] if self._points else gbuffer
 
     def levels(self, gbuffer: DeviceGBuffer, bound: DeviceArray) -> Iterator[Level]:
         """Queue the passes that plan a level, and yield it, from the coarsest to the finest.

@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import DeviceVpls, VplChooser
+from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
+from ssgi_cl.techniques.vpl_splat import BOX, GRIDS, TILE
 from ssgi_cl.techniques.vpl_tree import VplTree
 from ssgi_cl.vpls import Vpls
 
@@ -28,7 +31,8 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
 
     At 800 x 600 with 1024 lights the defaults compute 2.6 % of the pixels of the Cornell box and
     23 % of the hall's; against all lights at all pixels the error (RMSE) is 0.6 and 0.9 % of the
-    mean irradiance.
+    mean irradiance. With 4096 lights, `visibility` and both errors at 0.05 it is 13 % in the
+    Cornell box against a path tracer, as with exact visibility.
     """
 
     error: float = param(
@@ -40,6 +44,19 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         unit="of the mean irradiance", low=0.0, high=1e6,
     )
     cutoff: float = cutoff_param(0.0)
+    visibility: bool = param(
+        False, "walls block light, as far as camera and lights see them; an `error` of 0.05 is "
+        "then enough, since the grid of walls is no more exact"
+    )
+    grid: int = param(
+        64, "cells along a side of the grid of walls: 32, 64, 128 or 256", low=32, high=256
+    )
+    steps: int = param(16, "at which a line of sight is looked at", low=1, high=256)
+
+    def __post_init__(self) -> None:
+        MultiresGridParams.__post_init__(self)
+        if self.grid not in GRIDS:
+            raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
 
 
 class MultiresSplat:
@@ -67,8 +84,13 @@ class MultiresSplat:
         self.grid = MultiresGrid(runtime, size, params)
         self._lights = DeviceVpls(runtime, params.vpls)
         self._chooser = VplChooser(runtime, (self._lights,))
+        self._walls = (
+            SightGrid(runtime, params.grid, params.steps) if params.visibility else None
+        )
+        tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0)
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls
         )
         self.tree.reserve(size[0] * size[1])
         self._dark: Plane | None = None
@@ -79,10 +101,11 @@ class MultiresSplat:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
         Args:
-            gbuffer: what the camera sees.
+            gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
+                light.
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
-            rsms: what the lights are chosen from.
+            rsms: what the lights are chosen from; with `visibility`, what else blocks light.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
@@ -106,9 +129,29 @@ class MultiresSplat:
         values = {"cut": params.cut(self._lights.unit)}
         for level in self.grid.levels(gbuffer, tree.limits):
             if level.number == 0:
+                if self._walls is not None:
+                    self._block(gbuffer, rsms, self._walls)
                 tree.measure(level.source, level.list, values, params.error, params.light_error)
             tree.shine(level.source, level.list, level.most, level.values, values)
         return self.grid.result
+
+    def _block(
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid
+    ) -> None:
+        """Queue the passes that mark what blocks light."""
+        lights, seen = self._lights, self.grid.half(gbuffer)
+        values = {
+            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values, "lift": LIFT,
+            "margin_columns": seen.margin[1], "margin_rows": seen.margin[0],
+            "count": lights.segments,
+        }
+        packed = VPL.pack(values)
+        tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
+        self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
+            "vpl boxes", seen.size, reads=[seen.depth, seen.normal],
+            writes=[self._boxes], values=[seen.camera_struct, packed], grid=tiles,
+        )
+        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed)
 
     def __call__(
         self,

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
+from ssgi_cl.tiles import OpenTiles, Reach
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 BLUR_RESOLUTIONS = ("own", "full")
@@ -69,6 +70,7 @@ class OcclusionTechnique(ABC):
         self._step = step = RESOLUTIONS[params.resolution]
         coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)
+        self._no_tiles = runtime.array(np.zeros(1, np.int32))
         self._reduced: ReducedGBuffer | None = None
         blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
         self._upsample: Upsample | UpsampleBlur | None = None
@@ -81,10 +83,14 @@ class OcclusionTechnique(ABC):
         self._blur = Bilateral(runtime, size if late else coarse, blur, channels)
         self._blur_first = not late
 
-    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+    def run(
+        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+    ) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
 
-        Nothing is allocated after the first call.
+        In open `tiles`, found with `reach`, nothing is computed that is known. Only the front
+        `layers` of depth are looked at where the others have no pixel. Nothing is allocated after
+        the first call.
         """
         self._check(gbuffer)
         source: Any = gbuffer
@@ -93,10 +99,10 @@ class OcclusionTechnique(ABC):
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
             self._reduced.update(gbuffer)
             source = self._reduced
-        self._occlude(gbuffer, source)
+        self._occlude(gbuffer, source, tiles, layers)
         result = self._openness
         if self._blur_first:
-            result = self._blur.run(result, source)
+            result = self._blur.run(result, source, tiles=tiles, step=self._step)
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(result, self._reduced, gbuffer)
         if not self._blur_first and self._blur.active:
@@ -118,8 +124,18 @@ class OcclusionTechnique(ABC):
         """Raise ValueError if this was prepared for other G-buffers."""
 
     @abstractmethod
-    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far the technique looks, or None if no tile with a surface is surely open."""
+
+    @abstractmethod
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+    ) -> None:
         """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced."""
+
+    def _bits(self, tiles: OpenTiles | None) -> DeviceArray:
+        """Return what kernels read of the tiles."""
+        return self._no_tiles if tiles is None else tiles.bits
 
     def _margins(self, source: Any) -> dict[str, int]:
         """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""

@@ -24,6 +24,7 @@ from ssgi_cl.structs import (
     floats,
     rotation_values,
 )
+from ssgi_cl.techniques.multires_grid import Level, MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.rsm_samples import (
     FluxSamples,
     TexelRecords,
@@ -32,9 +33,8 @@ from ssgi_cl.techniques.rsm_samples import (
     disk_pattern,
     tile_turns,
 )
-from ssgi_cl.techniques.sparse import Sparse
 
-RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4, "eighth": 8}
+RESOLUTIONS = ("full", "adaptive")
 
 GATHER = Struct(
     "RsmGatherParams",
@@ -73,19 +73,18 @@ class RsmGatherParams(Params):
         "does not converge to the sum over all texels", choices=("unbiased", "paper"),
     )
     resolution: str = param(
-        "full", "size at which light is gathered for all pixels; if less than full, the others are "
-        "interpolated, or gathered for where their neighbours differ", choices=tuple(RESOLUTIONS),
+        "full", "'full': light is gathered for all pixels; 'adaptive': for those alone between "
+        "which it is not smooth, the others are interpolated", choices=RESOLUTIONS,
+    )
+    error: float = param(
+        0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6
     )
     plane_tolerance: float = param(
-        0.005, "distance from the tangent plane up to which a neighbour is on the same surface",
-        unit="depths", low=0.0, high=1.0,
+        0.005, "distance from the tangent plane at which a neighbour counts nothing",
+        unit="depths", low=1e-6, high=1.0,
     )
     normal_tolerance: float = param(
-        0.32, "angle between normals up to which it is", unit="radians", low=0.0, high=3.2
-    )
-    spread: float = param(
-        0.2, "difference of irradiance between neighbours up to which it is interpolated",
-        unit="of their sum", low=0.0, high=1.0,
+        0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0
     )
 
 
@@ -113,19 +112,23 @@ class RsmGather:
         self.runtime = runtime
         self.size = size
         self.margin = margin
-        self._irradiance = runtime.plane(3, size)
         self._texels: TexelRecords | None = None
         self._picked: FluxSamples | None = None
         self._current: tuple[DeviceRsm, int] | None = None
-        self._sparse = None
-        if params.resolution != "full":
-            self._sparse = Sparse(
-                runtime, size, RESOLUTIONS[params.resolution],
-                plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance,
-                spread=params.spread,
-            )
         # Without a list kernels get one that they don't read.
-        self._list = self._sparse.list if self._sparse else runtime.empty(1, np.int32)
+        self._no_list = runtime.empty(1, np.int32)
+        self._grid: MultiresGrid | None = None
+        if params.resolution == "adaptive":
+            self._grid = MultiresGrid(
+                runtime, size,
+                MultiresGridParams(
+                    plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance
+                ),
+            )
+            self._bound = runtime.empty(1, np.float32)
+            self._bounds = runtime.kernel("rsm_gather/rsm_gather_bound.cl")
+        else:
+            self._irradiance = runtime.plane(3, size)
         if params.pattern in ("fixed", "rotated"):
             self._pattern = runtime.empty(4 * params.samples, np.float32)
             self._is_cap: bool | None = None
@@ -134,12 +137,11 @@ class RsmGather:
             self._turns = runtime.array(table.astype(np.float32))
 
     @property
-    def recomputed(self) -> float:
-        """Share of all pixels that the latest run gathered for since they can't be interpolated.
-
-        0 at full resolution, where there is nothing to interpolate. Waits for the device.
-        """
-        return self._sparse.share() if self._sparse else 0.0
+    def computed(self) -> float:
+        """Share of all pixels that the latest run gathered for. Waits for the device."""
+        if self._grid is None:
+            return 1.0
+        return sum(self._grid.counts().values()) / (self.size[0] * self.size[1])
 
     def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
@@ -159,15 +161,17 @@ class RsmGather:
         if gbuffer.camera is None:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
         self._prepare(rsm)
-        camera, result = gbuffer.camera, self._irradiance
-        if self._sparse is None:
-            self._gather("rsm gather", gbuffer, camera, rsm, result)
-            return result
-        reduced = self._sparse.reduced(gbuffer)
-        self._gather("rsm gather coarse", reduced, camera, rsm, self._sparse.coarse)
-        self._sparse.interpolate(gbuffer, reduced, result)
-        self._gather("rsm gather rest", gbuffer, camera, rsm, result, listed=True)
-        return result
+        if self._grid is None:
+            self._gather(gbuffer, gbuffer.camera, rsm, self._irradiance)
+            return self._irradiance
+        for level in self._grid.levels(gbuffer, self._bound):
+            self._gather(level.source, gbuffer.camera, rsm, level.values, level)
+            if level.number == 0:
+                self._bounds.run(
+                    "mean", level.size, [level.list], [level.values, self._bound],
+                    [np.float32(self.params.error)], grid=(1, 1), local=(1, 1),
+                )
+        return self._grid.result
 
     def __call__(
         self,
@@ -213,11 +217,11 @@ class RsmGather:
         self._pattern.upload(values.astype(np.float32))
 
     def _gather(
-        self, name: str, source: Any, camera: Camera, rsm: DeviceRsm, result: Plane,
-        *, listed: bool = False,
+        self, source: Any, camera: Camera, rsm: DeviceRsm, result: Plane,
+        level: Level | None = None,
     ) -> None:
-        """Queue the gathering for all pixels of `source`, or for those of the list."""
-        kernel, reads, values, samples = self._road(rsm, listed)
+        """Queue the gathering for all pixels of `source`, or for those of the level's list."""
+        kernel, reads, values, samples = self._road(rsm, listed=level is not None)
         to_map = rsm.from_view(camera)
         packed = GATHER.pack(
             {
@@ -229,18 +233,20 @@ class RsmGather:
             }
         )
         grid = local = None
-        if listed:
+        if level is not None:
             # Each work-item takes every so-many-th piece of the list, whose length the host does
             # not know; a GPU has enough of them for one piece each.
             pieces = -(-result.size[0] * result.size[1] // self.runtime.form.lanes)
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
+        listed = self._no_list if level is None else level.list
         kernel.run(
-            name, result.size, reads=[source.depth, source.normal, self._list, *reads],
+            "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
+            reads=[source.depth, source.normal, listed, *reads],
             writes=[result], values=[source.camera_struct, packed, *values], grid=grid, local=local,
         )
 
-    def _road(self, rsm: DeviceRsm, listed: bool) -> tuple[Kernel, list[Any], list[Any], int]:
+    def _road(self, rsm: DeviceRsm, *, listed: bool) -> tuple[Kernel, list[Any], list[Any], int]:
         """Return the kernel, its further arguments and the number of samples."""
         params, texels = self.params, self._texels
         assert texels is not None  # noqa: S101  _prepare made them
@@ -310,7 +316,7 @@ def rsm_gather(
             > 0; by default as far as the furthest corner of the map, so that nothing is left out.
         weights: "unbiased", or "paper" for those of the paper.
         pattern: "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
-        resolution: "full", "half", "quarter" or "eighth".
+        resolution: "full", or "adaptive" for fewer pixels where light is smooth.
         runtime: the device; by default the fastest found.
         **params: the other fields of `RsmGatherParams`.
 

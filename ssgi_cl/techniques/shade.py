@@ -50,27 +50,45 @@ class Shade:
         indirect: Plane | None = None,
         multi_bounce: bool = False,
         direct: Plane | None = None,
+        indirect_ao: bool = False,
     ) -> Plane:
         """Queue the passes; return the plane of radiance.
 
         `shadows` has one entry for each light (None: it casts no shadow), `openness` is A;
-        `multi_bounce` brightens A, see `shade`. `direct` is the irradiance of all lights, if that
-        is known already; environments then only show where nothing is.
+        `multi_bounce` brightens A and `indirect_ao` lets it dim `indirect` too, see `shade`.
+        `direct` is the irradiance of all lights, if that is known already; environments then only
+        show where nothing is.
         """
-        lit = self._lamps.run(gbuffer, lights, shadows) if direct is None else direct
-        ambient = direct is None
-        return self._combine(gbuffer, lights, lit, ambient, openness, indirect, multi_bounce)
+        lit = self.light(gbuffer, lights, shadows) if direct is None else direct
+        return self.combine(
+            gbuffer, lights, lit, ambient=direct is None, openness=openness, indirect=indirect,
+            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
+        )
 
-    def _combine(
+    def light(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> Plane | None:
+        """Queue the passes of lamps; return the plane of their irradiance, None if none shines."""
+        return self._lamps.run(gbuffer, lights, shadows)
+
+    def combine(
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         lit: Plane | None,
-        ambient: bool,
-        openness: Plane | None,
-        indirect: Plane | None,
-        multi_bounce: bool,
+        *,
+        ambient: bool = True,
+        openness: Plane | None = None,
+        indirect: Plane | None = None,
+        multi_bounce: bool = False,
+        indirect_ao: bool = False,
     ) -> Plane:
+        """Queue the pass that sums up all light; return the plane of radiance.
+
+        `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
+        is as in `run`.
+        """
         if self._ambient.set(lights):
             self._set_sky([light for light in lights if isinstance(light, Environment)])
         sky_rows, sky_columns = self._sky_size
@@ -80,7 +98,9 @@ class Shade:
                 "SHADE_DIRECT": int(lit is not None),
                 "SHADE_AO": int(openness is not None),
                 "SHADE_BOUNCES": int(multi_bounce and openness is not None),
-                "SHADE_INDIRECT": int(indirect is not None),
+                "SHADE_INDIRECT": (
+                    0 if indirect is None else 2 if indirect_ao and openness is not None else 1
+                ),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_AMBIENT": int(ambient and self._ambient.shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
@@ -127,6 +147,7 @@ def shade(
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
     multi_bounce: bool = False,
+    indirect_ao: bool = False,
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
@@ -139,6 +160,8 @@ def shade(
         ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lamps.
         indirect: irradiance [rows, columns, 3] in W/m^2 to add, >= 0.
         multi_bounce: whether A is brightened by the surface's albedo, see `multi_bounce`.
+        indirect_ao: whether A, as it is, dims `indirect` too: a stand-in for walls that bounced
+            light doesn't know of. Where it does know of them, they would count twice.
         runtime: the device; by default the fastest found.
 
     Returns:
@@ -150,6 +173,7 @@ def shade(
     """
     lights = checked_lights(lights, rsms)
     check.switch("multi_bounce", multi_bounce)
+    check.switch("indirect_ao", indirect_ao)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")
@@ -172,7 +196,7 @@ def shade(
     with runtime.frame():
         result = technique.run(
             device, lights, shadows=shadows, openness=openness, indirect=added,
-            multi_bounce=multi_bounce,
+            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
         ).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 

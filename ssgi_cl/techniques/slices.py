@@ -20,6 +20,7 @@ from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER
 from ssgi_cl.techniques.upsample import coarse_size
+from ssgi_cl.tiles import OpenTiles, Reach, tile_values
 
 SLICES = Struct(
     "SliceParams",
@@ -30,7 +31,8 @@ SLICES = Struct(
         *(
             (name, "int")
             for name in (
-                "margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead"
+                "margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead",
+                "tile_columns", "tile_step",
             )
         ),
     ),
@@ -38,6 +40,9 @@ SLICES = Struct(
 
 GROUP = 16
 """Pixels that scan together, every fourth of a row."""
+
+STRIP = 256
+"""Columns that are scanned from top to bottom, before those to the right of them."""
 
 SIMILAR = 0.4
 """Those whose 1 / depth is at least this part of the nearest's share its slices."""
@@ -154,6 +159,7 @@ class SliceScan:
         step: pixels of the image from one that is scanned to the next.
         size: (rows, columns) of the result, every step-th pixel.
         table: what kernels read of the pattern.
+        longest: distance of the farthest tap, in parts of the radius.
     """
 
     def __init__(
@@ -163,6 +169,7 @@ class SliceScan:
         self.step = step = RESOLUTIONS[params.resolution]
         self.size = coarse_size(size, step)
         self.table = runtime.array(table(params))
+        self.longest = float(pattern(params).share.max())
         reduced_margin = (margin[0] // step, margin[1] // step)
         self._whole = (self.size[0] + 2 * reduced_margin[0], self.size[1] + 2 * reduced_margin[1])
         # Column 0 of the result begins a tile.
@@ -171,8 +178,9 @@ class SliceScan:
         self._stride = -(-quarter // GROUP) * GROUP + GROUP
         self._first = (margin[0] % step, margin[1] % step)
         # What lies outside differs between perspective and orthographic cameras.
-        self._near: dict[tuple[bool, bool], Plane] = {}
+        self._near: dict[tuple[bool, bool, int], Plane] = {}
         self._sorted: dict[int, DeviceArray] = {}
+        self._slopes: DeviceArray | None = None
 
     @property
     def sorted_size(self) -> Size:
@@ -181,32 +189,38 @@ class SliceScan:
 
     @property
     def grid(self) -> Size:
-        """Return (rows, columns) of work-items: four for each piece of four times the lanes."""
+        """Return (rows, columns) of work-items: a strip's are below one another's."""
         rows, columns = self.size
-        return rows, TILE * -(-columns // (TILE * self.runtime.form.lanes))
+        return rows * -(-columns // STRIP), STRIP // self.runtime.form.lanes
 
-    def macros(self, *, thick: bool, reads_thickness: bool) -> dict[str, int]:
-        """Return the macros of a kernel that scans, without or with thickness by pixel."""
+    def macros(
+        self, *, thick: bool, reads_thickness: bool, layers: int | None = None
+    ) -> dict[str, int]:
+        """Return the macros of a kernel that scans `layers`, without or with thickness by pixel."""
         return {
             "SLICES_COUNT": self.params.slices,
             "SLICES_TAPS": self.params.taps,
-            "SLICES_LAYERS": self.layers,
+            "SLICES_LAYERS": layers or self.layers,
             **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
         }
 
-    def near(self, gbuffer: DeviceGBuffer, thickness: Plane | None) -> Plane:
-        """Queue the pass that brings all layers into the measure and the size of the scan."""
+    def near(
+        self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None
+    ) -> Plane:
+        """Queue the pass that brings all layers or fewer into the measure and size of the scan."""
+        count = layers or self.layers
         perspective = bool(gbuffer.camera_struct["perspective"])
         thick = thickness is not None
         kernel = self.runtime.kernel(
             "slices/slices_near.cl",
-            {"NEAR_LAYERS": self.layers, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
+            {"NEAR_LAYERS": count, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
         )
-        if (perspective, thick) not in self._near:
-            self._near[perspective, thick] = self.runtime.plane(
-                self.layers + thick, self.sorted_size, 0.0 if perspective else math.inf
+        key = perspective, thick, count
+        if key not in self._near:
+            self._near[key] = self.runtime.plane(
+                count + thick, self.sorted_size, 0.0 if perspective else math.inf
             )
-        near = self._near[perspective, thick]
+        near = self._near[key]
         kernel.run(
             "near",
             near.size,
@@ -224,17 +238,35 @@ class SliceScan:
         """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth."""
         count = images.count
         if count not in self._sorted:
-            rows, columns = self.sorted_size
-            pitch = columns + GUARD
-            self._sorted[count] = self.runtime.array(
-                np.zeros((count * rows + 2) * pitch, np.float32)
-            )
+            self._sorted[count] = self._array(count)
         kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
         kernel.run(
             name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
             values=self._places(images),
         )
         return self._sorted[count]
+
+    def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
+        """Queue the pass that finds how depth changes round the pixels of all layers."""
+        if self._slopes is None:
+            self._slopes = self._array(2 * self.layers)
+        kernel = self.runtime.kernel(
+            "slices/slices_slopes.cl", {"SLOPES_LAYERS": self.layers}, (CAMERA,)
+        )
+        kernel.run(
+            "slopes", self.sorted_size, reads=[gbuffer.depth], writes=[self._slopes],
+            values=[
+                *self._places(gbuffer.depth),
+                np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                gbuffer.camera_struct,
+            ],
+        )
+        return self._slopes
+
+    def _array(self, count: int) -> DeviceArray:
+        """Return images of `sorted_size`, zero."""
+        rows, columns = self.sorted_size
+        return self.runtime.array(np.zeros((count * rows + 2) * (columns + GUARD), np.float32))
 
     def _places(self, fine: Plane) -> list[Any]:
         """Return which pixels of a plane are picked and where they are put."""
@@ -302,31 +334,47 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         self.params: P = chosen
         self.layers = layers
         self._scan = SliceScan(runtime, size, chosen, margin, layers)
-        self._kernels: dict[bool, Kernel] = {}
-        self._kernel(thick=False)
+        self._kernels: dict[tuple[bool, int], Kernel] = {}
+        self._kernel(thick=False, layers=layers)
 
-    def _kernel(self, *, thick: bool) -> Kernel:
-        """Return the kernel that scans, without or with thickness by pixel."""
-        if thick not in self._kernels:
+    def _kernel(self, *, thick: bool, layers: int) -> Kernel:
+        """Return the kernel that scans so many layers, without or with thickness by pixel."""
+        key = thick, layers
+        if key not in self._kernels:
             scan = self._scan
-            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness)
-            self._kernels[thick] = self.runtime.kernel(
+            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness, layers=layers)
+            self._kernels[key] = self.runtime.kernel(
                 f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
             )
-        return self._kernels[thick]
+        return self._kernels[key]
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         check_shape(gbuffer, self.size, self.margin, self.layers)
 
-    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far it looks: as far as the nearest pixel of those that scan together."""
+        step = self._step
+        return Reach(
+            radius=self.params.radius, stretch=1.01 * max(self._scan.longest, 1.0),
+            more_px=(NEAREST_TAP + 2.0) * step, most_px=self.params.max_radius_px, step=step,
+            group=TILE * GROUP * step,
+        )
+
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+    ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
-        near = self._scan.near(gbuffer, thickness)
-        self._kernel(thick=thickness is not None).run(
+        layers = layers or self.layers
+        near = self._scan.near(gbuffer, thickness, layers)
+        self._kernel(thick=thickness is not None, layers=layers).run(
             self.name,
             self._openness.size,
-            reads=[near, source.normal, self._scan.table],
+            reads=[near, source.normal, self._scan.table, self._bits(tiles)],
             writes=[self._openness],
-            values=[source.camera_struct, self._scan.packed(source, self._values())],
+            values=[
+                source.camera_struct,
+                self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)}),
+            ],
             grid=self._scan.grid,
         )
 

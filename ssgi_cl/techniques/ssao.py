@@ -19,6 +19,7 @@ from ssgi_cl.presets.choose import params_for
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.tiles import OpenTiles, Reach, tile_values
 
 SSAO = Struct(
     "SsaoParams",
@@ -29,7 +30,10 @@ SSAO = Struct(
         *floats("contrast", "border_depth"),
         *(
             (name, "int")
-            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")
+            for name in (
+                "margin_left", "margin_right", "margin_top", "margin_bottom", "tile_columns",
+                "tile_step",
+            )
         ),
     ),
 )
@@ -208,16 +212,35 @@ class Ssao(OcclusionTechnique):
                 f"expected {self.size} and {self.margin}"
             )
 
-    def _occlude(self, gbuffer: DeviceGBuffer, source: Any) -> None:
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far it looks; None if a plane may occlude itself, or what is outside all."""
+        params = self.params
+        if not params.hemisphere or params.outside != "unknown":
+            return None
+        camera, whole = gbuffer.camera_struct, gbuffer.whole
+        # A point of the ball is seen along another line of sight, whose slope adds to its offset.
+        steepest = max(
+            abs(float(camera[f"at_{axis}"]) + edge * float(camera[f"to_{axis}"]))
+            for axis, end in (("x", whole[1]), ("y", whole[0])) for edge in (0, end)
+        )
+        return Reach(
+            radius=max(params.radius),  # type: ignore[arg-type]  # a tuple once checked
+            stretch=1.0 + steepest * float(camera["perspective"]), more_px=2.0 * self._step,
+            most_px=params.max_radius_px, step=self._step, bulge=1.0, slack=1e-6,
+        )
+
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+    ) -> None:
         self._kernel.run(
             "ssao",
             self._openness.size,
-            reads=[source.depth, source.normal, self._points, self._curve],
+            reads=[source.depth, source.normal, self._points, self._curve, self._bits(tiles)],
             writes=[self._openness],
-            values=[source.camera_struct, self._packed(source)],
+            values=[source.camera_struct, self._packed(source, tiles)],
         )
 
-    def _packed(self, source: Any) -> Any:
+    def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:
         params = self.params
         radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
@@ -240,6 +263,7 @@ class Ssao(OcclusionTechnique):
                 "border_depth": params.outside
                 if isinstance(params.outside, float) else math.inf,
                 **self._margins(source),
+                **tile_values(tiles, self._step),
             }
         )
 

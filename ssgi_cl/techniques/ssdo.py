@@ -10,24 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import Struct, floats
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.lamps import Lamps, ShadowMap
 from ssgi_cl.techniques.lit_layers import LitLayers
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.sky import Sky
 from ssgi_cl.techniques.ssdo_back import SenderOpenness, back_end
+from ssgi_cl.techniques.ssdo_finish import Finish
+from ssgi_cl.techniques.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.ssdo_lamps import LampBlur, lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
 
 SPLIT = Struct(
     "SplitParams",
@@ -36,6 +34,7 @@ SPLIT = Struct(
         *((n, "int") for n in ("margin_columns", "margin_rows", "lamps_columns", "lamps_rows")),
     ),
 )
+
 
 @dataclass(frozen=True, eq=False)
 class SsdoPlanes:
@@ -79,21 +78,21 @@ class Ssdo:
         self.params = params = params or SsdoParams()
         self._shape = (size, margin, layers, attributes)
         self._back = back_end(runtime, size, params, margin, layers)
-        self._step = RESOLUTIONS[params.resolution]
         whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
         self._senders: LitLayers | None = None
         if params.bounce:
             self._senders = LitLayers(
                 runtime, whole, layers, attributes, lamps_of(runtime, whole, params),
                 emission=params.emission,
+                # Points know no more of a surface than the side that is seen.
+                backs=params.method == "bitmask" and attributes > 1,
             )
         self._openness: SenderOpenness | None = None
         self._views: ViewSenders | None = None
         self._lamps: Lamps | None = None
         self._lamp_blur = LampBlur(runtime, params)
         self._sky = Sky(runtime)
-        self._reduced: ReducedGBuffer | None = None
-        self._finish: dict[int, tuple[Bilateral, Upsample | None]] = {}
+        self._finish = Finish(runtime, size, params)
         self._nothing = runtime.plane(1, (1, 1))
         self._direct = runtime.plane(3, size)
         self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
@@ -114,7 +113,8 @@ class Ssdo:
             lights: any number of lights.
             shadows: one entry for each light (None: it casts no shadow).
             radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
-                channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is.
+                channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
+                "bitmask" as many more may follow for the sides that the camera doesn't see.
             views: what further cameras see, of any size, margin and layers; surfaces that they see
                 hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for. Only with the method "bitmask".
@@ -127,7 +127,7 @@ class Ssdo:
             )
         self._sky.set([light for light in lights if isinstance(light, Environment)])
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
-        source = self._source(gbuffer)
+        source = self._finish.source(gbuffer)
         lamps: Plane | None
         if self._senders is not None and radiance is None:
             openness = self._sender_openness(gbuffer) if ambient else None
@@ -147,7 +147,7 @@ class Ssdo:
         else:
             sky = self._sky if self._sky.image is not None else None
             light = self._gathered(gbuffer, source, sent, sky, lights, shadows, views)
-            gathered = self._finished(light, gbuffer)
+            gathered = self._finish.run(light, source, gbuffer)
         self._split(gbuffer, gathered, sent is not None, lamps, lamps_margin)
         return SsdoPlanes(self._direct, None if sent is None else self._bounce, gathered)
 
@@ -186,33 +186,6 @@ class Ssdo:
                 light, masks, gbuffer, source, view, lights, shadows, sends=sent is not None
             )
         return light
-
-    def _source(self, gbuffer: DeviceGBuffer) -> Any:
-        """Return the G-buffer, or what is picked from it for the size of the back end."""
-        if self._step == 1:
-            return gbuffer
-        if self._reduced is None:
-            self._reduced = ReducedGBuffer(gbuffer, self._step)
-        self._reduced.update(gbuffer)
-        return self._reduced
-
-    def _finished(self, plane: Plane, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the blur and the upsampling of all images at once."""
-        params, count = self.params, plane.count
-        late = self._step > 1 and params.blur_resolution == "full"
-        if count not in self._finish:
-            smooth = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
-            self._finish[count] = (
-                Bilateral(self.runtime, self.size if late else plane.size, smooth, count),
-                Upsample(self.runtime, self.size, self._step, count) if self._step > 1 else None,
-            )
-        blur, upsample = self._finish[count]
-        if not late:
-            source: Any = self._reduced or gbuffer
-            plane = blur.run(plane, source)
-        if upsample is not None and self._reduced is not None:
-            plane = upsample.run(plane, self._reduced, gbuffer)
-        return blur.run(plane, gbuffer) if late else plane
 
     def _split(
         self,
@@ -296,11 +269,11 @@ def ssdo(
         (Ssdo, chosen, *shape),
         lambda: Ssdo(runtime, shape[0], chosen, *shape[1:]),
     )
-    sent = None if radiance is None else _uploaded(radiance, device)
+    sent = None if radiance is None else uploaded_radiance(radiance, device)
     with runtime.frame():
         planes = technique.run(
             device, lights, shadows=uploaded_maps(lights, rsms, runtime), radiance=sent,
-            views=[_view(view, number, runtime) for number, view in enumerate(views)],
+            views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
         )
         direct, bounce = (
             np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
@@ -310,35 +283,3 @@ def ssdo(
         np.ascontiguousarray(np.moveaxis(direct, 0, -1)),
         np.ascontiguousarray(np.moveaxis(bounce, 0, -1)),
     )
-
-
-def _view(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime) -> DeviceGBuffer:
-    """Return what a further camera sees in device memory of its own."""
-    if isinstance(view, GBuffer):
-        return on_device(view, runtime, place=number + 1)
-    if not isinstance(view, DeviceGBuffer):
-        raise TypeError(
-            f"views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer"
-        )
-    return view
-
-
-def _uploaded(radiance: ArrayLike, device: DeviceGBuffer) -> Plane:
-    """Return the plane of what surfaces send; layers that the array lacks send nothing."""
-    given = np.asarray(radiance)
-    flat = given.reshape(-1, *given.shape[-2:]) if given.ndim == 4 else given
-    values = check.plane("radiance", flat, channels=3, low=0.0, unit="W m^-2 sr^-1")
-    shape = given.shape if given.ndim == 4 else (1, *given.shape)
-    if shape[1:] != (*device.whole, 3) or shape[0] not in (1, device.layers):
-        raise ValueError(
-            f"radiance has shape {given.shape}: expected {(*device.whole, 3)}, or with "
-            f"{device.layers} layers in front, as the depth"
-        )
-    plane: Plane = device.runtime.prepared(
-        (Ssdo, "radiance", device.whole, device.layers),
-        lambda: device.runtime.plane(3 * device.layers, device.whole),
-    )
-    images = np.zeros((3 * device.layers, *device.whole), np.float32)
-    images[: 3 * shape[0]] = np.moveaxis(values.reshape(shape), -1, 1).reshape(-1, *device.whole)
-    plane.upload(images)
-    return plane

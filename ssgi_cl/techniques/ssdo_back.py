@@ -15,6 +15,9 @@ from ssgi_cl.techniques.upsample import ReducedGBuffer
 
 BackEnd = SsdoBitmask | SsdoPoints
 
+MOST_TAPS = 64
+"""Of a side of a slice."""
+
 
 def back_end(
     runtime: Runtime,
@@ -30,7 +33,13 @@ def back_end(
     `masks` asks for those that further cameras need, which only the bitmask has.
     """
     if params.method == "bitmask":
-        return SsdoBitmask(runtime, size, params.bitmask(), margin, layers, masks=masks)
+        bitmask = params.bitmask()
+        # Taps are spread over the arrays: in wider ones they keep their distances.
+        wider = 1.0 + sum(border / length for border, length in zip(margin, size, strict=True))
+        taps = min(round(bitmask.taps * wider), MOST_TAPS)
+        return SsdoBitmask(
+            runtime, size, replace(bitmask, taps=taps), margin, layers, masks=masks
+        )
     return SsdoPoints(runtime, size, RESOLUTIONS[params.resolution], params.points())
 
 

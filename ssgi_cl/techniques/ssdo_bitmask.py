@@ -12,28 +12,29 @@ from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
-from ssgi_cl.techniques.bitmask_ao import ENDS, BitmaskParams
+from ssgi_cl.techniques.bitmask_ao import ENDS
 from ssgi_cl.techniques.sky import SKY_SIZE, Sky
-from ssgi_cl.techniques.slices import SLICES, SliceScan, check_shape
+from ssgi_cl.techniques.slices import SLICES, SliceParams, SliceScan, check_shape
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
 
 
 @dataclass(frozen=True, kw_only=True)
-class SsdoBitmaskParams(BitmaskParams):
-    """Parameters of directional occlusion and a bounce from a visibility bitmask.
+class SsdoBitmaskParams(SliceParams):
+    """Parameters of directional occlusion and a bounce from a visibility bitmask."""
 
-    Surfaces are joined and sectors are equal parts of the cosine-weighted measure, whatever
-    `joined` and `sectors` say. With a radius as large as the room, what few taps don't join is
-    light that is lost; but what is joined hides deeper layers: with 4 of them a slack of 0.3 is as
-    good.
-    """
-
-    slack: float = param(
-        1.0, "depth by which a surface may miss the line through its other taps",
+    taps: int = param(20, "depths read on either side of a slice", low=1, high=64)
+    tap_power: float = param(
+        1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
+    )
+    thickness: float = param(
+        0.0, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it",
         low=0.0, high=1e3, unit="radii",
     )
-
+    end: str = param(
+        "thickness", "where thick surfaces end: there, or at the next depth layer if that is "
+        "nearer", choices=ENDS
+    )
     back: float = param(
         0.0, "radiance of a surface's side that the camera does not see, where a receiver sees it",
         low=0.0, high=1.0, unit="of the other side's",
@@ -121,12 +122,13 @@ class SsdoBitmask:
                 f"{counts[1]} of {gbuffer.whole}"
             )
         lookup = None if sky is None else sky.map
-        near = scan.near(gbuffer, gbuffer.thickness)
+        near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted("senders", radiance)
         light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None))
         macros = {
             **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
             "SLICES_NEXT": ENDS.index(self.params.end),
+            "BITMASK_THICK": int(gbuffer.thickness is not None or self.params.thickness > 0.0),
             "BITMASK_BOUNCE": int(radiance is not None),
             "BITMASK_BACKS": int(radiance is not None and radiance.count == counts[1]),
             "BITMASK_CONES": 0 if lookup is None else self.params.cones,
@@ -136,12 +138,13 @@ class SsdoBitmask:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
-        values = {"thickness": self.params.thickness, "slack": self.params.slack}
+        values = {"thickness": self.params.thickness}
         self.runtime.kernel("ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)).run(
             "ssdo_bitmask",
             self.size,
             reads=[
-                near, source.normal, scan.table, lookup or self._nothing, sent or self._nothing
+                near, source.normal, scan.table, slopes, lookup or self._nothing,
+                sent or self._nothing,
             ],
             writes=[light, self.masks or self._nothing],
             values=[source.camera_struct, scan.packed(source, values), OWN.pack(own)],

@@ -11,8 +11,8 @@ from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
 from ssgi_cl.techniques.ssdo_points import AREAS, PointsParams
 
 METHODS = ("bitmask", "points")
-THICKNESS = {"bitmask": 0.1, "points": 1.0}
-"""Of surfaces by default, in radii."""
+POINTS_THICKNESS = 1.0
+"""Of surfaces with points by default, in radii: else most taps lie behind all that is seen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,8 +20,8 @@ class SsdoParams(OcclusionParams):
     """Parameters of directional occlusion and one bounce (Ritschel, Grosch and Seidel 2009).
 
     Light is sought farther away than occlusion is, so taps are more than those of `bitmask_ao`: in
-    the Cornell box, with the size of the room as radius, 20 a side find .95 of what 32 taps and 16
-    slices do, 14 find .89.
+    the Cornell box with the size of the room as radius, a single view misses the light of the tall
+    block's top and has an RMSE of .75 of the mean, four depth layers with all attributes .35.
     """
 
     radius: float = param(
@@ -44,7 +44,7 @@ class SsdoParams(OcclusionParams):
     )
     samples: int = param(16, "points: taps per pixel", low=1, high=256)
     thickness: float = param(
-        0.0, "of surfaces, along the line of sight; 0 for 0.1 with bitmask, 1 with points",
+        0.0, "of surfaces, along the line of sight; with points 0 stands for 1",
         low=0.0, high=1e3, unit="radii",
     )
     lamp_taps: int = param(
@@ -60,7 +60,7 @@ class SsdoParams(OcclusionParams):
         """Return the parameters of the bitmask's back end."""
         return SsdoBitmaskParams(
             radius=self.radius, slices=self.slices, taps=self.taps,
-            thickness=self.thickness or THICKNESS["bitmask"], resolution=self.resolution,
+            thickness=self.thickness, resolution=self.resolution,
             max_radius_px=self.max_radius_px,
         )
 
@@ -72,5 +72,5 @@ class SsdoParams(OcclusionParams):
         """Return the parameters of the points' back end."""
         return PointsParams(
             radius=self.radius, samples=self.samples, area=self.area,
-            thickness=self.thickness or THICKNESS["points"], max_radius_px=self.max_radius_px,
+            thickness=self.thickness or POINTS_THICKNESS, max_radius_px=self.max_radius_px,
         )

@@ -43,8 +43,8 @@ class PointsParams(Params):
         unit="px",
     )
     thickness: float = param(
-        1.0, "of surfaces, along the line of sight; the next depth layer ends them if it is nearer",
-        low=0.0, high=1e30, unit="radii",
+        1.0, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it; "
+        "the next depth layer ends them if it is nearer", low=0.0, high=1e30, unit="radii",
     )
     bias: float = param(
         0.02, "height above the tangent plane up to which nothing hides or sends", low=0.0,
@@ -124,6 +124,7 @@ class SsdoPoints:
                 "POINTS_STEP": self.step,
                 "POINTS_SKY": int(image is not None),
                 "POINTS_PAPER": int(params.area == "paper"),
+                "POINTS_THICKNESS": int(gbuffer.thickness is not None),
             },
             (CAMERA, POINTS),
         )
@@ -135,7 +136,10 @@ class SsdoPoints:
         kernel.run(
             "ssdo points",
             result.size,
-            reads=[gbuffer.depth, gbuffer.normal, radiance or self._nothing, self._taps],
+            reads=[
+                gbuffer.depth, gbuffer.normal, gbuffer.thickness or self._nothing,
+                radiance or self._nothing, self._taps,
+            ],
             writes=[result],
             values=[gbuffer.camera_struct, self._packed(gbuffer)],
         )

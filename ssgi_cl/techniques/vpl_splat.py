@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
+from ssgi_cl.device_vpls import NEAR_ROOM, VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
@@ -22,7 +22,7 @@ from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.vpls import MOST_VPLS, Vpls
 
 TILE = 16
 """Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""
@@ -45,7 +45,8 @@ class VplSplatParams(VplParams):
     )
     refine: float = param(
         4.0, "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that "
-        "it is made of; not with `interleave`, and only with `cull`", low=0.0, high=1e6,
+        "it is made of (of which an interleaved pixel takes one); only with `cull`",
+        low=0.0, high=1e6,
     )
     interleave: bool = param(
         False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out"
@@ -59,6 +60,10 @@ class VplSplatParams(VplParams):
     )
     steps: int = param(16, "at which a line of sight is looked at", low=1, high=256)
     share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
+    glossy_vpls: int = param(
+        0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
+        low=0, high=MOST_VPLS,
+    )
     cull: bool = param(True, "tiles skip the lights that give them nothing (same but for rounding)")
 
     def __post_init__(self) -> None:
@@ -72,8 +77,8 @@ class VplSplatParams(VplParams):
 
     @property
     def parted(self) -> bool:
-        """Whether lights may give way to their parts, which tiles' lists then hold."""
-        return self.refine > 0.0 and self.cull and not self.interleave
+        """Whether lights may give way to their parts."""
+        return self.refine > 0.0 and self.cull
 
 
 class VplSplat:
@@ -99,12 +104,23 @@ class VplSplat:
         self._lights = DeviceVpls(runtime, params.vpls, subsets, parts=params.parted)
         self._coarse = DeviceVpls(runtime, -(-params.vpls // COARSER), subsets)
         self._chooser = VplChooser(runtime, (self._lights, self._coarse))
+        self._glossy: tuple[DeviceVpls, ...] = ()
+        if params.glossy_vpls:
+            self._glossy = tuple(
+                DeviceVpls(runtime, most, subsets, glossy=True)
+                for most in (params.glossy_vpls, -(-params.glossy_vpls // COARSER))
+            )
+            self._glossy_chooser = VplChooser(runtime, self._glossy)
         self._tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         tiles = self._tiles[0] * self._tiles[1]
         lists = tiles * subsets if params.cull else 1
         self._boxes = runtime.empty(tiles * BOX, np.float32)
-        self._lists = runtime.empty(lists * self._lights.room, np.int32)
+        room = max(lights.room for lights in (self._lights, *self._glossy))
+        self._lists = runtime.empty(lists * room, np.int32)
         self._counts = runtime.empty(lists, np.int32)
+        parted = params.interleave and params.parted
+        self._near = runtime.empty(tiles * NEAR_ROOM if parted else 1, np.int32)
+        self._near_counts = runtime.empty(tiles, np.int32)
         self._walls = (
             SightGrid(runtime, params.grid, params.steps) if params.visibility else None
         )
@@ -113,7 +129,8 @@ class VplSplat:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
 
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = ()
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (),
+        *, glossy: Vpls | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
 
@@ -123,6 +140,8 @@ class VplSplat:
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
+            glossy: lights with lobes, at most `glossy_vpls`; None to choose them from those `rsms`
+                that mirror anything.
 
         Raises:
             ValueError: the G-buffer has another size, there are too many lights, or neither lights
@@ -138,6 +157,8 @@ class VplSplat:
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
+        if self._glossy:
+            self._shine_lobes(gbuffer, values, glossy, rsms)
         if self._blur is None:
             return self._irradiance
         return self._blur.run(self._irradiance, gbuffer)
@@ -172,7 +193,8 @@ class VplSplat:
         if vpls is not None:
             self._lights.upload(vpls, camera)
             if coarse:
-                self._coarse.upload(vpls.merged(self._coarse.most), camera)
+                coarse_vpls = vpls.merged(self._coarse.most)
+                self._coarse.upload(coarse_vpls, camera, self._lights.unit)
         elif rsms:
             self._chooser.place(rsms, camera, kinds=2 if coarse else 1)
         else:
@@ -190,13 +212,8 @@ class VplSplat:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
         params, lights = self.params, self._lights
         self._bring(camera, vpls, rsms, coarse=coarse)
-        cut = params.cut(lights.unit)
-        # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
-        reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
         values = {
-            "cut": cut,
-            "lobe_centre": 3.0**-0.75 * reach,
-            "lobe_squared": math.sqrt(4.0 / 27.0) * reach * reach * (1.0 + 1e-4),
+            **self._cut_values(lights),
             "lift": LIFT,
             "refine": params.refine if lights.parted else 0.0,
             "margin_columns": gbuffer.margin[1],
@@ -210,6 +227,42 @@ class VplSplat:
             )
         return values
 
+    def _shine_lobes(
+        self, gbuffer: DeviceGBuffer, values: dict[str, float], glossy: Vpls | None,
+        rsms: Sequence[DeviceRsm],
+    ) -> None:
+        """Queue the passes that add the light that glossy surfaces mirror."""
+        camera, cut = gbuffer.camera, self.params.cutoff > 0.0
+        assert camera is not None  # noqa: S101  _begin saw to it
+        kinds = [(KEPT if cut else ALL, self._glossy[0])]
+        if self.params.restore and cut:
+            kinds.append((LOST, self._glossy[1]))
+        mirroring = [rsm for rsm in rsms if rsm.lobes is not None]
+        # Tiles' bounds are in the unit of the diffuse lights.
+        unit = self._lights.unit
+        if glossy is not None:
+            self._glossy[0].upload(glossy, camera, unit)
+            self._glossy[1].upload(glossy.merged(self._glossy[1].most), camera, unit)
+        elif mirroring:
+            self._glossy_chooser.place(mirroring, camera, kinds=len(kinds), unit=unit)
+        else:
+            self.runtime.skip("vpl lobes", "nothing mirrors light")
+            return
+        for part, lights in kinds:
+            own = {**values, **self._cut_values(lights), "refine": 0.0}
+            self._shine(gbuffer, lights, own, part, add=True)
+
+    def _cut_values(self, lights: DeviceVpls) -> dict[str, float]:
+        """Return the members of the struct that say where light of a kind counts."""
+        cut = self.params.cut(lights.unit)
+        # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
+        reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
+        return {
+            "cut": cut,
+            "lobe_centre": 3.0**-0.75 * reach,
+            "lobe_squared": math.sqrt(4.0 / 27.0) * reach * reach * (1.0 + 1e-4),
+        }
+
     def _shine(
         self, gbuffer: DeviceGBuffer, lights: DeviceVpls, values: dict[str, float], part: int, *,
         add: bool = False, walls: bool = True,
@@ -217,13 +270,14 @@ class VplSplat:
         """Queue the passes that make the irradiance of the lights, or add theirs to it."""
         params, structs = self.params, (CAMERA, VPL)
         rows, columns = self._tiles
-        parted = int(lights.span > lights.stride)
+        parted = lights.parted
         for batch in lights.batches():
             packed = VPL.pack({**values, **lights.values, **batch})
             if params.cull:
                 macros = {
                     "VPL_CUT": int(part == KEPT), "VPL_SUBSETS": lights.subsets,
-                    "VPL_PARTS": parted,
+                    "VPL_PARTS": int(parted and not params.interleave),
+                    "VPL_GLOSSY": int(lights.glossy),
                 }
                 self.runtime.kernel("vpl/vpl_lists.cl", macros, structs).run(
                     "vpl lists", self.size, reads=[self._boxes, lights.bounds],
@@ -231,15 +285,25 @@ class VplSplat:
                     grid=(rows, columns * lights.subsets),
                 )
             macros = {
-                "VPL_NEAR": NEARS.index(params.near), "VPL_CUT": part, "VPL_ADD": int(add)
+                "VPL_NEAR": NEARS.index(params.near), "VPL_CUT": part, "VPL_ADD": int(add),
+                "VPL_GLOSSY": int(lights.glossy),
             }
             reads: list[Plane | DeviceArray] = [
                 gbuffer.depth, gbuffer.normal, lights.lights, self._lists, self._counts
             ]
             if params.interleave:
+                if parted:
+                    self.runtime.kernel("vpl/vpl_near.cl", structs=(CAMERA, VPL)).run(
+                        "vpl near", self.size, reads=[self._boxes, lights.bounds],
+                        writes=[self._near, self._near_counts], values=[packed],
+                        grid=(rows, columns),
+                    )
+                macros["VPL_PARTS"] = int(parted)
                 self._interleaved(gbuffer, reads, macros, packed, walls=walls)
             else:
-                macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": parted, "VPL_ROWS": ROWS}
+                macros |= {
+                    "VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS
+                }
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
                     "vpl splat", self.size, reads=reads, writes=[self._irradiance],
                     values=[gbuffer.camera_struct, packed],
@@ -258,7 +322,8 @@ class VplSplat:
         macros |= {"VPL_SIGHT": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.form.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
-            "vpl splat", self.size, reads=[*reads, *walls_read], writes=[self._irradiance],
+            "vpl splat", self.size,
+            reads=[*reads, *walls_read, self._near, self._near_counts], writes=[self._irradiance],
             values=[gbuffer.camera_struct, packed],
             grid=(self._tiles[0], self._tiles[1] * pieces),
         )

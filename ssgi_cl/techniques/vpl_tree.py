@@ -11,6 +11,7 @@ from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
 
@@ -22,10 +23,12 @@ SAMPLES = 1024
 """That the mean irradiance is estimated from; a multiple of every number of lanes."""
 LISTED = 1 << 23
 """Places of the lists of one pass, which bounds their memory."""
-ROWS = 2
-"""Times so many samples as a work-item has lanes: each light is read once for all of them."""
-CPU_ITEMS = 256
-"""Work-items that take pieces in turn, since the host doesn't know how many there are."""
+ROWS = 4
+"""Times so many samples as a work-item has lanes: each light is read once for all of them.
+With walls half of them, as lines of sight need registers."""
+CPU_ITEMS = 8
+"""Work-items for each core that take pieces in turn, since the host doesn't know how many there
+are. With 128 a core, starting them takes as long as what they do."""
 
 
 class Samples(Protocol):
@@ -45,12 +48,16 @@ class VplTree:
         runtime: the device.
         lights: what the tree is made of; without parts and subsets.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
+        walls: what blocks light; filled before `shine` is called.
 
     Attributes:
         limits: [2] allowed errors in W/m^2, of interpolation and of runs of lights; see `measure`.
     """
 
-    def __init__(self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int) -> None:
+    def __init__(
+        self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int,
+        walls: SightGrid | None = None,
+    ) -> None:
         self.runtime = runtime
         self.lights = lights
         stride, segments = lights.stride, lights.segments
@@ -69,11 +76,13 @@ class VplTree:
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
+        self._sight = [walls.grid, walls.box] if walls else []
+        self._rows = ROWS // 2 if walls else ROWS
+        macros |= {"SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None)}
+        # Without walls the kernel does not look at the grid.
+        macros |= walls.macros if walls else {"VPL_GRID": 32, "VPL_STEPS": 1}
         self._shade = [
-            runtime.kernel(
-                "multires/shade_list.cl", {**macros, "SHADE_ROWS": ROWS, "VPL_ADD": add},
-                (CAMERA, VPL, CUT),
-            )
+            runtime.kernel("multires/shade_list.cl", {**macros, "VPL_ADD": add}, (CAMERA, VPL, CUT))
             for add in (0, 1)
         ]
 
@@ -132,9 +141,9 @@ class VplTree:
             values: members of the struct `VPL` that depend on the technique.
         """
         lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
-        items = 1 << 30 if is_gpu else CPU_ITEMS
+        items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         local = (1, 64 if is_gpu else 1)
-        pieces = GROUP // (ROWS * lanes)
+        pieces = GROUP // (self._rows * lanes)
         groups, scale = -(-most // GROUP), 1.0 / self.lights.values["gain"]
         pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
         for first in range(0, groups, self._counts.count):
@@ -150,7 +159,8 @@ class VplTree:
                 )
                 self._shade[number > 0].run(
                     "light samples", source.size,
-                    reads=[*pixels, self._records, self._lists, self._counts], writes=[result],
+                    reads=[*pixels, self._records, self._lists, self._counts, *self._sight],
+                    writes=[result],
                     values=shared, grid=(1, min(here * pieces, items)), local=local,
                 )
 
@@ -167,7 +177,7 @@ class VplTree:
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
             {
-                **_ZEROS, **self.lights.values, **values,
+                **_ZEROS, **self.lights.values, "lift": LIFT, **values,
                 "margin_columns": margin[1], "margin_rows": margin[0],
             }
         )

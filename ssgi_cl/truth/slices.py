@@ -1,8 +1,9 @@
 """Same-assumption truth of HBAO, GTAO and the visibility bitmask: a dense march through the layers.
 
 It shares nothing with the kernels but the definition of what a depth buffer holds: planes through
-the line of sight are evenly spread in azimuth round it, and every pixel that they cross counts. So
-many reads are affordable for some of the pixels only, which are spread over the image.
+the line of sight are evenly spread in azimuth round it, and every pixel that they cross counts,
+from where taps begin. So many reads are affordable for some of the pixels only, which are spread
+over the image.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.sampling import r_points
 from ssgi_cl.techniques.bitmask_ao import BitmaskParams
-from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.techniques.slices import NEAREST_TAP, SliceParams
 from ssgi_cl.truth.digests import camera_description, digest, source_digest
 from ssgi_cl.truth.horizons import Crossed, Plane, check_technique, hidden_and_whole
 from ssgi_cl.truth.pixels import Pixels, spread_pixels
@@ -32,13 +33,6 @@ from ssgi_cl.truth.store import Truth, accumulated
 
 PASS_SLICES = 8
 """Of a pass: evenly turned, each pass by another angle."""
-
-STEP_PX = 0.5
-"""Of the march. Half of it finds more pixels that are crossed near a corner: in the hall, 800 x
-600, GTAO's mean A sinks by .0008."""
-
-FIRST_PX = 1.0
-"""Where it begins: as far away as the centre of the next pixel."""
 
 CHUNK = 256
 """Pixels that are marched at a time."""
@@ -99,6 +93,7 @@ def converged(
         "gbuffer": digest(np.asarray(gbuffer.depth), gbuffer.first("normal")),
         "pixels": pixels,
         "slices": PASS_SLICES,
+        "nearest": NEAREST_TAP,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
         "source": source_digest(
             sys.modules[__name__], ssgi_cl.truth.horizons, ssgi_cl.truth.pixels,
@@ -171,7 +166,7 @@ class March:
         """Return A [count] of some pixels, from the slices of a pass, before contrast."""
         result = np.ones(len(pixels[0]))
         # Pixels with the same reach on the screen march together.
-        order = np.argsort(self._steps(pixels))
+        order = np.argsort(self._lengths(pixels))
         turns = r_points(0, len(order), 1)[:, 0]
         for start in range(0, len(order), CHUNK):
             chosen = order[start : start + CHUNK]
@@ -188,8 +183,8 @@ class March:
             result[chosen] = np.clip(1.0 - hidden / whole, 0.0, 1.0)
         return result
 
-    def _steps(self, pixels: Pixels) -> NDArray[np.intp]:
-        """Return after how many steps the march has left the reach of each pixel."""
+    def _lengths(self, pixels: Pixels) -> Doubles:
+        """Return after how many pixels' widths the march has left the reach of each pixel."""
         depth = self.view.inner(self.view.depth)[pixels]
         reach = self.reach[pixels]
         # What is nearer to the eye than the receiver looks larger.
@@ -200,8 +195,8 @@ class March:
         # Off the middle of the image a unit covers more pixels.
         sight = self.position[0][self._at(pixels)] / depth[:, None]
         tilt = 1.0 if self.view.camera.is_orthographic else np.sum(sight**2, axis=-1)
-        steps: NDArray[np.intp] = np.ceil(np.minimum(px * tilt, diagonal) / STEP_PX).astype(np.intp)
-        return steps
+        result: Doubles = np.minimum(px * tilt, diagonal)
+        return result
 
     def _at(self, pixels: Pixels) -> Pixels:
         """Return where pixels of the image lie in the arrays."""
@@ -228,7 +223,7 @@ class March:
         to_row, to_column = near_row - row, near_column - column
         length = np.hypot(to_row, to_column)
         to_row, to_column = to_row / length, to_column / length
-        distance = FIRST_PX + STEP_PX * np.arange(int(self._steps(pixels).max()))
+        distance = _chords(to_row, to_column, float(self._lengths(pixels).max()))
         for side in (1.0, -1.0):
             plane = Plane(edge=-side * lean / facing, facing=facing, lean=side * lean)
             i = np.floor(row[:, None] + side * distance * to_row[:, None]).astype(np.intp)
@@ -286,3 +281,27 @@ class March:
         height = np.einsum("psk,pk->ps", offset, normal) - bias
         result: Doubles = height / np.maximum(across * plane.facing[:, None], 1e-30)
         return result
+
+
+def _chords(to_row: Doubles, to_column: Doubles, length: float) -> Doubles:
+    """Return [count, chords] the middles of what lines cut off the pixels on their way, px.
+
+    Each line starts at a pixel's centre. What it cuts off before `NEAREST_TAP`, where no technique
+    looks, is moved there: the pixel that is crossed there comes several times.
+
+    Args:
+        to_row, to_column: [count] directions of unit length.
+        length: how far the lines go at least, px.
+    """
+    # A line leaves a row or a column half a pixel from its start, and then with every pixel.
+    edges = np.arange(math.ceil(length) + 1) + 0.5
+    ends = np.sort(
+        np.concatenate(
+            [edges / np.maximum(np.abs(to), 1e-12)[:, None] for to in (to_row, to_column)], axis=1
+        ),
+        axis=1,
+    )
+    # Lines along an axis cross half as many edges; the others lie far beyond their reach.
+    ends = np.clip(ends, NEAREST_TAP, length + 2.0)
+    result: Doubles = 0.5 * (ends[:, :-1] + ends[:, 1:])
+    return result

@@ -123,6 +123,27 @@ def test_the_second_half_of_the_runs_takes_what_is_made_anew(
     assert "100 %" in timing.unsteady
 
 
+def test_a_subject_of_seconds_is_run_once_and_then_measured_four_times(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran = []
+
+    def once(
+        self: Stopwatch, subject: Subject, repeats: int = 1
+    ) -> tuple[float, float, dict[str, float], object]:
+        if not subject.on_device:
+            ran.append(subject.note)
+        took = 1.0 if subject.on_device else 2000.0
+        return took, took, {}, {}
+
+    monkeypatch.setattr(Stopwatch, "_once", once)
+    subject = Subject(run=lambda: None, on_device=False, note="first")
+    timing = Stopwatch(runtime).time(subject, lambda: Subject(run=lambda: None, note="second"))
+    assert ran == ["first"] * (1 + measure.LONG_RUNS)
+    assert timing.runs == measure.LONG_RUNS
+    assert timing.unsteady == ""
+
+
 def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime) -> None:
     slow = Stopwatch(runtime, seconds=0.01).time(
         Subject(run=lambda: time.sleep(0.02), on_device=False)

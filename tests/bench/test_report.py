@@ -93,6 +93,7 @@ def full(truth: np.ndarray) -> tuple[dict[str, Any], dict[str, Pictures]]:
     results = [
         entry("ssao.4.hall.8x6", 2.0, 0.09), entry("ssao.16.hall.8x6", 6.0, 0.05, note="a note"),
         entry("embree.1.hall.8x6", 9.0, 0.2, device_ms=None, unsteady="it jumps"),
+        entry("embree.4.hall.8x6", 30.0, 0.1, device_ms=None),
         entry("shade.sun.hall.8x6", 5.0, 0.3, quantity="direct"),
         entry("gbuffer.full.hall.8x6", 5.0, quantity="", errors={}),
     ]
@@ -111,14 +112,14 @@ def test_report_has_plot_table_viewer_and_regions_of_each_group(
     tmp_path: Path, truth: np.ndarray
 ) -> None:
     _, page = written(tmp_path, *full(truth))
-    assert len(page.all("section")) == 4  # three groups, and what was skipped
+    assert len(page.all("section")) == 5  # a guide, three groups, and what was skipped
     plots = [tag for tag in page.all("svg") if tag["class"] == "plot"]
     assert len(plots) == 2
     assert len(page.all("select")) == 2
     assert len(page.all("option")) == 4
     for words in ("Ambient occlusion, hall, 8 x 6", "Direct light", "a note", "~ it jumps",
                   "Made up 1.0: CPU", "abc1234", "memory 31.0 GB/s", "2024-05-06", "numpy 2.0",
-                  "pip install 'ssgi-cl[peers]'"):
+                  "Who should use which", "pip install 'ssgi-cl[peers]'"):
         assert words in page.text
     assert "vtk None" not in page.text
 

@@ -20,7 +20,7 @@ from ssgi_cl.bench.presets import BUDGETS, record_presets
 from ssgi_cl.bench.trials import Trial
 from ssgi_cl.bench.tunables import axis_of, views_of
 from ssgi_cl.bench.tune import Session
-from ssgi_cl.bench.tuning import TuneError, Tuning
+from ssgi_cl.bench.tuning import TuneError, Tuning, near_front
 from ssgi_cl.lights import Environment
 from ssgi_cl.presets import NAMES
 from ssgi_cl.presets.pace import Pace
@@ -279,6 +279,16 @@ def test_curve_that_starts_beyond_the_least_budget_is_refused(
     monkeypatch.setitem(BUDGETS, "low", 0.01)
     with pytest.raises(TuneError, match=r"budget_ms is 0.016: nothing is as fast"):
         record_presets("ssao", runtime=runtime, scenes=[little_scene()], parameters=VARIED)
+
+
+def test_what_may_be_on_the_front_is_what_nothing_clearly_faster_beats() -> None:
+    made = [
+        Trial({"n": n}, ms, error)
+        for n, (ms, error) in enumerate([(1.0, 0.2), (1.05, 0.3), (1.2, 0.2), (1.3, 0.1),
+                                         (1.35, 0.15), (1.5, 0.15), (9.0, None)])
+    ]
+    # A tenth may be noise: 1.05 and 1.35 may turn out to be the faster ones, 1.2 and 1.5 may not.
+    assert [trial.parameters["n"] for trial in near_front(made)] == [0, 1, 3, 4]
 
 
 @pytest.mark.usefixtures("cache")

@@ -54,11 +54,26 @@ def test_with_the_tree_counted_rays_are_told_of_separately() -> None:
         entry("embree-moving.4.hall.8x6", 60.0, 0.1),
     ]
     own = [entry("ssao.16.hall.8x6", 8.0, 0.2), entry("ssao.64.hall.8x6", 55.0, 0.1)]
-    still, moving = verdict([*both, *own]).split(". ")
+    still, _, moving, first = verdict([*both, *own]).split(". ")
     assert "below an RMSE of 0.200" in still
     assert still.endswith("the building of their tree not counted")
     assert "below an RMSE of 0.100, which ssao.64 has in 55.0 ms (rays need 60.0 ms)" in moving
-    assert moving.endswith("the building of their tree counted.")
+    assert moving.endswith("the building of their tree counted")
+    assert first == (
+        "The fastest of these rays, embree-moving.1, has an RMSE of 0.400 in 30.0 ms; at that cost "
+        "ssao.16 has 0.200, in 8.00 ms."
+    )
+
+
+def test_a_published_setting_is_held_to_the_best_of_ours_at_the_same_cost() -> None:
+    published = entry("xegtao.high.hall.8x6", 10.0, 0.08)
+    own = [entry("gtao.2x9.hall.8x6", 10.4, 0.07), entry("gtao.4x9.hall.8x6", 11.0, 0.06)]
+    assert verdict([published, *own]) == (
+        "XeGTAO's High setting has an RMSE of 0.0800 in 10.0 ms; at that cost gtao.2x9 has 0.0700, "
+        "in 10.4 ms."
+    )
+    assert verdict([published]) == ""
+    assert "nothing of this library is as fast" in verdict([published, own[1]])
 
 
 def test_a_bound_is_no_result_of_this_library() -> None:

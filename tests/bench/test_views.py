@@ -62,6 +62,17 @@ def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(
     assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
 
 
+def test_meshes_may_lie_in_another_folder_than_views(
+    ball: Path, tmp_path: Path, runtime: Runtime
+) -> None:
+    (tmp_path / "views").mkdir()
+    view = tmp_path / "views" / "near.json"
+    view.write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
+    assert len(views_of([str(view)], runtime, ball.parent)["near"].scene.triangles) == 320
+    with pytest.raises(SceneError, match=r"views.*ball"):
+        views_of([str(view)], runtime)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -76,7 +76,10 @@ def test_every_kernel_form_agrees_with_numpy_twin_with_two_layers(
     front, floor = (scene(name, made, rng) for name in ("bumpy", "corner"))
     depth, behind = np.asarray(front.depth), np.asarray(floor.depth)
     deep = np.where(behind > depth + 1e-3, behind, np.inf)
-    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deep]), normal=front.normal)
+    gbuffer = GBuffer(
+        camera=made, depth=np.stack([depth, deep]), normal=front.normal,
+        thickness=rng.uniform(0.0, 1.6, depth.shape).astype(np.float32),
+    )
     params = LampShadowParams(radius=0.8, taps=7, thickness=2.0)
     found = lit(form_runtime, gbuffer, LIGHTS, params)
     assert_alike(found, lamp_shadows_reference(gbuffer, LIGHTS, params))

@@ -115,6 +115,27 @@ def test_openness_dims_the_sky_of_the_nearest_pixels(
         np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
 
 
+def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    device = on_device(layered(rng, (3, 5), emits=False), form_runtime)
+    sun, turned = ((DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3)))
+                   for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5)))
+    both = LitLayers(form_runtime, device.whole, 2, backs=True)
+    fronts = LitLayers(form_runtime, device.whole, 2)
+    with form_runtime.frame():
+        found = both.run(device, sun)
+        assert found is not None
+        found = found.download()
+    for half, lights in ((found[:6], sun), (found[6:], turned)):
+        with form_runtime.frame():
+            expected = fronts.run(device, lights)
+            assert expected is not None
+            expected = expected.download()
+        np.testing.assert_allclose(half, expected, atol=1e-6 * expected.max())
+        assert expected[3:].any()
+
+
 def test_without_light_and_emission_nothing_is_sent(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:

@@ -34,7 +34,7 @@ from ssgi_cl.techniques.rsm_samples import (
 from ssgi_cl.truth import store
 from ssgi_cl.truth.light import one_bounce
 
-from .analytic import CAMERAS, camera, scene, tilted, trace
+from .analytic import CAMERAS, camera, scene
 
 LIGHTS = {
     "spot": SpotLight((0.28, 0.54, 0.28), (0.2, -1.0, 0.1), 0.9, (1.0, 2.0, 3.0)),
@@ -47,9 +47,7 @@ ROADS: dict[str, dict[str, Any]] = {
     "fixed": {"pattern": "fixed"},
     "rotated": {"pattern": "rotated"},
     "paper": {"pattern": "fixed", "weights": "paper", "radius": 0.4},
-    "half": {"resolution": "half"},
-    "quarter": {"resolution": "quarter", "pattern": "rotated", "spread": 0.6},
-    "eighth": {"resolution": "eighth", "plane_tolerance": 0.05, "normal_tolerance": 0.8},
+    "every": {"resolution": "adaptive", "error": 0.0},
 }
 TWIN = 1e-4
 """Relative to the mean and to the pixel itself. Measured in nearly all: 4e-5 at most, 4e-7 in the
@@ -119,7 +117,7 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("road", ["flux", "fixed", "half"])
+@pytest.mark.parametrize("road", ["flux", "fixed", "every"])
 def test_kernel_agrees_with_numpy_twin_in_every_camera_and_with_a_margin(
     runtime: Runtime, rng: np.random.Generator, kind: str, road: str
 ) -> None:
@@ -357,60 +355,61 @@ def test_a_scene_far_from_the_origin_looks_like_one_there(runtime: Runtime) -> N
     np.testing.assert_allclose(results[1], results[0], rtol=1e-4, atol=1e-6)
 
 
-# ---- the low-resolution road
+# ---- at fewer pixels
 
 
-@pytest.mark.parametrize("road", ["half", "eighth"])
-def test_pixels_that_are_left_are_gathered_for_as_at_full_size(
-    form_runtime: Runtime, road: str
+def test_pixels_of_the_finest_level_are_gathered_for_as_at_full_size(
+    form_runtime: Runtime,
 ) -> None:
-    params = RsmGatherParams(samples=30, **ROADS[road])
+    params = RsmGatherParams(samples=30, resolution="adaptive")
     technique = RsmGather(form_runtime, box().size, params)
     e = technique(box(), box_map())
     every = rsm_gather(box(), box_map(), 30, runtime=form_runtime)
     same = (e == every).all(axis=-1)
-    seen = np.isfinite(np.asarray(box().depth))
-    # Those at coarse pixels are the same by chance of their weights only.
-    assert 0.0 < technique.recomputed <= np.mean(same & seen)
-    assert relative(e, every) < 0.1
+    assert 0.0 < technique.computed < 1.0
+    assert 0.5 * technique.computed < np.mean(same)
+    # Measured: 0.095; with 40 x 30 pixels most lie at an edge.
+    assert relative(e, every) < 0.12
 
 
-@pytest.mark.parametrize("resolution", ["half", "quarter"])
-def test_a_lower_resolution_is_within_two_percent(runtime: Runtime, resolution: str) -> None:
+def test_fewer_pixels_are_within_the_error_that_is_allowed(runtime: Runtime) -> None:
     large, seen = box(400, 300), box_map("spot", 128)
-    technique = RsmGather(runtime, large.size, RsmGatherParams(resolution=resolution))
-    e = technique(large, seen)
-    assert relative(e, rsm_gather(large, seen, runtime=runtime)) < 0.02
-    # Measured: 0.04 and 0.09.
-    assert 0.0 < technique.recomputed < 0.15
+    every = rsm_gather(large, seen, runtime=runtime)
+    shares, off = [], []
+    for error in (0.01, 0.03):
+        params = RsmGatherParams(resolution="adaptive", error=error)
+        technique = RsmGather(runtime, large.size, params)
+        off.append(relative(technique(large, seen), every))
+        shares.append(technique.computed)
+    # Measured at 800 x 600 with 400 samples: 0.6 and 1.4 % of the mean.
+    assert off[0] < 0.015
+    assert off[0] < off[1] < 0.03
+    assert 0.0 < shares[1] < shares[0] < 0.15
 
 
-def test_a_plain_wall_is_interpolated_throughout(runtime: Runtime) -> None:
-    made = camera(size=(33, 50), eye=(0.2, 0.3, 0.5), target=(0.2, 0.2, -1.0))
-    wall = trace(made, [tilted(made, 0.7, distance=1.0)])
-    technique = RsmGather(
-        runtime, wall.size, RsmGatherParams(resolution="quarter", pattern="all", spread=1.0)
-    )
-    e = technique(wall, texel(size=8, distance=3.0))
-    assert technique.recomputed == 0.0
-    every = rsm_gather(wall, texel(size=8, distance=3.0), pattern="all", runtime=runtime)
-    # Smooth and far away: linear between pixels; the last rows and columns are continued.
-    np.testing.assert_allclose(e, every, rtol=0.05, atol=1e-3 * every.max())
+def test_a_plain_wall_needs_few_pixels(runtime: Runtime) -> None:
+    wall = facing(0.7, (129, 129), view_height=1.0)
+    params = RsmGatherParams(resolution="adaptive", pattern="all")
+    technique = RsmGather(runtime, wall.size, params)
+    e = technique(wall, texel(size=8))
+    every = rsm_gather(wall, texel(size=8), pattern="all", runtime=runtime)
+    assert relative(e, every) < 0.02
+    assert technique.computed < 0.1
 
 
-def test_at_full_size_nothing_is_recomputed(runtime: Runtime) -> None:
+def test_at_full_size_everything_is_computed(runtime: Runtime) -> None:
     technique = RsmGather(runtime, box().size)
     technique(box(), box_map())
-    assert technique.recomputed == 0.0
+    assert technique.computed == 1.0
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (3, 17), (9, 16)], ids=str)
-@pytest.mark.parametrize("resolution", ["full", "half", "eighth"])
+@pytest.mark.parametrize("resolution", ["full", "adaptive"])
 def test_images_of_any_size(
     form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], resolution: str
 ) -> None:
     gbuffer = scene("corner", camera(size=size), rng)
-    params = RsmGatherParams(samples=20, resolution=resolution)
+    params = RsmGatherParams(samples=20, resolution=resolution, error=0.0)
     e = RsmGather(form_runtime, size, params)(gbuffer, box_map())
     assert share_off(e, rsm_gather_reference(gbuffer, box_map(), params)) <= FLIPS
 
@@ -418,7 +417,7 @@ def test_images_of_any_size(
 # ---- prepared once, called many times
 
 
-@pytest.mark.parametrize("road", ["flux", "rotated", "quarter"])
+@pytest.mark.parametrize("road", ["flux", "rotated", "every"])
 def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
     form_runtime: Runtime, road: str
 ) -> None:
@@ -546,7 +545,7 @@ def test_no_scale_of_the_scene_gives_what_is_not_a_number(runtime: Runtime, size
         ({"weights": "xi"}, ValueError, r"weights is 'xi': expected one of 'unbiased', 'paper'"),
         ({"pattern": "disk"}, ValueError, r"pattern is 'disk': expected one of 'flux', 'fixed'"),
         ({"resolution": "third"}, ValueError, r"resolution is 'third': expected one of 'full'"),
-        ({"spread": -0.1}, ValueError, r"spread is -0.1: expected a number >= 0"),
+        ({"error": -0.1}, ValueError, r"error is -0.1: expected a number >= 0"),
         ({"plane_tolerance": math.inf}, ValueError, r"plane_tolerance is inf: expected a number"),
         ({"colour": 1}, TypeError, r"colour"),
     ],

@@ -14,7 +14,6 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import Environment
 from ssgi_cl.reference.ssdo_bitmask import ssdo_bitmask_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.sky import Sky, filtered
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
@@ -28,9 +27,9 @@ Floats = NDArray[np.float32]
 ROUNDING = 1e-5
 """Of A, and of irradiance relative to that of a sky of the brightest radiance: the same arithmetic
 as bitmask AO's in float32."""
-FLIPS = 2e-3
-"""Share of pixels in which a tap, a sector or a texel of the sky may fall to the other side of an
-edge: 2 of 1209."""
+FLIPS = 3e-3
+"""Share of pixels in which a tap, an end of its piece or a texel of the sky may fall to the other
+side of an edge: 3 of 1209."""
 
 
 def with_layers(
@@ -91,7 +90,9 @@ def image_sky(rng: np.random.Generator) -> Environment:
 
 CHOICES: list[dict[str, Any]] = [
     {"back": 0.7},
-    {"resolution": "half", "end": "layer", "slices": 1, "taps": 5, "cones": 3, "slack": 0.0},
+    {
+        "resolution": "half", "thickness": 0.1, "end": "layer", "slices": 1, "taps": 5, "cones": 3,
+    },
 ]
 
 
@@ -102,30 +103,21 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 ) -> None:
     gbuffer, sky = with_layers(rng, kind), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
-    if "back" not in choice:  # backs with radiance of their own
+    if "back" not in choice:  # backs with radiance of their own, thickness by pixel
         radiance = np.concatenate([radiance, 0.5 * radiance_of(gbuffer, rng)])
+        thickness = rng.uniform(0.0, 0.2, np.shape(gbuffer.depth)[1:])
+        gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32))
     params = {"radius": 0.6, **choice}
     found, _ = gathered(form_runtime, gbuffer, radiance, (sky,), **params)
     look_up = filtered(np.asarray(sky.radiance)).astype(np.float32).astype(np.float64)
     wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, look_up)
     assert found.shape == wanted.shape
     off = ~(np.abs(found - wanted) <= ROUNDING * np.pi)
-    assert off[[0, 4, 5, 6]].any(axis=0).mean() <= FLIPS
+    # Ends of pieces are extrapolated, which the orthographic view shows more: 10 of 1209.
+    most = FLIPS if kind == "perspective" else 1e-2
+    assert off[[0, 4, 5, 6]].any(axis=0).mean() <= most
     # Each of up to 16 directions may lie on the edge of two texels of the sky's map.
     assert off[1:4].any(axis=0).mean() <= 5 * FLIPS
-
-
-def test_openness_has_the_bits_of_bitmask_ao_where_taps_stay_in_the_image(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
-    gbuffer = scene("corner", camera(size=(31, 39)), rng, margin=(6, 6))
-    radiance = radiance_of(gbuffer, rng)
-    wanted = bitmask_ao(gbuffer, 0.2, blur_radius=0, runtime=runtime)
-    for sent, skies in ((None, ()), (radiance, (image_sky(rng),))):
-        found, _ = gathered(runtime, gbuffer, sent, skies, radius=0.2, slack=0.3)
-        assert len(found) == 1 + 3 * (sent is not None) + 3 * len(skies)
-        np.testing.assert_array_equal(found[0], wanted)
-        assert float(wanted.min()) < 0.8
 
 
 def test_every_kernel_form_gives_the_same_bits(
@@ -191,10 +183,11 @@ def test_bounce_is_what_it_converges_to_on_average(
     params = {"radius": 0.6, "slices": 8, "taps": 24}
     found, _ = gathered(runtime, gbuffer, radiance, **params)
     wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, sectors=1024)
-    # 1280 pixels with 16 sides each, whose ends are rounded to 1/32, right on average.
-    for image in range(4):
+    # 1280 pixels with 16 sides each, whose ends are rounded to 1/32, right on average. A sector
+    # sends what the first piece to cover its dithered edge does.
+    for image, share in enumerate((1e-3, 4e-3, 4e-3, 4e-3)):
         scale = float(np.mean(1.0 - wanted[0])) if image == 0 else float(np.mean(wanted[image]))
-        assert float(np.mean(found[image] - wanted[image])) == pytest.approx(0.0, abs=1e-3 * scale)
+        assert float(np.mean(found[image] - wanted[image])) == pytest.approx(0.0, abs=share * scale)
 
 
 def test_result_does_not_depend_on_the_unit_of_length(

@@ -1,0 +1,215 @@
+"""How far devices agree: `python -m ssgi_cl.bench.agreement` writes a table of it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+
+from ssgi_cl import drivers
+from ssgi_cl.atomic import replacement
+from ssgi_cl.drivers import DeviceInfo, Form
+from ssgi_cl.errors import SsgiError
+from ssgi_cl.runtime import Runtime
+
+from .every import TECHNIQUES, Array, inputs, results
+
+SIZE = (60, 80)
+"""(rows, columns) of the images."""
+TEXELS = 32
+"""Along a side of the lights' maps."""
+
+TOLERANCE = 1e-3
+"""Of the mean difference, over the mean of absolute values. Roundings move results by some 2^-24;
+where they decide (which texel a tap falls on, whether a sector is covered, which light is chosen,
+which point is computed) a pixel differs, and what is decided otherwise is as good."""
+SINGLE = {"POCL_MAX_PTHREAD_COUNT": "1", "POCL_CPU_MAX_CU_COUNT": "1", "LP_NUM_THREADS": "1"}
+"""Variables that give drivers for CPUs one thread."""
+
+Results = Mapping[str, list[Array] | str]
+"""Name of a technique -> what it made, or why it made nothing."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A process that computes everything.
+
+    Attributes:
+        title: of its column.
+        device: words of the device's label.
+        form: of the kernels.
+        single: whether it has one thread.
+    """
+
+    title: str
+    device: str
+    form: Form
+    single: bool = False
+
+    def results(self, folder: Path, limit: float) -> Results:
+        """Start the process and return what it made within `limit` seconds.
+
+        The first in `folder` leaves the inputs there for those that follow.
+        """
+        command = [
+            sys.executable, "-m", "ssgi_cl.bench.agreement", "--worker", str(folder),
+            str(self.form.lanes), self.form.storage,
+        ]
+        environment = {**os.environ, "SSGI_CL_DEVICE": self.device}
+        environment |= SINGLE if self.single else {}
+        why = "the process died"
+        try:
+            subprocess.run(command, env=environment, check=False, timeout=limit)
+        except subprocess.TimeoutExpired:
+            why = f"not within {limit:g} s"
+        found: dict[str, list[Array] | str] = dict.fromkeys(TECHNIQUES, why)
+        for number, name in enumerate(TECHNIQUES):
+            path = folder / f"{number}.pickle"
+            if path.exists():
+                found[name] = pickle.loads(path.read_bytes())
+                path.unlink()
+        return found
+
+
+def work(folder: Path, lanes: int, storage: str) -> None:
+    """Compute everything on the device that SSGI_CL_DEVICE names; a file for each technique."""
+    runtime = Runtime.open(lanes=lanes, storage=storage)
+    path = folder / "inputs.pickle"
+    if not path.exists():
+        path.write_bytes(pickle.dumps(inputs(runtime, SIZE, TEXELS)))
+    given = pickle.loads(path.read_bytes())
+    for number, name in enumerate(TECHNIQUES):
+        made: list[Array] | str
+        try:
+            made = list(results(given, runtime, [name]).values())
+        except SsgiError as error:
+            made = type(error).__name__
+            click.echo(f"{name}: {error}", err=True)
+        with replacement(folder / f"{number}.pickle") as target:
+            target.write_bytes(pickle.dumps(made))
+
+
+def difference(one: Sequence[Array], other: Sequence[Array]) -> tuple[float, float] | None:
+    """Return the largest and the mean difference over the mean of absolute values, or None.
+
+    None says that all bits are the same. Of several results it is the greatest that counts.
+    """
+    if all(np.array_equal(a, b) for a, b in zip(one, other, strict=True)):
+        return None
+    found = []
+    for a, b in zip(one, other, strict=True):
+        off = np.abs(a.astype(np.float64) - b)
+        scale = max(float(np.abs(a).mean(dtype=np.float64)), 1e-30)
+        found.append((float(off.max()) / scale, float(off.mean()) / scale))
+    largest, mean = np.max(found, axis=0).tolist()
+    return largest, mean
+
+
+def fits(one: list[Array] | str, other: list[Array] | str, *, same: bool) -> tuple[str, bool]:
+    """Return a cell of the table, and whether it is within the tolerance.
+
+    Args:
+        one, other: of two runs.
+        same: whether nothing but the same bits will do.
+    """
+    if isinstance(one, str) or isinstance(other, str):
+        return (other if isinstance(other, str) else str(one)), False
+    found = difference(one, other)
+    if found is None:
+        return "same", True
+    largest, mean = found
+    return f"{largest:.0e}, {mean:.0e}", not same and mean <= TOLERANCE
+
+
+def runs(infos: Sequence[DeviceInfo]) -> list[Run]:
+    """Return the runs: the first device in all forms and with one thread, then the others."""
+    made: list[Run] = []
+    for info in infos:
+        if info.best is None:
+            continue
+        short = info.label.split(":")[0]
+        if made:
+            made.append(Run(f"{short}, {info.best}", info.label, info.best))
+            continue
+        forms = [form for form in drivers.FORMS
+                 if isinstance(info.speeds.get(str(form)), float) and form != info.best]
+        made = [
+            Run(f"{short}, {info.best}", info.label, info.best),
+            Run("again, one thread", info.label, info.best, single=True),
+            *(Run(str(form), info.label, form) for form in forms),
+        ]
+    return made
+
+
+def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
+    """Return the page, and whether all is within the tolerances."""
+    (first, wanted), *others = columns
+    lines = [
+        "# Agreement of devices",
+        "",
+        "Made by `python -m ssgi_cl.bench.agreement`, each run in a process of its own.",
+        "",
+        f"Every technique on {SIZE[1]} x {SIZE[0]} pixels of the Cornell box with maps of {TEXELS} "
+        f"texels a side, against {first.title}. A cell has the largest and the mean difference "
+        "over the mean of absolute values, or says that all bits are the same. Runs and forms on "
+        "one device have to be the same; other devices may differ by a mean of at most "
+        f"{TOLERANCE:g}, since roundings decide which texel a tap falls on and which sector is "
+        "covered. **Bold** is beyond that.",
+        "",
+        "| technique | " + " | ".join(run.title for run, _ in others) + " |",
+        "|---|" + "---:|" * len(others),
+    ]
+    fine = True
+    for name in TECHNIQUES:
+        cells = []
+        for run, found in others:
+            cell, good = fits(wanted[name], found[name], same=run.device == first.device)
+            cells.append(cell if good else f"**{cell}**")
+            fine = fine and good
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join([*lines, ""]), fine
+
+
+@click.command()
+@click.option("--output", default="docs/agreement.md", show_default=True,
+              type=click.Path(dir_okay=False, path_type=Path), help="The page.")
+@click.option("--device", "devices", metavar="WORDS", multiple=True,
+              help="Words of a device's label, several times; all by default, the fastest first.")
+@click.option("--limit", default=900.0, show_default=True, help="Of each run, seconds.")
+@click.option("--worker", type=(click.Path(path_type=Path), int, str), default=None, hidden=True)
+def main(
+    output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Path, int, str] | None
+) -> None:
+    """Run every technique on every device, compare and write a table.
+
+    Drivers that are not installed for all can be named by OCL_ICD_VENDORS, a folder of .icd files.
+    """
+    if worker is not None:
+        work(*worker)
+        return
+    infos = [drivers.choose(words) for words in devices] or sorted(
+        drivers.devices(), key=lambda info: -info.speed
+    )
+    columns: list[tuple[Run, Results]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for run in runs(infos):
+            click.echo(run.title)
+            columns.append((run, run.results(Path(folder), limit)))
+    page, fine = report(columns)
+    with replacement(output) as path:
+        path.write_text(page, encoding="utf-8")
+    click.echo(page)
+    if not fine:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m ssgi_cl.bench.agreement")

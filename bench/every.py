@@ -1,0 +1,255 @@
+"""Every technique on the same small inputs, so that every kernel runs: what devices are held to."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import on_device
+from ssgi_cl.drivers import DeviceInfo, Form
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.light_maps import LightMaps
+from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.memory import Size
+from ssgi_cl.rasterize import Scene
+from ssgi_cl.rasterize import gbuffer as drawn
+from ssgi_cl.rasterize import rsm as drawn_map
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bilateral import bilateral_blur
+from ssgi_cl.techniques.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.gtao import gtao
+from ssgi_cl.techniques.hbao import hbao
+from ssgi_cl.techniques.multi_bounce import multi_bounce
+from ssgi_cl.techniques.multires_splat import multires_splat
+from ssgi_cl.techniques.rsm_gather import rsm_gather
+from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.ssao import ssao
+from ssgi_cl.techniques.ssdo import ssdo
+from ssgi_cl.techniques.tonemap import tonemap
+from ssgi_cl.techniques.upsample import coarse_size, upsample
+from ssgi_cl.techniques.vpl_splat import vpl_splat
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the techniques are given: one room, as some cameras and lights see it.
+
+    Attributes:
+        scene: the room.
+        gbuffer: two layers with all attributes and a margin.
+        single: one layer without a margin or normals.
+        view: what a further camera sees.
+        maps: of a spot light, and of a point light.
+        lights: those two, the sun and an environment that is an image.
+        image: [rows, columns, 3] of the size of `gbuffer`'s results: noise over 8 orders.
+    """
+
+    scene: Scene
+    gbuffer: GBuffer
+    single: GBuffer
+    view: GBuffer
+    maps: tuple[ReflectiveShadowMap, ReflectiveShadowMap]
+    lights: tuple[Any, ...]
+    image: NDArray[np.float32]
+
+
+def inputs(runtime: Runtime, size: Size, texels: int) -> Inputs:
+    """Draw the inputs.
+
+    Args:
+        runtime: the device that draws them.
+        size: (rows, columns) of the images.
+        texels: along a side of the lights' maps.
+    """
+    made = BUILTIN_SCENES["cornell_box"]()
+    rows, columns = size
+    camera = made.camera(columns, rows)
+    lamp = PointLight(camera.position + np.array([0.0, 0.3, 0.1]), (1.0, 2.0, 3.0))
+    spot = next(light for light in made.lights if isinstance(light, SpotLight))
+    spot_map, lamp_map = (
+        drawn_map(made.scene, light, size=texels, runtime=runtime) for light in (spot, lamp)
+    )
+    rng = np.random.default_rng(5)
+    single = drawn(made.scene, camera, runtime=runtime)
+    return Inputs(
+        scene=made.scene,
+        gbuffer=drawn(
+            made.scene, camera, layers=2, overscan=0.1, attributes="all", runtime=runtime
+        ),
+        single=GBuffer(camera=camera, depth=single.depth),
+        view=drawn(made.scene, made.camera(-(-columns // 2), -(-rows // 2)), runtime=runtime),
+        maps=(spot_map, lamp_map),
+        lights=(
+            spot, lamp, DirectionalLight((0.3, -1.0, -0.5), (3.0, 2.0, 1.0), angle=0.05),
+            Environment(rng.random((4, 8, 3))),
+        ),
+        image=(10.0 ** rng.uniform(-4.0, 4.0, (*size, 3))).astype(np.float32),
+    )
+
+
+def drawing(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield depth, normal and albedo of a G-buffer, and flux of two maps."""
+    gbuffer = drawn(given.scene, given.gbuffer.camera, layers=2, attributes="all", runtime=runtime)
+    depth = np.asarray(gbuffer.depth)
+    yield np.where(np.isfinite(depth), depth, 0.0)
+    yield np.asarray(gbuffer.normal)
+    yield np.asarray(gbuffer.albedo)
+    for own in given.maps:
+        side = own.cameras[0].width
+        yield np.asarray(drawn_map(given.scene, own.light, size=side, runtime=runtime).flux)
+
+
+def light_maps(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield positions, areas and flux of a map that is drawn where it is used."""
+    maps = LightMaps(runtime, given.maps[0].cameras[0].width, flux=True)
+    with runtime.frame():
+        _, found = maps.draw(given.scene, given.lights[:1])
+    for plane in (found.position, found.area, found.flux) if found else ():
+        yield plane.download()
+
+
+def view_normals(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield normals, given ones and those from depth alone."""
+    for gbuffer in (given.gbuffer, given.single):
+        yield on_device(gbuffer, runtime).normal.download()
+
+
+def upsampled(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield images of half and quarter size at full size."""
+    for step in (2, 4):
+        rows, columns = coarse_size(given.gbuffer.size, step)
+        yield upsample(given.image[:rows, :columns], given.gbuffer, step=step, runtime=runtime)
+
+
+def shaded(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield radiance, with and without shadows, occlusion and indirect light."""
+    ao = np.linspace(0.0, 1.0, given.image[..., 0].size).reshape(given.gbuffer.size)
+    lights = given.lights
+    yield shade(given.gbuffer, lights, runtime=runtime)
+    yield shade(
+        given.gbuffer, lights, rsms=(*given.maps, None, None), ao=ao, indirect=given.image,
+        multi_bounce=True, runtime=runtime,
+    )
+
+
+def occluded(technique: Callable[..., Array], **params: Any) -> Any:
+    """Return what yields A with layers and a margin, and A at half size from depth alone."""
+
+    def run(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+        yield technique(given.gbuffer, runtime=runtime, **params)
+        late = {"resolution": "half", "blur_resolution": "full"}
+        yield technique(given.single, runtime=runtime, **params, **late)
+
+    return run
+
+
+def bent(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield A and bent normals."""
+    yield from gtao(
+        given.gbuffer, taps=4, falloff=0.6, bent_normals=True, runtime=runtime
+    )
+
+
+def directional(method: str) -> Any:
+    """Return what yields direct and bounced light, by maps and by what is seen."""
+
+    def run(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+        params: dict[str, Any] = {"method": method, "slices": 1, "taps": 6, "samples": 8}
+        yield from ssdo(given.gbuffer, given.lights, runtime=runtime, **params)
+        views = [given.view] if method == "bitmask" else []
+        yield from ssdo(
+            given.single, given.lights, rsms=(*given.maps, None, None), views=views,
+            runtime=runtime, **params,
+        )
+
+    return run
+
+
+def gathered(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield irradiance with each pattern and each kind of map."""
+    spot, lamp = given.maps
+    yield rsm_gather(given.gbuffer, spot, 200, runtime=runtime)
+    yield rsm_gather(given.gbuffer, spot, pattern="all", resolution="adaptive", runtime=runtime)
+    for own in given.maps:
+        yield rsm_gather(given.gbuffer, own, 50, pattern="rotated", runtime=runtime)
+    yield rsm_gather(
+        given.single, lamp, 50, pattern="fixed", resolution="adaptive", runtime=runtime
+    )
+
+
+def splatted(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield irradiance by all of some lights, by some for each pixel, and with walls."""
+    yield vpl_splat(given.gbuffer, given.maps, 256, runtime=runtime)
+    yield vpl_splat(given.gbuffer, given.maps, 256, cutoff=0.0, cull=False, runtime=runtime)
+    yield vpl_splat(
+        given.gbuffer, given.maps, 256, interleave=True, visibility=True, runtime=runtime
+    )
+
+
+TECHNIQUES: Mapping[str, Callable[[Inputs, Runtime], Iterator[Array]]] = {
+    "drawing": drawing,
+    "light maps": light_maps,
+    "view normals": view_normals,
+    "bilateral blur": lambda given, runtime: iter((
+        bilateral_blur(given.image, given.gbuffer, runtime=runtime),
+        bilateral_blur(given.image, given.gbuffer, separable=False, runtime=runtime),
+    )),
+    "upsampling": upsampled,
+    "ssao": occluded(ssao),
+    "hbao": occluded(hbao, taps=4),
+    "gtao": occluded(gtao, taps=4),
+    "gtao, bent normals": bent,
+    "bitmask ao": occluded(bitmask_ao, taps=6),
+    "multiple bounces": lambda given, runtime: iter((
+        multi_bounce(np.minimum(given.image[..., 0], 1.0), 0.7),
+    )),
+    "ssdo, bitmask": directional("bitmask"),
+    "ssdo, points": directional("points"),
+    "rsm gathering": gathered,
+    "vpl splatting": splatted,
+    "multiresolution splatting": lambda given, runtime: iter((
+        multires_splat(given.gbuffer, given.maps, 256, runtime=runtime),
+        multires_splat(
+            given.gbuffer, given.maps, 256, cutoff=0.01, near="clamped", runtime=runtime
+        ),
+    )),
+    "shading": shaded,
+    "tone mapping": lambda given, runtime: iter((
+        tonemap(given.image, runtime=runtime),
+        tonemap(given.image, curve="clip", exposure=0.5, runtime=runtime),
+    )),
+}
+"""Name of a technique -> what yields its results, the same number of the same shapes always."""
+
+
+def results(given: Inputs, runtime: Runtime, names: Any = TECHNIQUES) -> dict[str, Array]:
+    """Return the results under the technique's name and their number, such as "ssao 1"."""
+    found = {}
+    for name in names:
+        for number, result in enumerate(TECHNIQUES[name](given, runtime), 1):
+            found[f"{name} {number}"] = result
+    return found
+
+
+def main(lanes: int, storage: str) -> None:
+    """Run everything, as small as may be, on the first device that the loader has.
+
+    For tools that watch a program, such as `oclgrind python -m ssgi_cl.bench.every 1 buffer`.
+    """
+    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1), Form(lanes, storage))
+    given = inputs(runtime, (6, 8), 4)
+    for name in TECHNIQUES:
+        print(name, flush=True)
+        results(given, runtime, [name])
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+// tiles_calm: which open tiles have none but open tiles round them, so that a blur leaves them alone.
+//
+// Reads:   open  [rows of tiles, columns of tiles] bits, from tiles_open
+// Writes:  calm  the same, with TILES_IS_CALM where it holds; what is outside the image is no tile
+// Launch:  a tile per work-item
+
+#include "common/gbuffer.clh"
+#include "tiles/open.clh"
+
+__kernel void tiles_calm(__global const int *restrict open, __global int *restrict calm,
+                         const int2 size)
+{
+    const int x = (int)get_global_id(0);
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    int all = TILES_IS_OPEN;
+    for (int j = max(y - 1, 0); j <= min(y + 1, size.y - 1); ++j) {
+        for (int i = max(x - 1, 0); i <= min(x + 1, size.x - 1); ++i) {
+            all &= open[j * size.x + i];
+        }
+    }
+    calm[y * size.x + x] = open[y * size.x + x] | (all != 0 ? TILES_IS_CALM : 0);
+}

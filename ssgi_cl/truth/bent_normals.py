@@ -1,0 +1,128 @@
+"""World truth of bent normals: the mean of the directions in which rays meet nothing."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ssgi_cl.camera
+import ssgi_cl.raycast
+import ssgi_cl.sampling
+import ssgi_cl.sight
+from ssgi_cl import check
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.raycast import RayCaster, Spots
+from ssgi_cl.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.techniques.ray_ao import MOST_RAYS, threads
+from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
+from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
+from ssgi_cl.truth.store import Truth, accumulated
+
+_PIXELS = 8192  # of a block, the unit of work of a thread
+_RAYS = 1 << 18  # traced in one go; more of them leave the cache
+
+
+def bent_normals(
+    scene: Scene,
+    gbuffer: GBuffer,
+    radius: float,
+    rays: int = 512,
+    *,
+    rebuild: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> Truth:
+    """Return the mean unoccluded directions of what pixels show, by cosine-weighted rays.
+
+    Args:
+        scene, gbuffer, radius: see `ssgi_cl.ray_ao`.
+        rays: per pixel, 1 to 2^20; rounded up to a multiple of the number of passes, 2 to 16.
+        rebuild: make it anew, whatever is kept.
+        progress: called with the share that is done, which grows to 1.
+
+    Returns:
+        World-space directions [rows, columns, 3] float32 of unit length, 0 where nothing is seen
+        or no ray gets away; and the standard error of their components.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+        TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
+        MissingExtraError: embreex is not installed; it comes with the extra `truth`.
+    """
+    version = ssgi_cl.raycast.embree_version()
+    radius = check.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
+    rays = check.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
+    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
+    share = -(-rays // passes)
+    caster = RayCaster(scene)
+    arrays = (gbuffer.first(name) for name in ("depth", "normal"))
+    sums = accumulated(
+        {
+            "kind": "bent",
+            "scene": scene_digest(scene),
+            "camera": camera_description(gbuffer.camera),
+            "radius": radius,
+            "rays": share,
+            "gbuffer": digest(
+                *(None if array is None else gbuffer.inner(array) for array in arrays)
+            ),
+            "embreex": version,
+            "source": source_digest(
+                sys.modules[__name__], ssgi_cl.raycast, ssgi_cl.sight, ssgi_cl.sampling,
+                ssgi_cl.camera,
+            ),
+        },
+        passes,
+        lambda number: _means(caster, gbuffer, radius, share, number),
+        rebuild=rebuild,
+        progress=progress,
+    )
+    length = np.maximum(np.linalg.norm(sums.mean, axis=-1, keepdims=True), np.float32(1e-30))
+    return Truth(sums.mean / length, np.minimum(sums.error / length, 1.0), sums.passes, sums.key)
+
+
+def _means(
+    caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: int
+) -> NDArray[np.float32]:
+    """Return the sum of the open directions over the number of rays, [rows, columns, 3]."""
+    rows, columns = gbuffer.size
+    result = np.zeros((rows * columns, 3), np.float32)
+    height = max(1, _PIXELS // columns)
+
+    def work(first: int) -> None:
+        spots = caster.spots(gbuffer.camera, slice(first, min(first + height, rows)), gbuffer)
+        if len(spots.pixel):
+            result[spots.pixel] = _open(caster, spots, radius, rays, seed)
+
+    with ThreadPoolExecutor(threads()) as pool:
+        for _ in pool.map(work, range(0, rows, height)):
+            pass
+    return result.reshape(rows, columns, 3)
+
+
+def _open(
+    caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int
+) -> NDArray[np.float64]:
+    """Return the mean over the rays of each spot, a ray that meets something being 0."""
+    count = len(spots.pixel)
+    # Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).
+    keys = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2)
+    shift = hashed(keys + np.arange(2, dtype=np.uint64)[:, None], seed)
+    axes = basis(spots.axis)
+    reach = np.float32(radius * caster.scale)
+    total = np.zeros((count, 3))
+    step = max(1, _RAYS // count)
+    for first in range(0, rays, step):
+        point = r2_points(first, min(first + step, rays))
+        u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))
+        way = directions(u, v, axes, "cosine")
+        below = np.einsum("knd,nd->kn", way, spots.normal) <= 0.0
+        reaches = np.where(below, np.float32(-1.0), reach)  # negative: not traced
+        start = np.broadcast_to(spots.start, way.shape).reshape(-1, 3)
+        blocked = caster.blocked(start, way.reshape(-1, 3), reaches.ravel()).reshape(u.shape)
+        total += np.einsum("knd,kn->nd", way, (~(blocked | below)).astype(np.float32))
+    return total / rays

@@ -1,0 +1,76 @@
+"""Cases of slices: presets, bent normals, and what is held to its own model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ssgi_cl.bench import suite
+from ssgi_cl.bench.case import Case
+from ssgi_cl.bench.cases import FAMILIES
+from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.runtime import Runtime
+
+SMALL = (45, 60)
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+
+
+def measured(runtime: Runtime, *names: str) -> suite.Measurements:
+    cases = [Case(*name.split("."), "cornell_box", SMALL) for name in names]  # type: ignore[arg-type]
+    return suite.measure(
+        cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4
+    )
+
+
+@pytest.mark.slow
+def test_many_slices_and_taps_come_closer_to_the_model_than_few(runtime: Runtime) -> None:
+    found = measured(runtime, "gtao-model.2x4", "gtao-model.8x32")
+    assert found.skipped == []
+    few, many = (result["errors"]["assumption"] for result in found.results)
+    assert many["rmse"] < 0.3 * few["rmse"]
+    assert abs(many["bias"]) < 0.1 * abs(few["bias"]) + 2e-3
+    assert "world" not in found.results[0]["errors"]
+
+
+def test_bent_normals_are_nearer_to_those_of_rays_than_the_surface_is(runtime: Runtime) -> None:
+    pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
+    found = measured(runtime, "bent-normals.none", "bent-normals.2x9")
+    assert found.skipped == []
+    none, bent = found.results
+    assert not none["timed"]
+    assert bent["timed"]
+    # Measured, degrees: 14 and 6.
+    assert bent["errors"]["world"]["bias"] < 0.6 * none["errors"]["world"]["bias"]
+    assert bent["errors"]["world"]["mrse"] is None  # of a truth of nothing but zeros
+    assert found.pictures == {}
+
+
+def test_presets_are_measured_with_the_layers_that_are_asked_for(runtime: Runtime) -> None:
+    context = Context(runtime, cornell_box(), SMALL)
+    low = FAMILIES["gtao-preset"].prepare(context, "low")
+    deep = FAMILIES["gtao-preset"].prepare(context, "high-2")
+    assert (low.note, deep.note) == ("", "several depth layers, and a tenth of overscan")
+    assert list(deep.truths) == ["world"]
+    deep.run()
+
+
+@pytest.mark.parametrize(
+    ("family", "setting", "message"),
+    [
+        ("gtao-preset", "best", "preset is 'best': expected one of"),
+        ("gtao-preset", "high-99", "setting is '99': expected NAME-LAYERS, layers, 1 to"),
+        ("hbao-model", "2x9-blurred", "setting is '2x9-blurred': expected SLICESxTAPS or"),
+        ("bent-normals", "2", "setting is '2': expected SLICESxTAPS, such as 2x9, or none"),
+    ],
+)
+def test_a_wrong_setting_is_refused(
+    family: str, setting: str, message: str, runtime: Runtime
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        FAMILIES[family].prepare(Context(runtime, cornell_box(), SMALL), setting)

@@ -1,0 +1,204 @@
+"""Whatever is allowed gives finite results within their range, on every technique and form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from ssgi_cl.device_gbuffer import on_device
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bilateral import bilateral_blur
+from ssgi_cl.techniques.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.gtao import gtao
+from ssgi_cl.techniques.hbao import hbao
+from ssgi_cl.techniques.multi_bounce import multi_bounce
+from ssgi_cl.techniques.multires_splat import multires_splat
+from ssgi_cl.techniques.rsm_gather import rsm_gather
+from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.ssao import ssao
+from ssgi_cl.techniques.ssdo import ssdo
+from ssgi_cl.techniques.tonemap import tonemap
+from ssgi_cl.techniques.upsample import coarse_size, upsample
+from ssgi_cl.techniques.vpl_splat import vpl_splat
+
+from .inputs import gbuffers, hdr, lights, maps, radii, seeds
+
+Draw = Callable[[st.SearchStrategy[Any]], Any]
+ROUNDINGS = 1e-5
+"""By which a weighted mean of at most 33 x 33 values may pass them."""
+
+
+def within(result: NDArray[Any], low: float = 0.0, high: float = np.inf) -> None:
+    assert np.isfinite(result).all()
+    assert result.min() >= low
+    assert result.max() <= high
+
+
+def chosen(draw: Draw, **options: tuple[Any, ...]) -> dict[str, Any]:
+    """Draw one of each option."""
+    return {name: draw(st.sampled_from(values)) for name, values in options.items()}
+
+
+def nothing(gbuffer: GBuffer) -> NDArray[np.bool_]:
+    """Return where nothing is."""
+    empty: NDArray[np.bool_] = np.isinf(gbuffer.inner(np.asarray(gbuffer.first("depth"))))
+    return empty
+
+
+def occlusion(technique: Callable[..., Any], **options: tuple[Any, ...]) -> Any:
+    """Return the check of a technique of ambient occlusion with one of each option."""
+
+    def check(draw: Draw, runtime: Runtime) -> None:
+        gbuffer, params = draw(gbuffers()), chosen(draw, **options)
+        a = technique(gbuffer, draw(radii), runtime=runtime, **params)
+        if params.get("bent_normals"):
+            a, bent = a
+            within(bent, -1.0 - ROUNDINGS, 1.0 + ROUNDINGS)
+        within(a, 0.0, 1.0)
+        assert (a[nothing(gbuffer)] == 1.0).all()
+
+    return check
+
+
+def directional(method: str) -> Any:
+    def check(draw: Draw, runtime: Runtime) -> None:
+        gbuffer = draw(gbuffers())
+        both = ssdo(
+            gbuffer, draw(lights()), draw(radii), runtime=runtime, method=method, slices=1,
+            taps=4, samples=4, lamp_taps=4, bounce=draw(st.booleans()),
+        )
+        for irradiance in both:
+            within(irradiance)
+            assert not irradiance[nothing(gbuffer)].any()
+
+    return check
+
+
+def one_bounce(technique: Callable[..., Any], **options: tuple[Any, ...]) -> Any:
+    def check(draw: Draw, runtime: Runtime) -> None:
+        gbuffer = draw(gbuffers())
+        irradiance = technique(gbuffer, draw(maps()), runtime=runtime, **chosen(draw, **options))
+        within(irradiance)
+        assert not irradiance[nothing(gbuffer)].any()
+
+    return check
+
+
+def shading(draw: Draw, runtime: Runtime) -> None:
+    gbuffer, lamps, rsms = draw(gbuffers()), draw(lights()), None
+    if draw(st.booleans()):
+        own = draw(maps())
+        lamps, rsms = [own.light], [own]
+    rng = np.random.default_rng(draw(seeds))
+    ao = rng.random(gbuffer.size) if draw(st.booleans()) else None
+    indirect = hdr(rng, (*gbuffer.size, 3)) if draw(st.booleans()) else None
+    within(shade(
+        gbuffer, lamps, rsms=rsms, ao=ao, indirect=indirect, multi_bounce=draw(st.booleans()),
+        runtime=runtime,
+    ))
+
+
+def blurring(draw: Draw, runtime: Runtime) -> None:
+    gbuffer = draw(gbuffers())
+    image = hdr(np.random.default_rng(draw(seeds)), (*gbuffer.size, 3))
+    image = image if draw(st.booleans()) else image[..., 0]
+    blurred = bilateral_blur(image, gbuffer, runtime=runtime, separable=draw(st.booleans()))
+    within(blurred, image.min() * (1.0 - ROUNDINGS), image.max() * (1.0 + ROUNDINGS))
+    np.testing.assert_array_equal(blurred[nothing(gbuffer)], image[nothing(gbuffer)])
+
+
+def upsampling(draw: Draw, runtime: Runtime) -> None:
+    gbuffer, step = draw(gbuffers()), draw(st.sampled_from((1, 2, 4)))
+    image = hdr(np.random.default_rng(draw(seeds)), (*coarse_size(gbuffer.size, step), 3))
+    fine = upsample(image, gbuffer, step=step, runtime=runtime)
+    within(fine, 0.0, image.max() * (1.0 + ROUNDINGS))
+    assert not fine[nothing(gbuffer)].any()
+
+
+def view_normals(draw: Draw, runtime: Runtime) -> None:
+    gbuffer = draw(gbuffers())
+    device = on_device(gbuffer, runtime)
+    there = np.isfinite(np.asarray(gbuffer.first("depth")))
+    length = np.linalg.norm(device.normal.download()[:3].astype(np.float64), axis=0)
+    np.testing.assert_allclose(length, there, atol=1e-4)  # of a turned float32 vector
+    assert (np.isfinite(device.linear.download()[0]) == there).all()
+
+
+def tone_mapping(draw: Draw, runtime: Runtime) -> None:
+    image = hdr(np.random.default_rng(draw(seeds)), (5, 19, 3))
+    params = chosen(draw, curve=("filmic", "clip"), exposure=(None, 1e-20, 1e20))
+    picture = tonemap(image, runtime=runtime, **params)
+    assert picture.shape == image.shape
+    assert not picture[~image.any(axis=-1)].any()  # black stays so
+
+
+def bouncing(draw: Draw, runtime: Runtime) -> None:
+    rng = np.random.default_rng(draw(seeds))
+    a = rng.random((5, 19), np.float32) * draw(st.sampled_from((1.0, 1e-40, 0.0)))
+    within(multi_bounce(a, rng.random((5, 19, 3))) - a[..., None], 0.0, 1.0)
+
+
+CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
+    "view normals": view_normals,
+    "ssao": occlusion(
+        ssao, falloff=("ramp", "exponential"), outside=("unknown", 1.0),
+        resolution=("full", "quarter"),
+    ),
+    "hbao": occlusion(hbao, taps=(4,), attenuation=(0.0, 1.0), resolution=("full", "half")),
+    "gtao": occlusion(
+        gtao, taps=(4,), falloff=(0.0, 0.6), bent_normals=(False, True),
+        resolution=("full", "quarter"),
+    ),
+    "bitmask ao": occlusion(bitmask_ao, taps=(4,), resolution=("full", "half")),
+    "ssdo bitmask": directional("bitmask"),
+    "ssdo points": directional("points"),
+    "rsm gather": one_bounce(
+        rsm_gather, samples=(1, 50), pattern=("flux", "fixed", "rotated", "all"),
+        resolution=("full", "eighth"), weights=("unbiased", "paper"),
+    ),
+    "vpl splat": one_bounce(
+        vpl_splat, vpls=(1, 100), cutoff=(0.0, 0.01), near=("disk", "clamped"),
+        interleave=(False, True), unit_distance=(1.0, 1e-3, 1e5),
+    ),
+    "multires splat": one_bounce(
+        multires_splat, vpls=(1, 100), near=("disk", "clamped"), coarsest=(1, 16)
+    ),
+    "shade": shading,
+    "blur": blurring,
+    "upsample": upsampling,
+    "tonemap": tone_mapping,
+    "multiple bounces": bouncing,
+}
+
+QUICK = ("view normals", "upsample", "tonemap", "multiple bounces")
+"""Whose kernels take a second or two to compile; the others are for the slow tests."""
+
+
+def examples(count: int) -> Any:
+    """Return settings of hypothesis: the same examples in every run."""
+    return settings(
+        max_examples=count, derandomize=True, database=None, deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+@pytest.mark.parametrize("name", QUICK)
+@examples(25)
+@given(data=st.data())
+def test_results_are_finite_and_in_range(runtime: Runtime, name: str, data: Any) -> None:
+    CHECKS[name](data.draw, runtime)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHECKS)
+@examples(200)
+@given(data=st.data())
+def test_many_results_are_finite_and_in_range(every_form: Runtime, name: str, data: Any) -> None:
+    CHECKS[name](data.draw, every_form)

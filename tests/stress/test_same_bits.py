@@ -1,0 +1,79 @@
+"""The same bits in every run, whatever the number of threads and the size of work-groups."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
+from ssgi_cl.runtime import Kernel, Runtime
+
+SIZE = (30, 40)
+TEXELS = 16
+GROUPS = ((1, 1), (1, 32), (4, 8))
+"""(rows, columns) of work-items."""
+
+WRITE = """
+import sys
+import numpy as np
+from ssgi_cl.bench.every import inputs, results
+from ssgi_cl.runtime import Runtime
+runtime = Runtime.open(lanes=1)
+np.savez(sys.argv[1], **results(inputs(runtime, (30, 40), 16), runtime))
+"""
+
+
+@pytest.fixture(scope="module")
+def scalar() -> Runtime:
+    """The form that is quickest to compile anew for each size of work-group."""
+    return Runtime.open(lanes=1)
+
+
+@pytest.fixture(scope="module")
+def given_once(scalar: Runtime) -> Inputs:
+    return inputs(scalar, SIZE, TEXELS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TECHNIQUES)
+def test_every_form_and_run_gives_the_same_bits(
+    every_form: Runtime, scalar: Runtime, given_once: Inputs, name: str
+) -> None:
+    wanted = results(given_once, scalar, [name])
+    for _ in range(2):
+        for key, found in results(given_once, every_form, [name]).items():
+            np.testing.assert_array_equal(found, wanted[key], err_msg=key)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", GROUPS, ids=str)
+def test_work_groups_of_any_size_give_the_same_bits(
+    scalar: Runtime, given_once: Inputs, group: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = results(given_once, scalar)
+    monkeypatch.setattr(Kernel, "_group", lambda *_: group)
+    for key, found in results(given_once, scalar).items():
+        np.testing.assert_array_equal(found, wanted[key], err_msg=key)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("threads", ["1", "2", "5"])
+def test_any_number_of_threads_gives_the_same_bits(
+    scalar: Runtime, given_once: Inputs, threads: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "results.npz"
+    limits = {"POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads}
+    device = {"SSGI_CL_DEVICE": scalar.info.label}
+    subprocess.run(
+        [sys.executable, "-c", WRITE, str(path)], env={**os.environ, **limits, **device},
+        check=True,
+    )
+    wanted = results(given_once, scalar)
+    with np.load(path) as found:
+        for key, values in wanted.items():
+            np.testing.assert_array_equal(found[key], values, err_msg=key)

@@ -1,0 +1,249 @@
+"""Tiles: what is found of them, what is proven, and that ambient occlusion is 1 in open ones."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.reference.tiles import by_tile, nearness, rises_reference, too_far
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.lamps import Lamps
+from ssgi_cl.techniques.slices import SliceTechnique
+from ssgi_cl.tiles import TILE, Reach, Tiles
+
+from . import analytic
+
+SIZE = (70, 150)
+CAMERAS = ("perspective", "orthographic")
+OPEN, CALM, FAR, FLAT = 1, 2, 4, 8
+
+
+def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
+    device.upload(gbuffer)
+    return device
+
+
+def corner(camera: Camera, margin: tuple[int, int] = (0, 0)) -> GBuffer:
+    """Return a floor, a wall that ends in the middle, and nothing beside it."""
+    floor = analytic.Plane((0.0, -0.3, 0.0), (0.0, 1.0, 0.0), ((0.0, 0.0, 1.0), -4.0))
+    wall = analytic.Plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), ((1.0, 0.0, 0.0), 0.0))
+    return analytic.trace(camera, [floor, wall], margin=margin)
+
+
+def proven(
+    runtime: Runtime, gbuffer: GBuffer, reach: Reach
+) -> tuple[NDArray[np.int32], DeviceGBuffer]:
+    """Return the bits [rows of tiles, columns of tiles], and the G-buffer on the device."""
+    device = uploaded(runtime, gbuffer)
+    tiles = Tiles(runtime, gbuffer.size, gbuffer.margin, gbuffer.layers)
+    tiles.look(device)
+    return tiles.open(device, reach).bits.download().reshape(tiles.size), device
+
+
+# ---- what is found
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("margin", [(0, 0), (5, 20)])
+def test_boxes_and_normals_hold_every_pixel_of_their_tiles(
+    form_runtime: Runtime, name: str, margin: tuple[int, int]
+) -> None:
+    camera = analytic.camera(name, SIZE)
+    gbuffer = corner(camera, margin)
+    device = uploaded(form_runtime, gbuffer)
+    facts = Tiles(form_runtime, SIZE, margin).look(device)
+    depth = gbuffer.inner(gbuffer.first("depth"))
+    turn, shift = camera.view[:3, :3], camera.view[:3, 3]
+    safe = np.where(np.isfinite(depth), depth, 1.0)
+    points = np.moveaxis(camera.unproject(safe) @ turn.T + shift, -1, 0)
+    inner = np.s_[:, margin[0] : margin[0] + SIZE[0], margin[1] : margin[1] + SIZE[1]]
+    normals = device.normal.download()[inner]
+    there = np.isfinite(depth)
+    shown = by_tile(there, np.logical_or).astype(bool)
+    assert len(facts.least) == np.count_nonzero(shown)
+    for values, least, greatest in (
+        (points, facts.least, facts.greatest),
+        (normals, facts.normal_least, facts.normal_greatest),
+    ):
+        for axis in range(3):
+            low = by_tile(np.where(there, values[axis], np.inf), np.minimum)[shown]
+            high = by_tile(np.where(there, values[axis], -np.inf), np.maximum)[shown]
+            assert (least[:, axis] <= low).all()
+            assert (greatest[:, axis] >= high).all()
+
+
+def test_layers_without_a_pixel_are_not_counted(form_runtime: Runtime) -> None:
+    gbuffer = corner(analytic.camera("perspective", SIZE))
+    front = np.asarray(gbuffer.depth)
+    nothing = np.full_like(front, np.inf)
+    one = nothing.copy()
+    one[61, 140] = front[61, 140] + 1.0
+    for deeper, expected in (([nothing, nothing], 1), ([one, nothing], 2), ([one, one], 3)):
+        layered = GBuffer(
+            camera=gbuffer.camera, depth=np.stack([front, *deeper]), normal=gbuffer.normal
+        )
+        device = uploaded(form_runtime, layered)
+        assert Tiles(form_runtime, SIZE, (0, 0), 3).look(device).layers == expected
+
+
+# ---- what is proven
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
+    form_runtime: Runtime, name: str
+) -> None:
+    camera = analytic.camera(name, SIZE)
+    gbuffer = corner(camera)
+    to_x, to_y, _, _ = camera.pixel_to_view
+    px = 6
+    depth = np.asarray(gbuffer.depth, np.float64)
+    near = 1.0 if camera.is_orthographic else depth.min()
+    reach = Reach(radius=px * min(abs(to_x), abs(to_y)) * near, more_px=0.0)
+    bits, device = proven(form_runtime, gbuffer, reach)
+    rises = rises_reference(depth, np.moveaxis(device.normal.download(), 0, -1), camera, px)
+    highest = by_tile(rises, np.maximum)
+    flat = (bits & FLAT) > 0
+    # float32 depths round by 2^-24 of themselves, twice; the kernel's own bias is 4e-6.
+    assert highest[flat].max() < 2e-6
+    # Not in vain: most tiles that are flat for every pixel within tiles' distance are found.
+    wide = by_tile(
+        rises_reference(depth, np.moveaxis(device.normal.download(), 0, -1), camera, 2 * TILE),
+        np.maximum,
+    )
+    sure = (wide < 5e-7) & (wide > -np.inf)
+    assert sure.sum() >= 5
+    assert flat[sure].mean() >= 0.5  # nothing is proven beside a tile that is bent or half empty
+    np.testing.assert_array_equal(
+        bits == (OPEN | (bits & CALM)), by_tile(nearness(depth, camera), np.maximum) == -np.inf
+    )
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_far_tiles_are_those_where_the_radius_covers_less_than_a_pixel(
+    form_runtime: Runtime, name: str
+) -> None:
+    camera = analytic.camera(name, SIZE)
+    gbuffer = corner(camera)
+    depth = np.asarray(gbuffer.depth, np.float64)
+    to_x, to_y, _, _ = camera.pixel_to_view
+    middle = 1.0 if camera.is_orthographic else np.median(depth[np.isfinite(depth)])
+    found = set()
+    for share in (0.9, 1.1):
+        reach = Reach(radius=share * min(abs(to_x), abs(to_y)) * middle)
+        bits, _ = proven(form_runtime, gbuffer, reach)
+        small = by_tile(too_far(depth, camera, reach), np.logical_and).astype(bool)
+        empty = by_tile(np.isfinite(depth), np.logical_or) == 0
+        np.testing.assert_array_equal((bits & FAR) > 0, small & ~empty)
+        found.add(bool(small[~empty].any()))
+    assert True in found
+
+
+def test_calm_tiles_have_open_ones_all_round(runtime: Runtime) -> None:
+    gbuffer = corner(analytic.camera("perspective", SIZE))
+    bits, _ = proven(runtime, gbuffer, Reach(radius=0.05))
+    opened = np.pad((bits & OPEN) > 0, 1, constant_values=True)
+    rows, columns = bits.shape
+    around = np.stack([
+        opened[i : i + rows, j : j + columns] for i in range(3) for j in range(3)
+    ])
+    np.testing.assert_array_equal((bits & CALM) > 0, around.all(axis=0))
+    assert 0 < np.count_nonzero(bits & CALM) < np.count_nonzero(bits & OPEN) < bits.size
+
+
+# ---- what it is for
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize(
+    ("name", "choice"),
+    [
+        ("gtao", {}),
+        ("ssao", {"contrast": 2.0}),
+        pytest.param("gtao", {"bent_normals": True, "resolution": "half"}, marks=pytest.mark.slow),
+        pytest.param("hbao", {"resolution": "half"}, marks=pytest.mark.slow),
+        pytest.param("bitmask_ao", {"contrast": 1.5}, marks=pytest.mark.slow),
+        pytest.param("bitmask_ao", {"resolution": "quarter"}, marks=pytest.mark.slow),
+        pytest.param("ssao", {"resolution": "quarter", "blur_passes": 3}, marks=pytest.mark.slow),
+        pytest.param("gtao", {"max_radius_px": 4.0}, marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
+def test_open_tiles_change_no_bit_of_the_result(
+    form_runtime: Runtime, name: str, choice: dict[str, Any], camera: str
+) -> None:
+    entry = TECHNIQUES[name]
+    margin = (3, 9)
+    gbuffer = corner(analytic.camera(camera, (150, 200)), margin)
+    device = uploaded(form_runtime, gbuffer)
+    tiles = Tiles(form_runtime, gbuffer.size, margin)
+    tiles.look(device)
+    opened = []
+    make: Any = entry.technique
+    more = (1,) if issubclass(entry.technique, SliceTechnique) else ()
+    for radius in (0.02, 0.1):
+        params = entry.params(radius=radius, **choice)  # type: ignore[call-arg]
+        technique = make(form_runtime, gbuffer.size, params, margin, *more)
+        expected = technique.run(device).download()
+        reach = technique.reach(device)
+        known = tiles.open(device, reach)
+        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        opened.append(known.open - known.empty)
+    assert max(opened) > 0
+
+
+def test_techniques_that_plain_surfaces_occlude_have_no_reach(runtime: Runtime) -> None:
+    gbuffer = uploaded(runtime, corner(analytic.camera("perspective", SIZE)))
+    for choice in ({"hemisphere": False}, {"outside": "open"}, {"outside": 3.0}):
+        entry = TECHNIQUES["ssao"]
+        make: Any = entry.technique
+        technique = make(runtime, SIZE, entry.params(**choice))  # type: ignore[arg-type]
+        assert technique.reach(gbuffer) is None
+
+
+def test_lamps_that_are_left_out_light_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
+    camera = analytic.camera("perspective", SIZE)
+    device = uploaded(runtime, corner(camera))
+    facts = Tiles(runtime, SIZE).look(device)
+    shading = Lamps(runtime, SIZE)
+    left_out = 0
+    for _ in range(25):
+        place, aim = rng.uniform(-3.0, 3.0, 3), rng.standard_normal(3)
+        lamps: list[Light] = [
+            PointLight(place, 1.0), SpotLight(place, aim, rng.uniform(0.1, 1.2), 1.0),
+            DirectionalLight(aim, 1.0),
+        ]
+        for lamp in lamps:
+            with runtime.frame():
+                plane = shading.run(device, [lamp])
+                assert plane is not None
+                dark = not plane.download().any()
+            if not facts.lights(lamp, camera):
+                assert dark, lamp
+                left_out += 1
+    assert left_out >= 5
+    assert facts.lights(Environment(1.0), camera)
+
+
+def test_a_lamp_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> None:
+    camera = analytic.camera("perspective", SIZE)
+    floor = analytic.Plane((0.0, -0.3, 0.0), (0.0, 1.0, 0.0), ((0.0, 0.0, 1.0), -4.0))
+    device = uploaded(runtime, analytic.trace(camera, [floor]))
+    facts = Tiles(runtime, SIZE).look(device)
+    assert not facts.lights(PointLight((0.0, -3.0, 0.0), 1.0), camera)
+    assert not facts.lights(DirectionalLight((0.0, 1.0, 0.0), 1.0), camera)
+    assert facts.lights(PointLight((0.0, 1.0, 0.0), 1.0), camera)
+    assert facts.lights(SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.1, 1.0), camera)
+    assert math.isfinite(facts.greatest.max())
+    near = Tiles(runtime, SIZE).look(uploaded(runtime, corner(camera)))
+    assert not near.lights(SpotLight((0.0, 5.0, 0.0), (0.0, 1.0, 0.0), 1.0, 1.0), camera)

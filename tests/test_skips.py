@@ -1,0 +1,252 @@
+"""What a frame leaves out: no bit of any output changes, and it says what and why."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ssgi_cl.bench.skip_scenes import SKIP_SCENES
+from ssgi_cl.camera import Camera
+from ssgi_cl.cli import main
+from ssgi_cl.lights import Environment, Light, PointLight, SpotLight
+from ssgi_cl.plan import OUTPUTS, SKIPS, Stages, chosen_outputs, chosen_skips
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.render import Frame, Renderer, render
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.gtao import GtaoParams
+
+GLOW = Environment((0.3, 0.2, 0.4))
+SIZE = (80, 60)
+MOVING = frozenset(SKIPS) - {"unchanged"}
+
+
+def drawn(
+    runtime: Runtime, built: BuiltinScene, skips: Any, lights: tuple[Light, ...] | None = None,
+    **options: Any,
+) -> Frame:
+    given: dict[str, Any] = {
+        "ao_radius": built.ao_radius, "layers": 2, "shadow_size": 64, "gbuffer": True, **options
+    }
+    return render(
+        built.scene, built.camera(*SIZE), (*built.lights, GLOW) if lights is None else lights,
+        skips=skips, runtime=runtime, **given,
+    )
+
+
+def same(a: Frame, b: Frame) -> None:
+    """Assert that two frames hold the same bits."""
+    assert a.gbuffer is not None
+    assert b.gbuffer is not None
+    np.testing.assert_array_equal(a.radiance, b.radiance)
+    np.testing.assert_array_equal(a.image, b.image)
+    np.testing.assert_array_equal(np.asarray(a.gbuffer.depth), np.asarray(b.gbuffer.depth))
+    assert a.exposure == b.exposure
+    for one, other in ((a.ao, b.ao), (a.indirect, b.indirect)):
+        assert (one is None) == (other is None)
+        if one is not None:
+            np.testing.assert_array_equal(one, other)
+
+
+def reasons(frame: Frame) -> dict[str, str]:
+    return {p.name: p.skipped for p in frame.passes if p.skipped}
+
+
+# ---- no bit changes
+
+SLOW = pytest.mark.slow
+ALL_SCENES = [
+    pytest.param(make, marks=() if name in ("cornell_box", "lone_object") else SLOW, id=name)
+    for name, make in (*BUILTIN_SCENES.items(), *((m.__name__, m) for m in SKIP_SCENES))
+]
+
+
+@pytest.mark.parametrize("make", ALL_SCENES)
+def test_each_skip_leaves_the_bits_of_every_scene(runtime: Runtime, make: Any) -> None:
+    built = make()
+    expected = drawn(runtime, built, False)
+    for skips in (*([name] for name in SKIPS if name != "dark"), True):
+        for _ in range(2 if skips is True or "unchanged" in skips else 1):
+            same(drawn(runtime, built, skips), expected)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param({"indirect": "vpl"}, marks=SLOW),
+        pytest.param({"ao": "ssao", "layers": 1}, marks=SLOW),
+        pytest.param({"ao": "bitmask_ao", "overscan": 0.2}, marks=SLOW),
+        pytest.param({"ao": "hbao", "multi_bounce": True}, marks=SLOW),
+        pytest.param({"indirect": "multires"}, marks=SLOW),
+        pytest.param({"indirect": "gather"}, marks=SLOW),
+        pytest.param({"indirect": "ssdo"}, marks=SLOW),
+    ],
+    ids=str,
+)
+def test_skips_leave_the_bits_of_every_technique(
+    runtime: Runtime, options: dict[str, Any]
+) -> None:
+    built = BUILTIN_SCENES["cornell_box"]()
+    expected = drawn(runtime, built, False, **options)
+    same(drawn(runtime, built, True, **options), expected)
+    same(drawn(runtime, built, True, **options), expected)
+
+
+def test_a_renderer_keeps_nothing_of_another_scene_view_or_light(runtime: Runtime) -> None:
+    built, other = SKIP_SCENES[0](), BUILTIN_SCENES["cornell_box"]()
+    kept, fresh = (
+        Renderer(runtime, SIZE[::-1], ao=GtaoParams(radius=0.1), shadow_size=64, skips=skips)
+        for skips in (set(SKIPS) - {"dark"}, False)
+    )
+    lamp = SpotLight((0.0, 3.0, 0.0), (0.0, -1.0, 0.0), 0.5, 10.0)
+    moved = Camera.look_at((1.0, 2.0, 5.0), built.target, width=SIZE[0], height=SIZE[1])
+    for scene, camera, lights, options in (
+        (built.scene, built.camera(*SIZE), built.lights, {}),
+        (built.scene, moved, built.lights, {}),
+        (built.scene, moved, [lamp, GLOW], {}),
+        (built.scene, moved, [GLOW], {}),
+        (built.scene, moved, [Environment(0.7)], {}),
+        (built.scene, moved, [Environment(0.7)], {"exposure": 2.0}),
+        (other.scene, moved, [lamp, GLOW], {}),
+        (built.scene, built.camera(*SIZE), built.lights, {}),
+    ):
+        options_: dict[str, Any] = {"gbuffer": True, **options}
+        same(kept(scene, camera, lights, **options_), fresh(scene, camera, lights, **options_))
+
+
+# ---- what is left out
+
+
+def test_a_frame_whose_inputs_stay_runs_no_pass(runtime: Runtime) -> None:
+    built = SKIP_SCENES[0]()
+    drawn(runtime, built, True)
+    frame = drawn(runtime, built, True)
+    assert [p.name for p in frame.passes if not p.skipped] == []
+    assert {"G-buffer", "gtao", "direct light", "combine", "picture"} <= set(reasons(frame))
+    assert all(p.saved >= 0.0 for p in frame.passes)
+    assert next(p.saved for p in frame.passes if p.name == "G-buffer") > 0.0
+
+
+def test_empty_and_flat_tiles_and_empty_layers_are_told(runtime: Runtime) -> None:
+    built = next(make() for make in SKIP_SCENES if make.__name__ == "flat_floor")
+    partly = drawn(runtime, built, MOVING)
+    assert reasons(partly)["gtao tiles"] == "15 of 20 tiles are open (15 flat)"
+    frame = drawn(runtime, built, MOVING, ao_radius=0.05)
+    assert reasons(frame)["gtao tiles"] == "20 of 20 tiles are open (20 too far)"
+    assert reasons(frame)["gtao layers"] == "1 of 2 have no pixel"
+    assert frame.ao is not None
+    assert (frame.ao == 1.0).all()
+    assert "gtao" not in [p.name for p in frame.passes if not p.skipped]
+
+
+def test_lamps_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
+    built = next(make() for make in SKIP_SCENES if make.__name__ == "many_lamps")
+    ran = [p.name for p in drawn(runtime, built, MOVING, built.lights).passes if not p.skipped]
+    every = [p.name for p in drawn(runtime, built, [], built.lights).passes if not p.skipped]
+    assert (ran.count("light spot"), every.count("light spot")) == (1, 16)
+    assert ran.count("copy") <= 1
+    assert every.count("copy") == 16
+
+
+def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:
+    built = BUILTIN_SCENES["cornell_box"]()
+    lamps = [PointLight((0.3, 0.4, 0.3), 1.0)]
+    left_out = drawn(runtime, built, ["dark"], tuple(lamps))
+    done = drawn(runtime, built, False, tuple(lamps))
+    assert left_out.ao is None
+    assert done.ao is not None
+    np.testing.assert_array_equal(left_out.radiance, done.radiance)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "absent"),
+    [
+        (["ao"], ("light spot", "combine", "tonemap", "raster scan 2")),
+        (["gbuffer"], ("gtao", "light spot", "combine", "tonemap")),
+        (["radiance"], ("tonemap",)),
+        (["indirect"], ("gtao", "light spot", "combine", "tonemap")),
+    ],
+    ids=str,
+)
+def test_outputs_pull_in_only_what_they_need(
+    runtime: Runtime, outputs: list[str], absent: tuple[str, ...]
+) -> None:
+    built = BUILTIN_SCENES["cornell_box"]()
+    options: dict[str, Any] = {"gbuffer": False, "indirect": "vpl", "vpls": 64}
+    frame = drawn(runtime, built, MOVING, outputs=outputs, **options)
+    ran = {p.name for p in frame.passes if not p.skipped}
+    assert not ran & set(absent)
+    whole = drawn(runtime, built, MOVING, **options)
+    for name in ("ao", "indirect", "gbuffer"):
+        assert (getattr(frame, name) is not None) == (name in outputs), name
+    if "ao" in outputs:
+        np.testing.assert_array_equal(frame.ao, whole.ao)
+    for name in ("image", "radiance"):
+        if name in outputs:
+            np.testing.assert_array_equal(getattr(frame, name), getattr(whole, name))
+        else:
+            with pytest.raises(ValueError, match=f"expected '{name}' among its outputs"):
+                getattr(frame, name)
+
+
+def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(
+    tmp_path: Path,
+) -> None:
+    small = ("--width", "128", "--height", "96", "--shadow-size", "64", "--ambient", "0.3")
+    arguments = ["render", "cornell_box", *small, "-o", str(tmp_path / "a.exr")]
+    result = CliRunner().invoke(main, [*arguments, "--explain"], env={"COLUMNS": "150"})
+    assert result.exit_code == 0, result.output
+    assert "tiles are open" in result.stdout
+    assert "saves ms, by estimate" in result.stdout
+    reports = [
+        json.loads(CliRunner().invoke(main, [*arguments, "--json", *more]).stdout)
+        for more in ([], ["--no-skips"])
+    ]
+    left_out = [[p["name"] for p in r["passes"] if p["skipped"]] for r in reports]
+    assert left_out == [["gtao tiles", "map spot"], []]
+    assert reports[0]["passes"][-1]["saved_ms"] == 0.0
+
+
+# ---- arguments
+
+
+def test_skips_and_outputs_are_names() -> None:
+    assert chosen_skips(True) == set(SKIPS)
+    assert chosen_skips(False) == set()
+    assert chosen_skips(["tiles"]) == {"tiles"}
+    assert chosen_outputs(None) is None
+    assert chosen_outputs(OUTPUTS) == set(OUTPUTS)
+    for wrong, error, message in (
+        ("tiles", TypeError, r"skips is 'tiles': expected names out of 'outputs'"),
+        (3, TypeError, r"skips is 3"),
+        (["layer"], ValueError, r"skips has 'layer': expected names out of"),
+    ):
+        with pytest.raises(error, match=message):
+            chosen_skips(wrong)
+    for wrong, error, message in (
+        ("ao", TypeError, r"outputs is 'ao': expected names out of 'image'"),
+        (["colour"], ValueError, r"outputs has 'colour'"),
+        ([], ValueError, r"outputs is \[\]: expected at least one of 'image'"),
+    ):
+        with pytest.raises(error, match=message):
+            chosen_outputs(wrong)
+
+
+def test_a_stage_that_fails_is_made_anew(runtime: Runtime) -> None:
+    stages = Stages(runtime, keep=True)
+
+    def fail() -> int:
+        raise RuntimeError("no")
+
+    with runtime.frame():
+        assert stages.make("one", (1,), lambda: 5) == 5
+        assert stages.make("one", (1,), fail) == 5
+        with pytest.raises(RuntimeError, match="no"):
+            stages.make("one", (2,), fail)
+        assert not stages.stays("one", (1,))
+        assert stages.make("one", (1,), lambda: 6) == 6
+        assert stages.versions("one", "two") == (3, 0)

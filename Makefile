@@ -45,9 +45,10 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest -m "not slow" $(PARALLEL)
 
-# The slow tests on the default device, then the fast ones on every other device, each in its own
-# process.
+# The slow tests on the default device (kernels under oclgrind too), then the fast ones on every other
+# device, each in its own process.
 test-all: setup
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh oclgrind
 	$(BIN)/python -m pytest $(PARALLEL)
 	@$(BIN)/python -c "from ssgi_cl import drivers as d; best = d.choose(None); \
 		print(*(i.label for i in d.devices() if i.best and i != best), sep='\n')" | \

@@ -27,7 +27,7 @@ from ssgi_cl.render import Frame, render
 from ssgi_cl.render_params import AO_DEFAULT, BOUNCES
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.views import VIEWS, gbuffer_views, share_view
+from ssgi_cl.views import VIEWS, gbuffer_views, levels_view, share_view
 
 if TYPE_CHECKING:
     from ssgi_cl.rasterize.scene import Scene
@@ -87,7 +87,9 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     """
     from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-    endings = (".exr", ".ao.png", *(f".{name}.png" for name in VIEWS)) if options["views"] else ()
+    endings: tuple[str, ...] = ()
+    if options["views"]:
+        endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
     _check_view_options(options)
@@ -212,6 +214,8 @@ def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
         pictures = gbuffer_views(gbuffer)
         if frame.ao is not None:
             pictures["ao"] = share_view(frame.ao)
+        if frame.levels is not None:
+            pictures["levels"] = levels_view(frame.levels)
         wanted += [(output.with_suffix(f".{name}.png"), view) for name, view in pictures.items()]
     for path, content in wanted:
         if path.suffix.lower() == ".exr":

@@ -20,6 +20,8 @@ class Frame:
         indirect: irradiance by light that surfaces reflect, [rows, columns, 3] float32 in W/m^2, or
             None if it was not computed.
         gbuffer: what the camera sees, or None if it was not asked for.
+        levels: how many pixels apart the points were among which "multires" computed a pixel,
+            [rows, columns] int32, 0 where it interpolated; with the G-buffer, else None.
         exposure: the factor before the tone curve; 1 if neither it nor light was asked for.
         passes: name and milliseconds of every pass, or why it was skipped.
         wall_ms: milliseconds from the call to the finished arrays.
@@ -28,6 +30,7 @@ class Frame:
     ao: NDArray[np.float32] | None
     indirect: NDArray[np.float32] | None
     gbuffer: GBuffer | None
+    levels: NDArray[np.int32] | None
     exposure: float
     passes: tuple[PassTime, ...]
     wall_ms: float

@@ -66,6 +66,8 @@ def bounce_params(
     if name is None:
         return None
     if name == "multires":
+        if layers >= 2:  # lines of sight are shared by lights, which a hundredth would not show
+            return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
         return MultiresSplatParams(vpls=vpls)
     if name == "ssdo":
         return SsdoParams(radius=radius, resolution="half", emission=False)

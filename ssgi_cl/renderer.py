@@ -165,6 +165,9 @@ class Renderer:
             ao = None if openness is None else openness.download()[0]
             indirect = None if bounced is None else _pixels(bounced.download())
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
+            levels = None
+            if kept and bounced is not None and isinstance(self._bounce, MultiresSplat):
+                levels = self._bounce.grid.computed()
         if self._ao is not None:
             self._ao.learn(self._costs)
         if facts is not None:
@@ -174,6 +177,7 @@ class Renderer:
             ao=ao if "ao" in needs.given else None,
             indirect=indirect if "indirect" in needs.given else None,
             gbuffer=kept,
+            levels=levels,
             exposure=factor,
             passes=passes,
             wall_ms=(perf_counter() - start) * 1e3,

@@ -194,8 +194,9 @@ def test_skipped_ao_gives_the_same_bits_as_none(runtime: Runtime, small: Scene) 
 
 def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: Scene) -> None:
     dark = PointLight((0, 1, 0), 0.0)
-    none = render(small, viewer(), [SKY], shadow_size=64, runtime=runtime)
-    frame = render(small, viewer(), [dark, SKY], shadow_size=64, runtime=runtime)
+    options: dict[str, Any] = {"shadow_size": 64, "skips": ("dark", "maps"), "runtime": runtime}
+    none = render(small, viewer(), [SKY], **options)
+    frame = render(small, viewer(), [dark, SKY], **options)
     assert skipped(frame) == {"light point": "it emits nothing"}
     assert names(frame) == names(none)
     np.testing.assert_array_equal(frame.radiance, none.radiance)
@@ -345,6 +346,26 @@ def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) ->
         np.testing.assert_array_equal(frame.radiance, plain.radiance)
 
 
+@pytest.mark.parametrize("way", ["multires", "vpl"])
+def test_walls_block_reflected_light_where_there_are_two_layers(
+    runtime: Runtime, small: Scene, way: str
+) -> None:
+    options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "gbuffer": True}
+    one, two = (
+        render(small, viewer(), [LAMP], layers=layers, runtime=runtime, **options)
+        for layers in (1, 2)
+    )
+    assert one.indirect is not None
+    assert two.indirect is not None
+    assert 0.0 < two.indirect.mean() < one.indirect.mean()
+    for frame in (one, two):
+        assert (frame.levels is None) == (way == "vpl")
+        if frame.levels is not None:
+            assert frame.levels.shape == viewer().size
+            assert set(np.unique(frame.levels)) <= {0, 1, 2, 4, 8, 16, 32}
+            assert frame.levels.any()
+
+
 @pytest.mark.parametrize("way", ["multires", "vpl", "gather"])
 def test_a_lamp_that_lights_nothing_leaves_the_light_of_the_others(
     runtime: Runtime, small: Scene, way: str
@@ -443,10 +464,10 @@ def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -
 
 
 def test_every_kernel_form_draws_the_same_picture(
-    runtime: Runtime, every_form: Runtime, small: Scene
+    runtime: Runtime, form_runtime: Runtime, small: Scene
 ) -> None:
     a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
-    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=every_form)
+    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=form_runtime)
     off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
     # A value may round to the next; where a device's division is not exact an edge may move.
     assert np.mean(off > 1) < 2e-3

@@ -19,6 +19,7 @@ __kernel void cut_limits(__global const float *restrict found, __global float *r
     for (int i = 0; i < count; ++i) {
         sum += found[i] * (1.0f / (float)count);
     }
-    limits[0] = sum * interpolation;
+    // Where no light is found none is looked for, but with an error of 0.
+    limits[0] = interpolation > 0.0f ? max(sum * interpolation, 1e-37f) : 0.0f;
     limits[1] = sum * runs;
 }

@@ -10,7 +10,7 @@
 //          coarse_values  MULTIRES_CHANNELS x likewise
 //          coarse_rough   2 x likewise, as multires_rough writes it
 //          linear         [rows, columns] with margin, normal 3 x likewise
-//          bound          [1] largest error of values, in their unit; INFINITY: geometry decides
+//          bound          [1] error that values stay below, in their unit; INFINITY: geometry decides
 // Writes:  values  MULTIRES_CHANNELS x [rows, columns]; -INFINITY where a point is to be computed,
 //                  0 where nothing is
 // Macros:  MULTIRES_CHANNELS (1 to 16)
@@ -74,7 +74,7 @@ MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat 
     const vmask all = v_gt(least, zero);
     // Nothing more needs to be known where even a tilted line between the corners would do.
     const vfloat tilted = v_fma(uneven, v_splat(0.5f), v_splat(0.25f)) * range;
-    vmask fine = all & v_le(tilted, v_splat(bound));
+    vmask fine = all & v_lt(tilted, v_splat(bound));
     if (v_any(there & ~fine)) {
         vfloat slope = zero;
         vfloat bend = v_splat(-1.0f);
@@ -97,7 +97,7 @@ MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat 
         const vfloat straight = v_select(range * 0.25f, curved, v_ge(bend, zero));
         const vfloat error = v_fma(uneven * 0.5f, v_select(slope, range, all),
                                    v_select(zero, straight, all));
-        fine = fine | (v_le(error, v_splat(bound)) & v_gt(sum, zero));
+        fine = fine | (v_lt(error, v_splat(bound)) & v_gt(sum, zero));
     }
 #pragma unroll
     for (int i = 0; i < MULTIRES_CHANNELS; ++i) {

@@ -25,5 +25,6 @@ __kernel void rsm_gather_bound(__global const int *restrict list,
             sum += values[ssgi_index(size, c, column, row)] * part;
         }
     }
-    bound[0] = sum;
+    // Where no light is found none is looked for, but with an error of 0.
+    bound[0] = share > 0.0f ? max(sum, 1e-37f) : 0.0f;
 }

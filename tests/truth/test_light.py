@@ -474,6 +474,7 @@ def test_far_from_the_origin_light_is_the_same() -> None:
     np.testing.assert_allclose(bounces[0], bounces[1], rtol=1e-3)  # the same random numbers
 
 
+@pytest.mark.slow
 def test_without_llvm_the_same_is_found(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

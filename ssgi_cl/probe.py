@@ -104,7 +104,8 @@ def _timed(runtime: Runtime) -> Callable[[], float]:
             spent, passed = process_time() - start, perf_counter() - began
             seconds = runtime.times()[-1].ms * 1e-3  # the last pass: after a copy to an image
         if is_processor and spent:
-            return spent / runtime.device.max_compute_units
+            units: int = runtime.device.max_compute_units
+            return spent / units
         return seconds if seconds > SHORTEST else passed
 
     run()  # compiles what is left to compile, and copies to an image

@@ -23,7 +23,7 @@ from .context import Progress as Report
 from .trials import Trial
 from .tunables import entry_of, views_of
 from .tune import Session
-from .tuning import Bound, TuneError
+from .tuning import Bound, TuneError, front
 
 BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
 """Time of each preset over that of the technique's default parameters, at most."""
@@ -105,14 +105,16 @@ def search(
             progress(f"preset {name}", 0.0)
         session.explore(Bound(budgets[name], None), rounds=number)
     curve = session.front(SPACING)
+    usual = session.trials.measure({})
+    # The curve is thinned out: the defaults may be better than what it has of their time.
+    choice = front([*curve, session.trials.confirm(session.trials.measure(session.usual))])
     presets = {}
     for name, budget in budgets.items():
         bound = Bound(budget, None)
-        kept = [trial for trial in curve if bound.kept_by(trial)]
+        kept = [trial for trial in choice if bound.kept_by(trial)]
         if not kept:
             raise TuneError(bound.unreachable(curve, "error"))
         presets[name] = {**_written(session, kept[-1]), "budget_ms": _rounded(budget)}
-    usual = session.trials.measure({})
     return {
         "default": {"ms": _rounded(usual.ms), "error": _rounded(usual.error)},
         "presets": presets,

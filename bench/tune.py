@@ -234,6 +234,11 @@ class Session:
                 curve.append(trial)
         return curve
 
+    @property
+    def usual(self) -> dict[str, Any]:
+        """The default parameters of those that are varied."""
+        return dict(self._start)
+
     def error_cut(self, parameters: Mapping[str, Any]) -> float:
         """Return the error with as many layers but without overscan."""
         return self.trials.error(parameters, self._without_overscan)

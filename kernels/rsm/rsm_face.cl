@@ -15,8 +15,7 @@
 // Params:  rotation from the face's view space to the world's axes, the eye relative to the origin
 // Launch:  SSGI_LANES texels of a row per work-item
 
-#include "common/camera.clh"
-#include "common/gbuffer.clh"
+#include "rsm/face.clh"
 
 #define RSM_LEAST_COSINE 0.1f // LEAST_COSINE in ssgi_cl/device_rsm.py
 
@@ -56,39 +55,19 @@ __kernel void rsm_face(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux,
     ssgi_store(v_select(zero, at_y, there), position, whole, 1, x, row, 0.0f);
     ssgi_store(v_select(zero, at_z, there), position, whole, 2, x, row, 0.0f);
 
-    // The way to the light: against the line of sight (sx, sy, -1), orthographic (0, 0, -1).
-    const vfloat wx = sx * -camera.perspective;
-    const vfloat wy = sy * -camera.perspective;
-    const vfloat inverse = v_rsqrt(v_fma(wx, wx, v_fma(wy, wy, v_splat(1.0f))));
+    const RsmToLight way = rsm_to_light(sx, sy, camera, params);
     const vfloat nx = ssgi_load(normal, size, 0, x, y);
     const vfloat ny = ssgi_load(normal, size, 1, x, y);
     const vfloat nz = ssgi_load(normal, size, 2, x, y);
-    const vfloat lx = v_fma(wx, v_splat(params.xx), v_fma(wy, v_splat(params.xy),
-                                                          v_splat(params.xz)));
-    const vfloat ly = v_fma(wx, v_splat(params.yx), v_fma(wy, v_splat(params.yy),
-                                                          v_splat(params.yz)));
-    const vfloat lz = v_fma(wx, v_splat(params.zx), v_fma(wy, v_splat(params.zy),
-                                                          v_splat(params.zz)));
-    const vfloat cosine = v_fma(nx, lx, v_fma(ny, ly, nz * lz)) * inverse;
+    const vfloat cosine = v_fma(nx, way.x, v_fma(ny, way.y, nz * way.z)) * way.inverse;
     const vfloat side = v_select(zero, v_copysign(v_splat(1.0f), cosine), there);
     ssgi_store(nx * side, lit_normal, whole, 0, x, row, 0.0f);
     ssgi_store(ny * side, lit_normal, whole, 1, x, row, 0.0f);
     ssgi_store(nz * side, lit_normal, whole, 2, x, row, 0.0f);
 
-    // A beam that goes aslant by the cosine `inverse` is narrower by it.
-    const vfloat section = fabs(camera.to_x * camera.to_y) * k * k * inverse;
+    // A beam that goes aslant by the cosine `way.inverse` is narrower by it.
+    const vfloat section = fabs(camera.to_x * camera.to_y) * k * k * way.inverse;
     const vfloat own_area = section / v_max(v_abs(cosine), v_splat(RSM_LEAST_COSINE));
     ssgi_store(v_select(zero, own_area, there), area, whole, 0, x, row, 0.0f);
-
-    vfloat most = zero;
-    for (int c = 0; c < 3; ++c) {
-        const vfloat own = v_min(ssgi_load(flux, size, c, x, y), v_splat(params.brightest));
-        ssgi_store(v_select(zero, own, there), power, whole, c, x, row, 0.0f);
-        most = v_max(most, v_select(zero, own, there));
-    }
-    __global int *restrict flag = lit + params.first_row / size.y;
-    const vmask inside = v_ilt(v_iota() + x, v_splat_int(size.x));
-    if (v_any(inside & v_gt(most, zero)) && *flag != params.stamp) {
-        atomic_xchg(flag, params.stamp);
-    }
+    rsm_store_power(flux, power, lit, size, x, y, there, params);
 }

@@ -13,8 +13,7 @@
 // Params:  as of rsm_face
 // Launch:  SSGI_LANES texels of a row per work-item
 
-#include "common/camera.clh"
-#include "common/gbuffer.clh"
+#include "rsm/face.clh"
 
 __kernel void rsm_lobe(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux, ssgi_plane gloss,
                        __global float *restrict axis, __global float *restrict power,
@@ -32,34 +31,21 @@ __kernel void rsm_lobe(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux, ssg
     const int row = y + params.first_row;
     const vmask there = v_lt(ssgi_load(depth, size, 0, x, y), v_splat(INFINITY));
 
-    // The way to the light: against the line of sight (sx, sy, -1), orthographic (0, 0, -1).
-    const vfloat wx =
-        ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f) * -camera.perspective;
-    const vfloat wy = ssgi_slope_y(camera, v_splat((float)y + 0.5f)) * -camera.perspective;
-    const vfloat inverse = v_rsqrt(v_fma(wx, wx, v_fma(wy, wy, v_splat(1.0f))));
-    const vfloat to_light[3] = {
-        v_fma(wx, v_splat(params.xx), v_fma(wy, v_splat(params.xy), v_splat(params.xz))) * inverse,
-        v_fma(wx, v_splat(params.yx), v_fma(wy, v_splat(params.yy), v_splat(params.yz))) * inverse,
-        v_fma(wx, v_splat(params.zx), v_fma(wy, v_splat(params.zy), v_splat(params.zz))) * inverse};
+    const RsmToLight way =
+        rsm_to_light(ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f),
+                     ssgi_slope_y(camera, v_splat((float)y + 0.5f)), camera, params);
+    const vfloat to_light[3] = {way.x * way.inverse, way.y * way.inverse, way.z * way.inverse};
     vfloat n[3];
     vfloat cosine = zero;
     for (int c = 0; c < 3; ++c) {
         n[c] = ssgi_load(normal, size, c, x, y);
         cosine = v_fma(n[c], to_light[c], cosine);
     }
-    vfloat most = zero;
     for (int c = 0; c < 3; ++c) {
         const vfloat mirrored = v_fma(n[c], cosine * 2.0f, -to_light[c]);
         ssgi_store(v_select(zero, mirrored, there), axis, whole, c, x, row, 0.0f);
-        const vfloat own = v_min(ssgi_load(flux, size, c, x, y), v_splat(params.brightest));
-        ssgi_store(v_select(zero, own, there), power, whole, c, x, row, 0.0f);
-        most = v_max(most, v_select(zero, own, there));
     }
     ssgi_store(v_select(zero, ssgi_load(gloss, size, 0, x, y), there), sharp, whole, 0, x, row,
                0.0f);
-    __global int *restrict flag = lit + params.first_row / size.y;
-    const vmask inside = v_ilt(v_iota() + x, v_splat_int(size.x));
-    if (v_any(inside & v_gt(most, zero)) && *flag != params.stamp) {
-        atomic_xchg(flag, params.stamp);
-    }
+    rsm_store_power(flux, power, lit, size, x, y, there, params);
 }

@@ -88,10 +88,11 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap tap
             v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
         const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
         const vfloat top =
-            gtao_cosine(ssgi_cotangent(receiver, slice, tap->inverse, tap->height, side));
+            gtao_cosine(edge + v_min(v_max(tap->rise, zero) * slice->steepness,
+                                     v_splat(SLICES_STEEPEST)));
         const vfloat rise = (top - low) * weight;
 #else
-        const vfloat rise = tap->height * tap->inverse;
+        const vfloat rise = tap->rise;
 #endif
         gathered->rise[side] = v_max(gathered->rise[side], v_select(zero, rise, tap->counts));
     }
@@ -156,7 +157,7 @@ ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int si
     const vfloat cosine = gtao_cosine(edge) + rise;
     const vfloat sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), v_splat(0.0f)));
 #else
-    const vfloat cot = edge + v_min(rise * receiver->steepness, v_splat(SLICES_STEEPEST));
+    const vfloat cot = edge + v_min(rise * slice->steepness, v_splat(SLICES_STEEPEST));
     const vfloat sine = v_rsqrt_quick(v_fma(cot, cot, one));
     const vfloat cosine = cot * sine;
 #endif

@@ -16,9 +16,10 @@
 //          HBAO_ATTENUATION, HBAO_BIAS (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel. With 3 slices of 6 taps,
-//          a tenth is the receiver's, a sixth the slices', the rest the taps' arithmetic
-// Tried:   no branch: 1.2 times as long. Taps unrolled, or first kept and then looked at; offsets
-//          of all slices before the first tap; a quick reciprocal of the squared radius: no gain
+//          an eighth is the receiver's, a quarter the slices', the rest the taps' arithmetic
+// Tried:   no branch: 1.2 times as long. A branch for each side, or one for two steps; taps
+//          unrolled, loaded a step ahead, or first kept and then looked at; offsets of all slices,
+//          or of the next one, before the first tap: no gain
 
 #define SSGI_SCAN_TILES 1
 #define SSGI_SCAN_PAIRS
@@ -30,10 +31,11 @@
 #endif
 
 typedef struct {
-    vfloat rise[2];    // by side, of the horizon above the tangent plane: cotangent per steepness
+    vfloat rise[2];    // by side, of the horizon above the tangent plane, see SsgiTap
     vfloat horizon[2]; // sine of its elevation
     vfloat hidden;     // by this slice
     vfloat could_hide;
+    vfloat fade;               // change of W per SsgiTap.outside over scale^2
     vfloat occluded, whole;
 } SsgiGathered;
 
@@ -42,6 +44,7 @@ ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Sli
                  SsgiGathered *gathered)
 {
     gathered->hidden = gathered->could_hide = v_splat(0.0f);
+    gathered->fade = v_splat(-params.attenuation) / (receiver->radius * receiver->radius);
 }
 
 SSGI_INLINE void
@@ -60,7 +63,7 @@ ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int 
     gathered->horizon[side] = v_select(raised, one, upright);
     // sin bias / (cos tangent cos raised) is how much the cotangent grows by the bias.
     const vfloat grown = params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
-    gathered->rise[side] = v_select(grown / receiver->steepness, v_splat(INFINITY), upright);
+    gathered->rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
 #else
     gathered->horizon[side] = tangent;
     gathered->rise[side] = v_splat(0.0f);
@@ -72,12 +75,10 @@ SSGI_INLINE void
 ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap taps[2],
          const SliceParams params, SsgiGathered *gathered)
 {
-    vfloat rise[2];
     vmask raises[2];
 #pragma unroll
     for (int side = 0; side < 2; ++side) {
-        rise[side] = taps[side].height * taps[side].inverse;
-        raises[side] = taps[side].counts & v_gt(rise[side], gathered->rise[side]);
+        raises[side] = taps[side].counts & v_gt(taps[side].rise, gathered->rise[side]);
     }
     // Most taps raise no horizon: without the branch all takes a quarter longer.
     if (!v_any(raises[0] | raises[1])) {
@@ -85,19 +86,27 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap tap
     }
 #pragma unroll
     for (int side = 0; side < 2; ++side) {
+        const SsgiTap *tap = &taps[side];
         const vfloat edge = side == 0 ? slice->edge : -slice->edge;
         const vfloat cot =
-            edge + v_min(rise[side] * receiver->steepness, v_splat(SLICES_STEEPEST));
-        const vfloat sine = cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
-        vfloat gain = v_max(sine - gathered->horizon[side], v_splat(0.0f));
+            v_min(v_fma(tap->rise, slice->steepness, edge), v_splat(SLICES_STEEPEST));
+        const vfloat square = v_fma(cot, cot, v_splat(1.0f));
 #if HBAO_ATTENUATION
-        gain = gain * v_fma(ssgi_squared_radii(receiver, &taps[side]),
-                            v_splat(-params.attenuation), v_splat(1.0f));
+        // W and the sine from one root; a division for W alone takes as long as all of this.
+        const vfloat scale = ssgi_scale(receiver, tap->f);
+        const vfloat root = v_rsqrt_quick(square * (scale * scale));
+        const vfloat sine = root * (cot * scale);
+        const vfloat per_scale = (root * root) * square; // 1 / scale^2
+        const vfloat weight = v_fma(tap->outside * gathered->fade, per_scale,
+                                    v_splat(1.0f - params.attenuation));
+        const vfloat hides = v_fma(weight, sine - gathered->horizon[side], gathered->hidden);
+#else
+        const vfloat sine = cot * v_rsqrt_quick(square);
+        const vfloat hides = gathered->hidden + (sine - gathered->horizon[side]);
 #endif
-        gathered->hidden = gathered->hidden + v_select(v_splat(0.0f), gain, raises[side]);
-        gathered->horizon[side] = v_select(gathered->horizon[side],
-                                           v_max(sine, gathered->horizon[side]), raises[side]);
-        gathered->rise[side] = v_select(gathered->rise[side], rise[side], raises[side]);
+        gathered->hidden = v_select(gathered->hidden, hides, raises[side]);
+        gathered->horizon[side] = v_select(gathered->horizon[side], sine, raises[side]);
+        gathered->rise[side] = v_select(gathered->rise[side], tap->rise, raises[side]);
     }
 }
 

@@ -9,7 +9,8 @@
 //          coarse_linear  [rows, columns] with coarse margin, see common/surface.clh
 //          coarse_normal  3 x [rows, columns] with coarse margin, view space
 //          linear, normal likewise at full size with margin
-//          weights        by distance in pixels, of 0 to BLUR_RADIUS, then UPSAMPLE_STEP - 1 zeros
+//          weights        by distance in pixels from -(BLUR_RADIUS + UPSAMPLE_STEP) to as much; 0
+//                         beyond BLUR_RADIUS
 // Writes:  blurred        [rows of the coarse result, columns of the fine]; its last bit is 1
 //                         where no sample fits
 // Macros:  UPSAMPLE_STEP (1, 2 or 4), BLUR_RADIUS (1..16)
@@ -72,23 +73,29 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
     // Beside the image, linear is INFINITY unless there is a margin; coarse is nothing in any case.
     const bool cut =
         params.margin_columns > 0 && (x < -first || x + SSGI_LANES + last > small.x);
+    int at = ssgi_index(small_whole, 0, from_x + first, from_y);
+    int value_at = ssgi_index(small, 0, x + first, y);
+    int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
     for (int d = first; d <= last; ++d) {
-        vfloat u = ssgi_load(coarse_linear, small_whole, 0, from_x + d, from_y);
-        const vfloat mx = ssgi_load(coarse_normal, small_whole, 0, from_x + d, from_y);
-        const vfloat my = ssgi_load(coarse_normal, small_whole, 1, from_x + d, from_y);
-        const vfloat mz = ssgi_load(coarse_normal, small_whole, 2, from_x + d, from_y);
-        const vfloat value = ssgi_load(coarse, small, 0, x + d, y);
+        vfloat u = ssgi_load_at(coarse_linear, small_whole, 0, at);
+        const vfloat mx = ssgi_load_at(coarse_normal, small_whole, 0, at);
+        const vfloat my = ssgi_load_at(coarse_normal, small_whole, 1, at);
+        const vfloat mz = ssgi_load_at(coarse_normal, small_whole, 2, at);
+        const vfloat value = ssgi_load_at(coarse, small, 0, value_at);
         if (cut) {
             u = v_select(v_splat(INFINITY), u, v_within(v_iota() + (x + d), small.x));
         }
 #pragma unroll
         for (int p = 0; p < UPSAMPLE_STEP; ++p) {
-            const vfloat weight = weights[abs(d * step - p)] *
+            const vfloat weight = weights[distance - p] *
                                   ssgi_fit_weight(ssgi_fit(fit[p], off[p], u, mx, my, mz));
             sum[p] = v_fma(weight, value, sum[p]);
             total[p] = total[p] + weight;
             off[p] = off[p] + fit[p].off_x;
         }
+        ++at;
+        ++value_at;
+        distance += step;
     }
 #pragma unroll
     for (int p = 0; p < UPSAMPLE_STEP; ++p) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.bilateral import BilateralParams
+from ssgi_cl.window import Trace, Window
 
 UPSAMPLE = Struct(
     "UpsampleParams",
@@ -52,6 +54,7 @@ class ReducedGBuffer:
         self.whole = (self.size[0] + 2 * self.margin[0], self.size[1] + 2 * self.margin[1])
         self._depth: Plane | None = None
         self._source: DeviceGBuffer | None = None  # of depth, until that is made
+        self._traces: defaultdict[str, Trace] = defaultdict(Trace)
         self.linear = runtime.plane(1, self.whole, math.inf)
         self.normal = runtime.plane(3, self.whole)
         self.camera_struct = gbuffer.camera_struct
@@ -64,8 +67,8 @@ class ReducedGBuffer:
 
     def update(self, gbuffer: DeviceGBuffer) -> None:
         """Queue the passes that pick the pixels."""
-        self._reduce("linear", gbuffer.linear, self.linear)
-        self._reduce("normal", gbuffer.normal, self.normal)
+        self._reduce("linear", gbuffer.linear, self.linear, gbuffer.window)
+        self._reduce("normal", gbuffer.normal, self.normal, gbuffer.window)
         self._source = gbuffer
         struct = gbuffer.camera_struct.copy()
         for axis, first in (("x", self.first[1]), ("y", self.first[0])):
@@ -84,16 +87,20 @@ class ReducedGBuffer:
         if self._depth is None:
             self._depth = self.runtime.plane(1, self.whole, math.inf)
         if self._source is not None:
-            self._reduce("depth", self._source.depth, self._depth)
+            self._reduce("depth", self._source.depth, self._depth, self._source.window)
             self._source = None
         return self._depth
 
-    def _reduce(self, name: str, fine: Plane, coarse: Plane) -> None:
+    def _reduce(self, name: str, fine: Plane, coarse: Plane, window: Window | None) -> None:
         rows, columns = fine.size
+        if window is not None:
+            whole = self.whole[0] * self.step, self.whole[1] * self.step
+            window = window.inside(whole, self.first).reduced(self.step)
         self._kernels[coarse.count].run(
             f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
             values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
                     np.float32(coarse.outside)],
+            window=self._traces[name].over(window),
         )
 
 
@@ -122,17 +129,20 @@ class Upsample:
             (CAMERA, UPSAMPLE),
         )
         self._fine = runtime.plane(channels, size)
+        self._trace = Trace()
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
+        lanes = self.runtime.form.lanes
         self._kernel.run(
             "upsample",
             self.size,
             reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
             writes=[self._fine],
             values=[gbuffer.camera_struct, packed],
-            grid=(self.size[0], -(-coarse.size[1] // self.runtime.form.lanes)),
+            grid=(self.size[0], -(-coarse.size[1] // lanes)),
+            window=self._trace.over(gbuffer.seen), cell=(1, lanes * self.step),
         )
         return self._fine
 
@@ -176,10 +186,12 @@ class UpsampleBlur:
             )
             for direction in ("rows", "columns")
         ]
-        weights = np.append(blur.weights(), np.zeros(step))
+        outwards = np.append(blur.weights(), np.zeros(step))
+        weights = np.concatenate([outwards[:0:-1], outwards])
         self._weights = runtime.array(weights.astype(np.float32))
         self._rows = runtime.plane(1, (coarse_size(size, step)[0], size[1]))
         self._fine = runtime.plane(1, size)
+        self._traces = Trace(), Trace()
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes and return the plane at full size."""
@@ -189,6 +201,10 @@ class UpsampleBlur:
             coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal, self._weights
         ]
         along_rows, along_columns = self._kernels
+        seen, wide = gbuffer.seen, None
+        if seen is not None:
+            coarse_rows = seen.reduced(self.step)
+            wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
         along_rows.run(
             "blur rows",
             self._rows.size,
@@ -197,6 +213,7 @@ class UpsampleBlur:
             values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
                     packed],
             grid=(rows, -(-columns // self._lanes)),
+            window=self._traces[0].over(wide), cell=(1, self._lanes * self.step),
         )
         along_columns.run(
             "blur columns",
@@ -205,6 +222,7 @@ class UpsampleBlur:
             writes=[self._fine],
             values=[gbuffer.camera_struct, packed],
             grid=(rows, -(-self.size[1] // self._lanes)),
+            window=self._traces[1].over(seen), cell=(self.step, self._lanes),
         )
         return self._fine
 

@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.extra_cameras import extra_cameras
+from ssgi_cl.lights import DirectionalLight, Light, SpotLight
+from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.shadow_map import light_cameras
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
+
+SIZE = 0.5
+"""Rows and columns of each camera, in parts of the first one's."""
+AT_LAMPS = 0.5
+"""Share of the cameras, at most, that stand at lamps."""
+
+AtLight = SpotLight | DirectionalLight
+"""A lamp that one camera sees all of."""
 
 
 class FurtherViews:
     """Places cameras and draws what they see.
+
+    Up to half of them stand at spot and directional lights, in their order: such a camera sees
+    every surface that the lamp shines on, and so all that sends its light on. The others stand
+    where `extra_cameras` says; point lights would need six each, and what those see of next rooms
+    leaks through walls that no camera sees.
 
     Args:
         runtime: the device.
@@ -24,23 +41,40 @@ class FurtherViews:
     def __init__(self, runtime: Runtime, count: int) -> None:
         self.runtime = runtime
         self.count = count
-        self._rasterizer: Rasterizer | None = None
-        self._placed: tuple[Scene, Camera, list[Camera]] | None = None
+        self._rasterizers: dict[Size, Rasterizer] = {}
+        self._placed: tuple[Scene, Camera, list[AtLight], list[Camera]] | None = None
 
     def drawn(
-        self, scene: Scene, camera: Camera, seen: DeviceGBuffer
+        self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lights: Sequence[Light] = ()
     ) -> Iterator[DeviceGBuffer]:
         """Queue the passes of each camera in turn and give its G-buffer.
 
-        All are drawn into the same memory: use one before asking for the next. Cameras stay where
-        they are as long as scene and camera are the same.
+        Those of one size are drawn into the same memory: use one before asking for the next.
+        Cameras stay where they are as long as scene, camera and lamps are the same.
         """
+        lamps: list[AtLight] = [
+            light for light in lights if isinstance(light, (SpotLight, DirectionalLight))
+        ][: int(AT_LAMPS * self.count)]
         placed = self._placed
-        if placed is None or placed[0] is not scene or placed[1] is not camera:
-            placed = self._placed = scene, camera, extra_cameras(camera, seen, self.count)
-        for extra in placed[2]:
-            if self._rasterizer is None:
-                self._rasterizer = Rasterizer(self.runtime, extra.size)
-            target = self._rasterizer.render(device_scene(scene, self.runtime), extra)
+        if (
+            placed is None
+            or placed[0] is not scene
+            or placed[1] is not camera
+            or placed[2] != lamps
+        ):
+            placed = self._placed = scene, camera, lamps, self._places(scene, camera, seen, lamps)
+        for extra in placed[3]:
+            if extra.size not in self._rasterizers:
+                self._rasterizers[extra.size] = Rasterizer(self.runtime, extra.size)
+            target = self._rasterizers[extra.size].render(
+                device_scene(scene, self.runtime), extra
+            )
             target.derive()
             yield target
+
+    def _places(
+        self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lamps: Sequence[AtLight]
+    ) -> list[Camera]:
+        side = max(1, round(SIZE * math.sqrt(camera.height * camera.width)))
+        at_lamps = [each for lamp in lamps for each in light_cameras(lamp, scene.bounds, side)]
+        return at_lamps + extra_cameras(camera, seen, self.count - len(at_lamps), size=SIZE)

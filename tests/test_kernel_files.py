@@ -197,7 +197,9 @@ USES = {
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
-    "slices/slices_slopes.cl": Use((CAMERA,), [{"SLOPES_LAYERS": 2}]),
+    "slices/slices_slopes.cl": Use(
+        (CAMERA,), [{"SLOPES_LAYERS": 2, "SLOPES_NORMALS": n} for n in (1, 2)]
+    ),
     "slices/slices_sorted.cl": Use((), [{"SORTED_COUNT": 6}]),
     "ssdo_bitmask/ssdo_bitmask.cl": Use(
         (CAMERA, SLICES, ssdo_bitmask.OWN),

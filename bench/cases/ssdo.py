@@ -33,6 +33,11 @@ MAP_SIZE = 1024
 EXTRA_CAMERAS = 4
 """As many as published."""
 
+FAR = {"taps": 64, "view_taps": 16}
+"""Where surfaces send light however far away they are: with 20 taps a side, what four layers and
+overscan add to the Cornell box is lost between them (an RMSE of .39 of the mean, of .17 with 64).
+"""
+
 EVEN_SKY = (0.2, 0.2, 0.2)
 """W m^-2 sr^-1, of scenes without a sky."""
 
@@ -80,7 +85,7 @@ class SsdoFamily(Own):
             runtime, context.size, layers=self.layers, margin=margin, attributes=self.layers
         )
         counted: dict[str, Any] = {
-            "samples" if self.method == "points" else "slices": number
+            **(FAR if self.far else {}), "samples" if self.method == "points" else "slices": number
         }
         bounds = context.view.scene.bounds
         radius = float(np.linalg.norm(bounds[1] - bounds[0])) if self.far else context.radius
@@ -98,7 +103,7 @@ class SsdoFamily(Own):
         further = FurtherViews(runtime, self.views)
 
         def run() -> SsdoPlanes:
-            views = further.drawn(context.view.scene, context.camera, gbuffer)
+            views = further.drawn(context.view.scene, context.camera, gbuffer, lamps)
             return technique.run(
                 gbuffer, lamps, shadows=shadows, views=map(_dark, views) if self.views else ()
             )

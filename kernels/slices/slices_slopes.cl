@@ -1,24 +1,30 @@
 // SPDX-License-Identifier: MIT
 // slices_slopes: the planes that surfaces lie in, as changes of `near` round its pixels.
 //
-// In a row and in a column the difference to that neighbour counts whose own line misses the pixel
-// the least, so that it stays on one surface at an edge and at a crease; the mean of both counts
-// where they differ no more than the neighbours' lines bend.
+// Layers that have normals lie in the planes across them: of a deeper layer the neighbours may be of
+// other surfaces, and of a detail as fine as a pixel all are. No plane is nearer to the line of sight
+// than SLOPES_LEAST_FACING. Of the others, in a row and in a column the difference to that neighbour
+// counts whose own line misses the pixel the least, so that it stays on one surface at an edge and
+// at a crease; the mean of both counts where they differ no more than the neighbours' lines bend.
 //
 // Reads:   depth   SLOPES_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
+//          normal  3 SLOPES_NORMALS x likewise, view space, unit length, on either side
 // Writes:  slopes  2 SLOPES_LAYERS x [rows, 4 stride], where slices_near puts the pixels: change of
 //                  `near` along columns, then along rows, per slope of the line of sight
 //                  (perspective) or per pixel's width (orthographic); 0 where nothing is
-// Macros:  SLOPES_LAYERS (>= 1)
+// Macros:  SLOPES_LAYERS (>= 1), SLOPES_NORMALS (1 to SLOPES_LAYERS): layers that have normals
 // Launch:  SSGI_LANES floats of a row of `slopes` per work-item
-// Cost:    9 reads and 2 writes per pixel and layer
+// Cost:    4 reads and 2 writes per pixel and layer with normals, 9 and 2 without
 
 #include "common/camera.clh"
 #include "slices/sorted.clh"
 
-#ifndef SLOPES_LAYERS
-#error "SLOPES_LAYERS must be defined by the host"
+#if !defined(SLOPES_LAYERS) || !defined(SLOPES_NORMALS)
+#error "SLOPES_LAYERS and SLOPES_NORMALS must be defined by the host"
 #endif
+
+#define SLOPES_LEAST_FACING 0.05f // cosine between normal and line of sight
+#define SLOPES_TINY 1e-30f
 
 // `near` of depths; that of the pixel itself where nothing is.
 static inline vfloat slopes_near(const vfloat z, const vfloat own, const SsgiCamera camera,
@@ -58,9 +64,31 @@ static inline vfloat slopes_change(const SlopesLine *line, const SsgiCamera came
     return v_select(one, 0.5f * (down + up), alike);
 }
 
-__kernel void slices_slopes(ssgi_plane depth, __global float *restrict slopes, const int2 size,
-                            const int2 fine_size, const int columns, const int lead,
-                            const int step, const int first_x, const int first_y,
+// The changes of `near` along the plane across a layer's normal, per slope of the line of sight.
+static inline void slopes_of_plane(ssgi_plane normal, const SsgiSorted *at, const int layer,
+                                   const vfloat z, const SsgiCamera camera, vfloat *along,
+                                   vfloat *down)
+{
+    const vfloat nx = ssgi_load_sorted(normal, at, 3 * layer);
+    const vfloat ny = ssgi_load_sorted(normal, at, 3 * layer + 1);
+    const vfloat nz = ssgi_load_sorted(normal, at, 3 * layer + 2);
+    const vfloat one = v_splat(1.0f);
+    const vfloat x = ssgi_slope_x(camera, v_to_float(at->from_x) + 0.5f) * camera.perspective;
+    const vfloat y = ssgi_slope_y(camera, v_to_float(at->from_y) + 0.5f) * camera.perspective;
+    const vfloat sight = v_fma(nx, x, v_fma(ny, y, -nz));
+    const vfloat length = v_sqrt(v_fma(x, x, v_fma(y, y, one)));
+    const vfloat facing =
+        v_copysign(v_max(v_abs(sight), length * SLOPES_LEAST_FACING), sight);
+    const vfloat gain = camera.perspective != 0.0f
+                            ? 1.0f / (v_max(z, v_splat(SLOPES_TINY)) * facing)
+                            : -1.0f / facing;
+    *along = nx * gain;
+    *down = ny * gain;
+}
+
+__kernel void slices_slopes(ssgi_plane depth, ssgi_plane normal, __global float *restrict slopes,
+                            const int2 size, const int2 fine_size, const int columns,
+                            const int lead, const int step, const int first_x, const int first_y,
                             const float ortho_unit, const SsgiCamera camera)
 {
     const int x = ssgi_first_column();
@@ -77,7 +105,10 @@ __kernel void slices_slopes(ssgi_plane depth, __global float *restrict slopes, c
         const vfloat z = ssgi_load_sorted(depth, &at, layer);
         const vmask there = at.inside & v_lt(z, none);
         vfloat along = zero, down = zero;
-        if (v_any(there)) {
+        if (layer < SLOPES_NORMALS) {
+            slopes_of_plane(normal, &at, layer, v_select(v_splat(1.0f), z, there), camera, &along,
+                            &down);
+        } else if (v_any(there)) {
             SlopesLine row, column;
             for (int i = 0; i < 5; ++i) {
                 // Beyond the border nothing is.
@@ -89,10 +120,10 @@ __kernel void slices_slopes(ssgi_plane depth, __global float *restrict slopes, c
                 row.z[i] = v_select(none, in_row, v_within(x_i, fine_size.x) & there);
                 column.z[i] = v_select(none, in_column, v_within(y_i, fine_size.y) & there);
             }
-            along = slopes_change(&row, camera, unit);
-            down = slopes_change(&column, camera, unit);
+            along = slopes_change(&row, camera, unit) * per_x;
+            down = slopes_change(&column, camera, unit) * per_y;
         }
-        ssgi_store(v_select(zero, along * per_x, there), slopes, size, 2 * layer, x, y, 0.0f);
-        ssgi_store(v_select(zero, down * per_y, there), slopes, size, 2 * layer + 1, x, y, 0.0f);
+        ssgi_store(v_select(zero, along, there), slopes, size, 2 * layer, x, y, 0.0f);
+        ssgi_store(v_select(zero, down, there), slopes, size, 2 * layer + 1, x, y, 0.0f);
     }
 }

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.bitmask_ao import SECTORS, sector_of, sorted_pair, whole_of
-from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.sky import looked_up
 from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
@@ -19,6 +19,8 @@ FIRST = 0.0625
 """Where the first piece of a side begins if its plane passes below the receiver, px from that."""
 FARTHEST = 0.999
 """`Tap.f` of the farthest end of a piece with a perspective camera."""
+LEAST_FACING = 0.05
+"""Cosine between line of sight and normal of the steepest plane that a piece lies in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +168,39 @@ def slopes_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
     """Return [layers, 2, rows, columns]: how 1 / depth (orthographic: depth) changes at each pixel.
 
     Per slope of the line of sight (orthographic: per scene unit), along columns, then along rows.
-    The difference to that neighbour counts whose own line misses the pixel the least, or the mean
-    of both where they differ no more than those lines bend; 0 without any.
+    Layers that have normals lie in the planes across them, none nearer than `LEAST_FACING` to the
+    line of sight. Of the others the difference to that neighbour counts whose own line misses the
+    pixel the least, or the mean of both where they differ no more than those lines bend; 0 without
+    any.
     """
+    given = (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
+    shapes = [np.shape(a) for a in given if a is not None]
+    count = gbuffer.layers if any(len(shape) == 4 for shape in shapes) else 1
+    across = np.stack([_slopes_of_plane(gbuffer, view, layer) for layer in range(count)])
+    result: Doubles = np.concatenate([across, _slopes_of_depth(gbuffer, view)[count:]])
+    return result
+
+
+def _slopes_of_plane(gbuffer: GBuffer, view: SurfaceView, layer: int) -> Doubles:
+    depth = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)[layer]
+    given = None if gbuffer.normal is None else np.asarray(gbuffer.normal)
+    if given is not None and given.ndim == 4:
+        given = given[layer]
+    normal = view_normals(replace(view, depth=depth), given)
+    there = np.isfinite(depth)
+    depth = np.where(there, depth, 1.0)
+    sight = view.position(*view.centres(), np.ones(depth.shape))
+    if view.camera.is_orthographic:
+        sight = sight * [0.0, 0.0, 1.0]
+    facing = np.sum(normal * sight, axis=-1)
+    least = LEAST_FACING * np.linalg.norm(sight, axis=-1)
+    facing = np.copysign(np.maximum(np.abs(facing), least), facing)
+    gain = -1.0 / facing if view.camera.is_orthographic else 1.0 / (depth * facing)
+    result: Doubles = np.moveaxis(normal[..., :2], -1, 0) * np.where(there, gain, 0.0)
+    return result
+
+
+def _slopes_of_depth(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
     depth = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)
     near = depth if view.camera.is_orthographic else 1.0 / depth
     near = np.where(np.isfinite(depth), near, np.nan)

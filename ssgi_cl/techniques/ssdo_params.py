@@ -19,9 +19,10 @@ POINTS_THICKNESS = 1.0
 class SsdoParams(OcclusionParams):
     """Parameters of directional occlusion and one bounce (Ritschel, Grosch and Seidel 2009).
 
-    Light is sought farther away than occlusion is, so taps are more than those of `bitmask_ao`: in
+    Light is sought farther away than occlusion is, so taps are more than those of `bitmask_ao`. In
     the Cornell box with the size of the room as radius, a single view misses the light of the tall
-    block's top and has an RMSE of .75 of the mean, four depth layers with all attributes .35.
+    block's top and has an RMSE of .73 of the mean; four depth layers with all attributes have .37
+    with 20 taps, and .17 with 64.
     """
 
     radius: float = param(
@@ -46,6 +47,10 @@ class SsdoParams(OcclusionParams):
     thickness: float = param(
         0.0, "of surfaces, along the line of sight; with points 0 stands for 1",
         low=0.0, high=1e3, unit="radii",
+    )
+    view_taps: int = param(
+        4, "bitmask: depths of a further camera read on the way in each direction that is open; "
+        "more where the radius is as large as the scene", low=1, high=64,
     )
     lamp_taps: int = param(
         12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",

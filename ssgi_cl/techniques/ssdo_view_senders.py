@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,7 +17,7 @@ from ssgi_cl.techniques.lit_layers import LitLayers
 from ssgi_cl.techniques.ssdo_back import SenderOpenness
 from ssgi_cl.techniques.ssdo_lamps import lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.ssdo_views import SsdoViews
+from ssgi_cl.techniques.ssdo_views import SsdoViews, ViewsParams
 
 
 class ViewSenders:
@@ -25,7 +26,14 @@ class ViewSenders:
     def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
         self.runtime = runtime
         self.params = params
-        self._technique = SsdoViews(runtime, params.bitmask())
+        # The nearer the taps, the thinner may surfaces be that none passes unseen.
+        finer = math.sqrt(ViewsParams().taps / params.view_taps)
+        views = ViewsParams(
+            taps=params.view_taps,
+            thickness=finer * ViewsParams().thickness,
+            bias=finer * ViewsParams().bias,
+        )
+        self._technique = SsdoViews(runtime, params.bitmask(), views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
 
     def add(

@@ -34,7 +34,7 @@ def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, ki
         gbuffer, 0.6, taps=9, thickness=1e3, joined=False, blur_radius=0, runtime=runtime
     )
     # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
-    # (the polynomial's error is 1/50 of a sector).
+    # (the polynomial's error is 1/500 of a sector).
     assert np.abs(a - b).max() < 1 / 32 + 1e-3
     assert abs(float(np.mean(a - b))) < 1e-3
 

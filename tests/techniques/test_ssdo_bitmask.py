@@ -183,12 +183,16 @@ def test_bounce_is_what_it_converges_to_on_average(
     radiance = radiance_of(gbuffer, rng)
     params = {"radius": 0.6, "slices": 8, "taps": 24}
     found, _ = gathered(runtime, gbuffer, radiance, **params)
-    wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, sectors=1024)
-    # 1280 pixels with 16 sides each, whose ends are rounded to 1/32, right on average. A sector
-    # sends what the first piece to cover its dithered edge does.
-    for image, share in enumerate((1e-3, 4e-3, 4e-3, 4e-3)):
-        scale = float(np.mean(1.0 - wanted[0])) if image == 0 else float(np.mean(wanted[image]))
-        assert float(np.mean(found[image] - wanted[image])) == pytest.approx(0.0, abs=share * scale)
+    # With as many sectors, quick angles and roots: 1e-4 to 6e-4 of the mean. With 1024 the dither's
+    # noise too, of either sign from scene to scene: 1280 pixels with 16 sides each, whose ends are
+    # rounded to 1/32, and most light falls on few of them.
+    for sectors, share in ((32, 1e-3), (1024, 8e-3)):
+        wanted = ssdo_bitmask_reference(
+            gbuffer, SsdoBitmaskParams(**params), radiance, sectors=sectors
+        )
+        wanted[0], images = 1.0 - wanted[0], np.stack([1.0 - found[0], *found[1:]])
+        for image, mean in zip(images, wanted.mean(axis=(1, 2)), strict=True):
+            assert float(np.mean(image)) == pytest.approx(float(mean), rel=share)
 
 
 def test_result_does_not_depend_on_the_unit_of_length(

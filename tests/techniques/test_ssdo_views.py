@@ -24,7 +24,7 @@ SLICES = SsdoBitmaskParams(radius=0.8, slices=2)
 SIZE = (39, 53)
 FLIPS = 0.02
 """Share of pixels in which one of 16 taps may fall to the other side of a pixel's edge or surface,
-or a sector's end to the other side of a dither: the bitmask's quick angles are 1/50 sector off."""
+or a sector's end to the other side of a dither: the bitmask's quick angles are 1/500 sector off."""
 
 
 def aside(kind: str, size: tuple[int, int] = (31, 41)) -> Camera:

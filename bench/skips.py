@@ -34,6 +34,8 @@ STILL = "all, still"
 SINGLE = tuple(name for name in SKIPS if name not in ("outputs", "unchanged"))
 ALONE = "all, ao alone"
 COLUMNS = ("none", *SINGLE, ALL, STILL, ALONE)
+SSDO = ("ssdo, none", "ssdo, all")
+"""Columns of frames that SSDO lights, at its own defaults."""
 
 
 @dataclass(frozen=True)
@@ -44,35 +46,43 @@ class Row:
         name: of the scene.
         seen: share of the pixels that show anything.
         ms: of the device for a frame, by column.
+        wall: ms from the call to the finished arrays, by column.
         skipped: what was left out with all skips, the camera moving.
     """
 
     name: str
     seen: float
     ms: dict[str, float]
+    wall: dict[str, float]
     skipped: tuple[str, ...]
 
 
 def measured(runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS) -> Row:
     """Render a scene with each skip, in turns, and check that the pictures are the same."""
     cameras = _cameras(view)
-    frames = {column: _rendered(runtime, view, cameras[0], column) for column in COLUMNS}
-    taken: dict[str, list[float]] = {column: [] for column in COLUMNS}
+    columns = (*COLUMNS, *SSDO)
+    frames = {column: _rendered(runtime, view, cameras[0], column) for column in columns}
+    taken: dict[str, list[float]] = {column: [] for column in columns}
+    wall: dict[str, list[float]] = {column: [] for column in columns}
     for number in range(2 * rounds):
-        for column in COLUMNS:
+        for column in columns:
             camera = cameras[0] if column == STILL else cameras[(number + 1) % 2]
             frame = _rendered(runtime, view, camera, column)
             taken[column].append(sum(p.ms for p in frame.passes))
-    first = _rendered(runtime, view, cameras[0], "none")
-    for column in COLUMNS[1:-1]:
-        if not np.array_equal(frames[column].radiance, first.radiance):
+            wall[column].append(frame.wall_ms)
+    for column in columns:
+        if column == ALONE:
+            continue
+        like = frames[SSDO[0] if column in SSDO else "none"]
+        if not np.array_equal(frames[column].radiance, like.radiance):
             raise RuntimeError(f"{view.name}: skipping {column} changes the picture")
     seen = render(view.scene, cameras[0], (), ao=False, gbuffer=True, runtime=runtime).gbuffer
     assert seen is not None  # noqa: S101  it was asked for
     reasons = tuple(f"{p.name}: {p.skipped}" for p in frames[ALL].passes if p.skipped)
     return Row(
         view.name, float(np.isfinite(np.asarray(seen.depth)).mean()),
-        {column: median(times) for column, times in taken.items()}, reasons,
+        {column: median(times) for column, times in taken.items()},
+        {column: median(times) for column, times in wall.items()}, reasons,
     )
 
 
@@ -86,11 +96,13 @@ def _cameras(view: BuiltinScene) -> tuple[Camera, Camera]:
 
 def _rendered(runtime: Runtime, view: BuiltinScene, camera: Camera, column: str) -> Frame:
     moving = tuple(name for name in SKIPS if name != "unchanged")
-    chosen = {"none": (), ALL: moving, STILL: tuple(SKIPS), ALONE: moving}
+    chosen: dict[str, tuple[str, ...]] = {
+        "none": (), ALL: moving, STILL: tuple(SKIPS), ALONE: moving, SSDO[0]: (), SSDO[1]: moving,
+    }
     return render(
         view.scene, camera, view.lights, ao_radius=view.ao_radius, layers=LAYERS,
         skips=chosen.get(column, (column,)), outputs=("ao",) if column == ALONE else None,
-        runtime=runtime,
+        indirect="ssdo" if column in SSDO else None, runtime=runtime,
     )
 
 
@@ -114,6 +126,21 @@ def page(rows: Sequence[Row], runtime: Runtime) -> str:
         times = " | ".join(f"{row.ms[column]:.1f}" for column in COLUMNS)
         gain = row.ms["none"] / row.ms[ALL]
         lines.append(f"| {row.name} | {100.0 * row.seen:.0f} % | {times} | {gain:.1f} |")
+    lines += [
+        "",
+        "The same from the call to the finished arrays on the host, and frames that `ssdo` lights "
+        "(its defaults, both layers shaded), milliseconds of the device:",
+        "",
+        "| scene | wall, none | wall, all | none / all | ssdo, none | ssdo, all | none / all |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for row in rows:
+        pairs = ((row.wall, ("none", ALL)), (row.ms, SSDO))
+        cells = [
+            f"{ms[before]:.1f} | {ms[after]:.1f} | {ms[before] / ms[after]:.1f}"
+            for ms, (before, after) in pairs
+        ]
+        lines.append(f"| {row.name} | " + " | ".join(cells) + " |")
     lines += ["", "| skip | what it leaves out |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in SKIPS.items()]
     lines += ["", "Left out with all of them, the camera moving:", ""]

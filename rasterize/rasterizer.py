@@ -5,17 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.window import Window
 
 from .device_scene import DeviceScene
 
 TILE = 32
 RECORD = 12  # ints, kernels/raster/records.clh
+WIDE = 256
+"""Columns of which a window has a multiple, so that no work-group goes beyond."""
+WORTH = 0.75
+"""Share of an image up to which a window is one."""
 PEEL = 1e-5
 """A deeper layer begins this much behind the one before, relative to its depth."""
 
@@ -45,6 +51,7 @@ class Rasterizer:
         size: (rows, columns) of the camera's image.
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
         shaded: whether there is more to draw than depth.
+        windows: whether it draws where anything may be seen alone, and tells the target.
 
     Attributes:
         target: the device G-buffer that it draws into.
@@ -59,9 +66,11 @@ class Rasterizer:
         margin: Size = (0, 0),
         shaded: bool = True,
         attributes: int = 1,
+        windows: bool = False,
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
+        self.windows = windows
         if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
             raise ValueError(
                 f"size is {size} and margin {margin} (rows, columns): expected at most "
@@ -101,8 +110,9 @@ class Rasterizer:
     def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
 
-        Reads 8 bytes back at the end: if lists were too small they grow, and it draws again. The
-        size of the lists stays for the next frame, so a steady frame allocates nothing.
+        Reads 8 bytes back before pixels are drawn, and with windows 4 for each tile: if lists
+        were too small they grow, and it begins again. The size of the lists stays for the next
+        frame, so a steady frame allocates nothing.
         """
         if camera.size != self.target.size:
             raise ValueError(
@@ -115,13 +125,14 @@ class Rasterizer:
             self._codes = self.runtime.empty(scene.vertex_stride, np.int32)
         self.target.set_camera(camera)
         self.target.emits = scene.emits
-        self._draw(scene, camera)
+        self._sort(scene, camera)
         records, pairs = self._counters.download().tolist()
         if records > self._room or pairs > self._pair_room:
             # The pairs of records that found no room were not counted: leave room for theirs.
             share = max(1.0, records / self._room)
             self._grow(records + records // 4, int(pairs * share) + pairs // 4)
             return self.render(scene, camera)
+        self._draw(scene, camera)
         return self.target
 
     def write_gloss(self, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
@@ -145,13 +156,10 @@ class Rasterizer:
             self._pair_room = pair_room
             self._list = self.runtime.empty(pair_room, np.int32)
 
-    def _draw(self, scene: DeviceScene, camera: Camera) -> None:
-        target, whole = self.target, self.target.whole
-        values = self._view_values(scene, camera)
+    def _sort(self, scene: DeviceScene, camera: Camera) -> None:
+        """Queue the passes that list the triangles of each tile."""
         # Without the margin, which kernels add in whole pixels: it must not change a bit.
-        packed_camera = CAMERA.pack(camera_values(camera))
-        view = [packed_camera, VIEW.pack(values)]
-        lanes = self.runtime.form.lanes
+        view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
             "raster vertices", (1, scene.vertices),
@@ -175,9 +183,46 @@ class Rasterizer:
             writes=[self._cursors, self._list, self._counters], values=view[1:],
             grid=(1, workers),
         )
+
+    def _windows(self) -> list[Window | None]:
+        """Return where each layer may have pixels: in tiles with more triangles than its number."""
+        layers = range(self.target.layers)
+        if not self.windows:
+            return [None for _ in layers]
+        counts = np.diff(self._starts.download()).reshape(self._tiles)
+        return [self._window(counts > layer) for layer in layers]
+
+    def _window(self, busy: NDArray[np.bool_]) -> Window | None:
+        """Return the window of these tiles, None if there is hardly anything beyond it."""
+        if busy.mean() > WORTH:
+            return None
+        rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
+        if rows.size == 0:
+            return Window(0, 0, 0, 0)
+        first = int(rows[0]) * TILE, int(columns[0]) * TILE
+        window = self._widened(
+            Window.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE))
+        )
+        whole = self.target.whole
+        return window if window.rows * window.columns <= WORTH * whole[0] * whole[1] else None
+
+    def _widened(self, window: Window) -> Window:
+        """Return a window with columns for whole work-groups, within the image."""
+        wide = -(-window.columns // WIDE) * WIDE
+        end = window.end[0], window.column + wide
+        return Window.between(window.first, end).inside(self.target.whole)
+
+    def _draw(self, scene: DeviceScene, camera: Camera) -> None:
+        """Queue the passes that draw pixels."""
+        target, whole = self.target, self.target.whole
+        values = self._view_values(scene, camera)
+        packed_camera = CAMERA.pack(camera_values(camera))
+        lanes = self.runtime.form.lanes
+        windows = self._windows()
+        target.window = windows[0]
         high, wide = self._rectangle
         surface = [scene.materials, scene.textures, scene.texels, scene.decode]
-        for layer in range(target.layers):
+        for layer, window in enumerate(windows):
             tiles = self.runtime.kernel(
                 "raster/raster_tiles.cl",
                 {
@@ -202,6 +247,9 @@ class Rasterizer:
             )
             values["layer"] = layer
             view = [packed_camera, VIEW.pack(values)]
+            # What was seen there before is to be cleared.
+            over = target.traces[layer].over(window, scene.emits)
+            over = None if over is None else self._widened(over)
             now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             tiles.run(
@@ -210,7 +258,7 @@ class Rasterizer:
                        self._view, scene.uvs, scene.cutouts, *surface],
                 writes=[now, self._seen], values=view,
                 grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
-                local=self._group,
+                local=self._group, window=over, cell=self._rectangle,
             )
             attributes.run(
                 f"raster attributes{suffix}", whole,
@@ -218,7 +266,7 @@ class Rasterizer:
                        scene.colors, scene.material_ids, *surface],
                 writes=[target.depth, target.normal_world, target.albedo, target.emission],
                 values=view,
-                grid=(whole[0], -(-whole[1] // lanes)),
+                grid=(whole[0], -(-whole[1] // lanes)), window=over,
             )
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:

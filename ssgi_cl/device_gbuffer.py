@@ -21,6 +21,7 @@ from ssgi_cl.structs import (
     floats,
     rotation_values,
 )
+from ssgi_cl.window import Trace, Window
 
 VIEW_ROTATION = Struct("GbufferRotation", floats(*ROTATION))
 
@@ -42,6 +43,9 @@ class DeviceGBuffer:
         normal_world: likewise, as given.
         albedo, emission: likewise.
         thickness: 1 image, scene units, or None if the contents have none.
+        window: pixels of the planes, margin and all, outside which nothing is; None if that is not
+            known.
+        traces: of what was drawn into each layer.
         camera: the camera of the current contents; `camera_struct` is what kernels get.
     """
 
@@ -70,6 +74,9 @@ class DeviceGBuffer:
             runtime.plane(3 * attributes, self.whole) for _ in range(4)
         )
         self.emits = False
+        self.window: Window | None = None
+        self.traces = [Trace() for _ in range(layers)]
+        self._derived = Trace()
         self.thickness: Plane | None = None
         self._thickness: Plane | None = None
         self.camera: Camera | None = None
@@ -93,6 +100,8 @@ class DeviceGBuffer:
                 f"the G-buffer has size, margin and layers {shape}: expected "
                 f"{(self.size, self.margin, self.layers)}"
             )
+        self.window = None
+        self.traces = [Trace() for _ in range(self.layers)]
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
         if gbuffer.normal is not None:
@@ -153,6 +162,7 @@ class DeviceGBuffer:
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
         rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
+        window = self._derived.over(self.window)
         for layer in range(self.attributes):
             self._kernels[given].run(
                 "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
@@ -160,7 +170,13 @@ class DeviceGBuffer:
                 reads=[self.depth, self.normal_world],
                 writes=[self.linear, self.normal],
                 values=[self.camera_struct, rotation, np.int32(layer)],
+                window=window,
             )
+
+    @property
+    def seen(self) -> Window | None:
+        """`window` in pixels of the camera's image."""
+        return None if self.window is None else self.window.inside(self.size, self.margin)
 
 
 def on_device(

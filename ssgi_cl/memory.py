@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from ssgi_cl.errors import DeviceError
 from ssgi_cl.opencl import opencl
+from ssgi_cl.window import copy_window
 
 if TYPE_CHECKING:
     from ssgi_cl.runtime import Runtime
+    from ssgi_cl.window import Window
 
 GUARD = 16
 """Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
@@ -56,6 +58,23 @@ class DeviceArray:
         values = np.empty(self.count, self.dtype)
         cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
         return values
+
+    @contextmanager
+    def mapped(self) -> Iterator[NDArray[Any]]:
+        """Give the contents to the host to be read, without a copy where memory is shared."""
+        if not self.runtime.shares_memory:
+            yield self.download()
+            return
+        cl = opencl()
+
+        queue, flags = self.runtime.queue, cl.map_flags.READ
+        memory, _ = cl.enqueue_map_buffer(
+            queue, self.buffer, flags, 0, (self.count,), self.dtype
+        )
+        try:
+            yield memory
+        finally:
+            memory.base.release(queue)
 
     def argument(self) -> Any:
         """Return what a kernel takes."""
@@ -114,23 +133,35 @@ class Plane:
         with self._mapped(write_only=True) as memory:
             np.copyto(self._images(memory), values)
 
-    def download(self, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """Return a copy [count, rows, columns], written to `out` if given (any strides)."""
+    def download(
+        self, out: NDArray[np.float32] | None = None, window: Window | None = None
+    ) -> NDArray[np.float32]:
+        """Return a copy [count, rows, columns], written to `out` if given (any strides).
+
+        Outside of `window` all pixels of an image are the same.
+        """
         cl = opencl()
 
         if out is None:
             out = np.empty((self.count, *self.size), np.float32)
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
+        beyond = None if window is None else window.beyond(self.size)
         if self.runtime.shares_memory:
             memory, _ = cl.enqueue_map_buffer(
                 queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
             )
-            np.copyto(out, self._images(memory))
-            memory.base.release(queue)
         else:
             memory = np.empty(shape, np.float32)
             cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
-            np.copyto(out, self._images(memory))
+        images = self._images(memory)
+        if beyond is not None:
+            copy_window(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), window, beyond)
+        else:
+            # One by one: numpy is slow where strides are in different order.
+            for target, image in zip(out, images, strict=True):
+                np.copyto(target, image)
+        if self.runtime.shares_memory:
+            memory.base.release(queue)
         return out
 
     def copy_image(self, index: int, source: Plane) -> None:

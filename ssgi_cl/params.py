@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cache
 from typing import Any, get_type_hints
 
 from ssgi_cl import check
@@ -28,11 +29,15 @@ def param(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+_kinds = cache(get_type_hints)
+
+
 class Params:
     """Base of the frozen dataclasses of parameters; checks every field that has a declaration."""
 
     def __post_init__(self) -> None:
-        kinds = get_type_hints(type(self))
+        own: Any = type(self)
+        kinds = _kinds(own)
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             rule, value = field.metadata, getattr(self, field.name)
             if not rule or kinds[field.name] not in (int, float, str, bool):

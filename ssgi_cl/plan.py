@@ -27,6 +27,7 @@ SKIPS = {
     "occlusion, light, picture",
     "tiles": "ambient occlusion and its blur in tiles where it is proven to be 1: empty, so far "
     "away that the radius is below a pixel, or flat",
+    "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
     "lights": "lamps from which everything seen is turned away or outside the cone, and their maps",
     "layers": "depth layers that have no pixel",
 }

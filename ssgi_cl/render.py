@@ -76,7 +76,8 @@ def render(
         layers: depth layers of the G-buffer, 1 to 16.
         overscan: share of the image by which the G-buffer exceeds it on every side, in [0, 1].
         extra_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to 64,
-            placed by `extra_cameras`.
+            up to half of them at spot and directional lights, the others where
+            `extra_cameras` says.
         shadow_size: texels along the side of each shadow map, 16 to 8192; what reflects light is
             chosen from the same map.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.

@@ -30,9 +30,10 @@ from ssgi_cl.techniques.rsm_gather import RsmGather
 from ssgi_cl.techniques.shade import Shade
 from ssgi_cl.techniques.ssdo import Ssdo
 from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.tonemap import Tonemap, auto_exposure, picture
+from ssgi_cl.techniques.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.tiles import TileFacts, Tiles
+from ssgi_cl.window import Window
 
 REST = 7
 """Frames that don't look at the tiles after one where that brought nothing: a look costs up to a
@@ -77,7 +78,8 @@ class Renderer:
         near = isinstance(indirect, SsdoParams)
         attributes = layers if near else 1
         self.rasterizer = Rasterizer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes
+            runtime, size, layers=layers, margin=margin, attributes=attributes,
+            windows="window" in self.skips,
         )
         glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
         self._maps = LightMaps(
@@ -147,23 +149,25 @@ class Renderer:
                     ),
                 )
                 summed = self._stages.versions("combine")
+                window = self._shade.seen(seen)
                 if "radiance" in needs.outputs:
-                    values = _pixels(radiance.download())
+                    values = _pixels(radiance, window)
                 if exposure is None:
                     factor = self._stages.make(
                         "exposure", summed,
-                        lambda: auto_exposure(np.moveaxis(radiance.download(), 0, -1)
-                                              if values is None else values),
+                        lambda: auto_exposure(
+                            _pixels(radiance, window) if values is None else values
+                        ),
                     )
                 if needs.picture:
                     encoded = self._stages.make(
                         "picture", (*summed, factor),
-                        lambda: picture(self._tonemap.run(radiance, factor)),
+                        lambda: self._tonemap.run(radiance, factor, window),
                     )
                     image = encoded.copy()
             passes = tuple(self.runtime.times())
-            ao = None if openness is None else openness.download()[0]
-            indirect = None if bounced is None else _pixels(bounced.download())
+            ao = None if openness is None else openness.download(window=seen.seen)[0]
+            indirect = None if bounced is None else _pixels(bounced)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
             levels = None
             if kept and bounced is not None and isinstance(self._bounce, MultiresSplat):
@@ -188,6 +192,10 @@ class Renderer:
     def _see(self, scene: Scene, camera: Camera) -> DeviceGBuffer:
         """Queue the passes that draw the G-buffer."""
         seen: DeviceGBuffer = self.rasterizer.render(device_scene(scene, self.runtime), camera)
+        if seen.window is not None:
+            rows, columns = seen.window.rows, seen.window.columns
+            why = f"nothing is seen outside of {columns} x {rows} pixels"
+            self.runtime.skip("window", why, 0.0)
         seen.derive()
         return seen
 
@@ -245,7 +253,7 @@ class Renderer:
 
         def gathered() -> tuple[Plane | None, Plane | None]:
             shadows, _ = self._maps.draw(scene, lights, keep="maps" in self.skips)
-            views = self._views.drawn(scene, camera, seen) if self._views else ()
+            views = self._views.drawn(scene, camera, seen, lights) if self._views else ()
             found = ssdo.run(seen, lights, shadows=shadows, views=views)
             return found.direct, found.bounce
 
@@ -321,6 +329,8 @@ def _is_ambient(light: Light) -> bool:
     return isinstance(light, Environment) and bool(np.any(np.asarray(light.radiance)))
 
 
-def _pixels(planes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return [rows, columns, channels] of [channels, rows, columns]."""
-    return np.ascontiguousarray(np.moveaxis(planes, 0, -1))
+def _pixels(plane: Plane, window: Window | None = None) -> NDArray[np.float32]:
+    """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
+    pixels = np.empty((*plane.size, plane.count), np.float32)
+    plane.download(np.moveaxis(pixels, -1, 0), window)
+    return pixels

@@ -22,6 +22,7 @@ from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import opencl
 from ssgi_cl.room import Room, outline
 from ssgi_cl.structs import Struct
+from ssgi_cl.window import Window
 
 
 @dataclass(frozen=True)
@@ -391,6 +392,8 @@ class Kernel:
         *,
         grid: Size | None = None,
         local: Size | None = None,
+        window: Window | None = None,
+        cell: Size | None = None,
     ) -> None:
         """Queue the kernel. Arguments in order: reads, writes, size, values.
 
@@ -402,11 +405,18 @@ class Kernel:
             grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
                 a row.
             local: (rows, columns) of a work-group; by default chosen for the device.
+            window: pixels of the image that are to be computed; by default all. Those of a whole
+                work-group are computed if any is.
+            cell: (rows, columns) of pixels that a work-item has, for a window with a grid; by
+                default a lane-wide piece of a row.
         """
         cl = opencl()
 
         lanes = self.runtime.form.lanes
+        first: Size | None = None
         rows, columns = grid or (size[0], -(-size[1] // lanes))
+        if window is not None:
+            first, (rows, columns) = window.cells(cell or (1, lanes))
         if rows == 0 or columns == 0:
             return
         arguments = [read.argument() for read in reads]
@@ -418,10 +428,11 @@ class Kernel:
             self._kernel.set_arg_types([_argument_type(argument) for argument in arguments])
             self._typed = True
         self._kernel.set_args(*arguments)
-        group = local or self._group(rows, columns)
+        group = local or self._group(rows, columns if first is None else 1)
         work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
         event = cl.enqueue_nd_range_kernel(
-            self.runtime.queue, self._kernel, work, (group[1], group[0])
+            self.runtime.queue, self._kernel, work, (group[1], group[0]),
+            None if first is None else (first[1], first[0]),
         )
         for write in writes:
             if isinstance(write, Plane):

@@ -18,6 +18,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.window import Trace
 
 TILE = 16
 """Pixels along a tile's side; TILES_SIDE in kernels/tiles/facts.clh."""
@@ -206,6 +207,7 @@ class Tiles:
             self._lead[1] - (-(size[1] + margin[1]) // TILE),
         )
         self._facts: Plane = runtime.plane(FACTS, whole, 0.0)
+        self._looked = Trace()
         self._open, self._calm = (
             runtime.array(np.zeros(self.size[0] * self.size[1], np.int32)) for _ in range(2)
         )
@@ -217,11 +219,15 @@ class Tiles:
         """Queue the pass that finds what is known, and read it back: 68 bytes a tile."""
         rows, columns = gbuffer.whole
         start = [self.margin[i] - TILE * self._lead[i] for i in (1, 0)]
+        window = self._looked.over(gbuffer.window)
+        if window is not None:
+            window = window.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
         self._look.run(
             "tile facts", self._facts.size, reads=[gbuffer.linear, gbuffer.normal, gbuffer.depth],
             writes=[self._facts], grid=self._facts.size,
             values=[np.array([columns, rows], np.int32), np.array(start, np.int32),
                     gbuffer.camera_struct],
+            window=window, cell=(TILE, TILE),
         )
         facts = self._facts.download()
         layers = max(int(facts[_LAYER].max(initial=0.0)), 1)

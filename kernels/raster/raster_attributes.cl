@@ -21,6 +21,83 @@
 #error "RASTER_SHADED, _TEXTURED, _COLORED and _EMISSION must be defined by the host"
 #endif
 
+// Write what the lanes see of their triangles, one or several.
+RASTER_INLINE void raster_write(
+    const vint triangle, const vmask there, const bool same, __global const int *restrict corners,
+    __global const float *restrict positions, __global const float *restrict normals,
+    __global const float *restrict uvs, __global const float *restrict colors,
+    __global const int *restrict material_ids, __global const float *restrict materials,
+    __global const int *restrict textures, __global const int *restrict texels,
+    __global const float *restrict decode, __global float *restrict depth,
+    __global float *restrict normal, __global float *restrict albedo,
+    __global float *restrict emission, const int2 size, const int x, const int y,
+    const SsgiCamera camera, const RasterView view)
+{
+#if RASTER_SHADED
+    const vfloat zero = v_splat(0.0f);
+    const int first = 3 * view.layer;
+#endif
+    const RasterTriangle t = raster_triangle(view, corners, positions, triangle, same);
+    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + (x - view.margin_x)) + 0.5f);
+    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)(y - view.margin_y) + 0.5f));
+    const RasterHit hit = raster_hit(camera, view, &t, slope_x, slope_y);
+    const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
+    ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
+
+#if RASTER_SHADED
+    const int stride = view.vertex_stride;
+    const vfloat nx = raster_mix(normals, &t, hit);
+    const vfloat ny = raster_mix(normals + stride, &t, hit);
+    const vfloat nz = raster_mix(normals + 2 * stride, &t, hit);
+    const vfloat squared = nx * nx + ny * ny + nz * nz;
+    const vmask unit = there & v_gt(squared, v_splat(1e-12f));
+    const vfloat scale = v_select(zero, v_rsqrt(v_max(squared, v_splat(1e-12f))), unit);
+    ssgi_store(nx * scale, normal, size, first, x, y, 0.0f);
+    ssgi_store(ny * scale, normal, size, first + 1, x, y, 0.0f);
+    ssgi_store(nz * scale, normal, size, first + 2, x, y, 0.0f);
+
+    const vint id = v_ifetch(material_ids, triangle, t.same) * RASTER_MATERIAL;
+    vfloat r = v_fetch(materials, id, t.same);
+    vfloat g = v_fetch(materials, id + 1, t.same);
+    vfloat b = v_fetch(materials, id + 2, t.same);
+#if RASTER_COLORED
+    r = r * raster_mix(colors, &t, hit);
+    g = g * raster_mix(colors + stride, &t, hit);
+    b = b * raster_mix(colors + 2 * stride, &t, hit);
+#endif
+#if RASTER_TEXTURED
+    const vint texture = v_to_int(v_fetch(materials, id + 3, t.same));
+    const vmask textured = there & v_ige(texture, v_splat_int(0));
+    if (v_any(textured)) {
+        const RasterTextures from = {textures, texels, decode};
+        const RasterHit right = raster_meet(camera, view, &t, slope_x + camera.to_x, slope_y);
+        const RasterHit below = raster_meet(camera, view, &t, slope_x, slope_y + camera.to_y);
+        const RasterAttribute us = raster_attribute(uvs, &t);
+        const RasterAttribute vs = raster_attribute(uvs + stride, &t);
+        const vfloat u = raster_at(us, hit);
+        const vfloat v = raster_at(vs, hit);
+        const RasterColor color =
+            raster_texture(from, v_imax(texture, v_splat_int(0)), u, v, raster_at(us, right) - u,
+                           raster_at(vs, right) - v, raster_at(us, below) - u,
+                           raster_at(vs, below) - v);
+        const vfloat one = v_splat(1.0f);
+        r = r * v_select(one, color.r, textured);
+        g = g * v_select(one, color.g, textured);
+        b = b * v_select(one, color.b, textured);
+    }
+#endif
+    ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, first, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, first + 1, x, y, 0.0f);
+    ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, first + 2, x, y, 0.0f);
+#if RASTER_EMISSION
+    for (int c = 0; c < 3; ++c) {
+        const vfloat e = v_fetch(materials, id + (6 + c), t.same);
+        ssgi_store(v_select(zero, e, there), emission, size, first + c, x, y, 0.0f);
+    }
+#endif
+#endif
+}
+
 __kernel void raster_attributes(
     __global const int *restrict triangles, __global const int *restrict corners,
     __global const float *restrict positions, __global const float *restrict normals,
@@ -61,63 +138,13 @@ __kernel void raster_attributes(
     }
     // Lanes that see nothing take a neighbour's triangle: often all lanes then have the same.
     const vint triangle = v_iselect(v_splat_int(v_ilargest(seen)), seen, there);
-    const RasterTriangle t = raster_triangle(view, corners, positions, triangle);
-    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + (x - view.margin_x)) + 0.5f);
-    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)(y - view.margin_y) + 0.5f));
-    const RasterHit hit = raster_hit(camera, view, t, slope_x, slope_y);
-    const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
-    ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
-
-#if RASTER_SHADED
-    const int stride = view.vertex_stride;
-    const vfloat nx = raster_mix(normals, t, hit);
-    const vfloat ny = raster_mix(normals + stride, t, hit);
-    const vfloat nz = raster_mix(normals + 2 * stride, t, hit);
-    const vfloat squared = nx * nx + ny * ny + nz * nz;
-    const vmask unit = there & v_gt(squared, v_splat(1e-12f));
-    const vfloat scale = v_select(zero, v_rsqrt(v_max(squared, v_splat(1e-12f))), unit);
-    ssgi_store(nx * scale, normal, size, first, x, y, 0.0f);
-    ssgi_store(ny * scale, normal, size, first + 1, x, y, 0.0f);
-    ssgi_store(nz * scale, normal, size, first + 2, x, y, 0.0f);
-
-    const vint id = v_ifetch(material_ids, triangle, t.same) * RASTER_MATERIAL;
-    vfloat r = v_fetch(materials, id, t.same);
-    vfloat g = v_fetch(materials, id + 1, t.same);
-    vfloat b = v_fetch(materials, id + 2, t.same);
-#if RASTER_COLORED
-    r = r * raster_mix(colors, t, hit);
-    g = g * raster_mix(colors + stride, t, hit);
-    b = b * raster_mix(colors + 2 * stride, t, hit);
-#endif
-#if RASTER_TEXTURED
-    const vint texture = v_to_int(v_fetch(materials, id + 3, t.same));
-    const vmask textured = there & v_ige(texture, v_splat_int(0));
-    if (v_any(textured)) {
-        const RasterTextures from = {textures, texels, decode};
-        const RasterHit right = raster_meet(camera, view, t, slope_x + camera.to_x, slope_y);
-        const RasterHit below = raster_meet(camera, view, t, slope_x, slope_y + camera.to_y);
-        const RasterAttribute us = raster_attribute(uvs, t);
-        const RasterAttribute vs = raster_attribute(uvs + stride, t);
-        const vfloat u = raster_at(us, hit);
-        const vfloat v = raster_at(vs, hit);
-        const RasterColor color =
-            raster_texture(from, v_imax(texture, v_splat_int(0)), u, v, raster_at(us, right) - u,
-                           raster_at(vs, right) - v, raster_at(us, below) - u,
-                           raster_at(vs, below) - v);
-        const vfloat one = v_splat(1.0f);
-        r = r * v_select(one, color.r, textured);
-        g = g * v_select(one, color.g, textured);
-        b = b * v_select(one, color.b, textured);
+    if (v_all(v_ieq(triangle, v_splat_int(v_first(triangle))))) {
+        raster_write(triangle, there, true, corners, positions, normals, uvs, colors, material_ids,
+                     materials, textures, texels, decode, depth, normal, albedo, emission, size, x,
+                     y, camera, view);
+    } else {
+        raster_write(triangle, there, false, corners, positions, normals, uvs, colors,
+                     material_ids, materials, textures, texels, decode, depth, normal, albedo,
+                     emission, size, x, y, camera, view);
     }
-#endif
-    ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, first, x, y, 0.0f);
-    ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, first + 1, x, y, 0.0f);
-    ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, first + 2, x, y, 0.0f);
-#if RASTER_EMISSION
-    for (int c = 0; c < 3; ++c) {
-        const vfloat e = v_fetch(materials, id + (6 + c), t.same);
-        ssgi_store(v_select(zero, e, there), emission, size, first + c, x, y, 0.0f);
-    }
-#endif
-#endif
 }

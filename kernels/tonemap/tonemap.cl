@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// tonemap: linear radiance to sRGB-encoded values from 0 to 255.
+// tonemap: linear radiance to an sRGB-encoded picture.
 //
 // Method:  exposure, then a filmic curve (Narkowicz 2015, a fit of the ACES reference transform:
 //          x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)) or none, then IEC 61966-2-1.
 // Reads:   radiance  3 x [rows, columns] linear, >= 0
-// Writes:  encoded   3 x [rows, columns] in [0, 255]
+// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up to 16;
+//                    beyond the columns anything
 // Macros:  TONEMAP_CURVE (0 clip at 1, 1 filmic)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -14,7 +15,29 @@
 #error "TONEMAP_CURVE must be defined by the host"
 #endif
 
-__kernel void tonemap(ssgi_plane radiance, __global float *restrict encoded, const int2 size,
+// Write three bytes of each lane, one pixel after the other, from pixel number `first` on.
+static inline void tonemap_store(const vint red, const vint green, const vint blue,
+                                 __global uint *restrict encoded, const int first)
+{
+#if SSGI_LANES == 1
+    __global uchar *restrict to = (__global uchar *)encoded + first * 3;
+    to[0] = (uchar)red;
+    to[1] = (uchar)green;
+    to[2] = (uchar)blue;
+#else
+    // Four pixels of three bytes are three words; the first byte of a word is its lowest.
+    uint pixel[SSGI_LANES];
+    SSGI_V(vstore)(SSGI_V(as_uint)(red | green << 8 | blue << 16), 0, pixel);
+    __global uint *restrict words = encoded + first / 4 * 3;
+    for (int i = 0; i < SSGI_LANES; i += 4, words += 3) {
+        words[0] = pixel[i] | pixel[i + 1] << 24;
+        words[1] = pixel[i + 1] >> 8 | pixel[i + 2] << 16;
+        words[2] = pixel[i + 2] >> 16 | pixel[i + 3] << 8;
+    }
+#endif
+}
+
+__kernel void tonemap(ssgi_plane radiance, __global uint *restrict encoded, const int2 size,
                       const float exposure)
 {
     const int x = ssgi_first_column();
@@ -22,6 +45,8 @@ __kernel void tonemap(ssgi_plane radiance, __global float *restrict encoded, con
     if (x >= size.x || y >= size.y) {
         return;
     }
+    vint byte[3];
+#pragma unroll
     for (int c = 0; c < 3; ++c) {
         vfloat v = v_clamp(ssgi_load(radiance, size, c, x, y) * exposure, 0.0f, 1e6f);
 #if TONEMAP_CURVE
@@ -31,6 +56,8 @@ __kernel void tonemap(ssgi_plane radiance, __global float *restrict encoded, con
         const vfloat high = v_fma(v_pow(v, v_splat(1.0f / 2.4f)), v_splat(1.055f),
                                   v_splat(-0.055f));
         const vfloat s = v_select(high, v * 12.92f, v_le(v, v_splat(0.0031308f)));
-        ssgi_store(s * 255.0f, encoded, size, c, x, y, 0.0f);
+        byte[c] = v_to_int(v_fma(s, v_splat(255.0f), v_splat(0.5f)));
     }
+    const int pitch = (size.x + 15) & ~15;
+    tonemap_store(byte[0], byte[1], byte[2], encoded, y * pitch + x);
 }

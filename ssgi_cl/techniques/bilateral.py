@@ -16,6 +16,7 @@ from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.tiles import TILE, OpenTiles, tile_values
+from ssgi_cl.window import Trace, Window
 
 BLUR = Struct(
     "BlurParams",
@@ -102,15 +103,17 @@ class Bilateral:
         weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
         self._weights = runtime.array(weights.astype(np.float32))
         self._planes = [runtime.plane(channels, size) for _ in range(2)]
+        self._traces = [Trace() for _ in range(2)]
 
     def run(
         self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
-        tiles: OpenTiles | None = None, step: int = 1,
+        tiles: OpenTiles | None = None, step: int = 1, window: Window | None = None,
     ) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
         In open `tiles` the value is the same in every pixel; it has every `step`-th pixel of their
-        image. Where all that the blur reads is open, the value stays.
+        image. Where all that the blur reads is open, the value stays. Outside `window` nothing is,
+        and the value the same in every call with one.
         """
         params = self.params
         if params.passes * params.radius * step > TILE:
@@ -127,6 +130,7 @@ class Bilateral:
             }
         )
         bits = self._no_tiles if tiles is None else tiles.bits
+        lanes = self.runtime.form.lanes
         for i in range(params.passes):
             for shape in self._shapes:
                 out = self._planes[0] if value is not self._planes[0] else self._planes[1]
@@ -137,7 +141,9 @@ class Bilateral:
                     reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
                     writes=[out],
                     values=[gbuffer.camera_struct, packed],
-                    grid=(-(-rows // self._rows[shape]), -(-columns // self.runtime.form.lanes)),
+                    grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
+                    window=self._traces[self._planes.index(out)].over(window),
+                    cell=(self._rows[shape], lanes),
                 )
                 value = out
         return value

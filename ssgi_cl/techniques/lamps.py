@@ -15,6 +15,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, Spo
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.window import Trace, Window
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -52,6 +53,8 @@ class Lamps:
         self.size = size
         self.irradiance = runtime.plane(3, size)
         self._nothing = runtime.plane(1, (1, 1))
+        self._trace = Trace()
+        self._window: Window | None = None
 
     def run(
         self,
@@ -65,16 +68,20 @@ class Lamps:
         over.
         """
         maps = list(shadows) if shadows is not None else [None] * len(lights)
-        lit = False
+        lit: list[tuple[Lamp, ShadowMap | None]] = []
         for light, shadow in zip(lights, maps, strict=True):
             if isinstance(light, Environment):
                 continue
-            if not power(light).any():
+            if power(light).any():
+                lit.append((light, shadow))
+            else:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
-                continue
-            self.light(gbuffer, light, shadow, add=lit)
-            lit = True
-        return self.irradiance if lit else None
+        if not lit:
+            return None
+        self._window = self._trace.over(gbuffer.seen)
+        for number, (light, shadow) in enumerate(lit):
+            self.light(gbuffer, light, shadow, add=number > 0)
+        return self.irradiance
 
     def light(
         self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool
@@ -102,6 +109,7 @@ class Lamps:
                 CAMERA.pack(camera_values(light_camera)),
                 LIGHT.pack(light_values(light, camera, light_camera, gbuffer)),
             ],
+            window=self._window,
         )
 
 

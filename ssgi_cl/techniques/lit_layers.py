@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import product
 
@@ -12,6 +13,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.ambient import Ambient
 from ssgi_cl.techniques.lamps import Lamps, ShadowMap
+from ssgi_cl.window import Trace
 
 LIT = Struct(
     "LitParams",
@@ -66,6 +68,7 @@ class LitLayers:
         self._ambient = Ambient(runtime)
         self._radiance = runtime.plane(3 * layers * len(self._sides), whole)
         self._nothing = runtime.plane(1, (1, 1))
+        self._traces: defaultdict[int, Trace] = defaultdict(Trace)  # by image
 
     def run(
         self,
@@ -133,11 +136,12 @@ class LitLayers:
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
         rows, columns = openness.size if openness is not None else (1, 1)
+        image = 3 * (layer.front + (self.layers if layer.facing < 0.0 else 0))
         values = {
             **rotation_values(layer.camera.view[:3, :3].T),
             "facing": layer.facing,
             "layer": layer.front,
-            "image": 3 * (layer.front + (self.layers if layer.facing < 0.0 else 0)),
+            "image": image,
             "margin_columns": margin[1],
             "margin_rows": margin[0],
             "open_columns": columns,
@@ -153,4 +157,5 @@ class LitLayers:
             ],
             writes=[self._radiance],
             values=[LIT.pack(values)],
+            window=self._traces[image].over(layer.window),
         )

@@ -18,6 +18,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
 from ssgi_cl.tiles import OpenTiles, Reach
+from ssgi_cl.window import Trace, Window
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 BLUR_RESOLUTIONS = ("own", "full")
@@ -70,6 +71,7 @@ class OcclusionTechnique(ABC):
         self._step = step = RESOLUTIONS[params.resolution]
         coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)
+        self._trace = Trace()
         self._no_tiles = runtime.array(np.zeros(1, np.int32))
         self._reduced: ReducedGBuffer | None = None
         blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
@@ -99,14 +101,17 @@ class OcclusionTechnique(ABC):
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
             self._reduced.update(gbuffer)
             source = self._reduced
-        self._occlude(gbuffer, source, tiles, layers)
+        window = self._window(gbuffer)
+        self._occlude(gbuffer, source, tiles, layers, self._trace.over(window))
         result = self._openness
         if self._blur_first:
-            result = self._blur.run(result, source, tiles=tiles, step=self._step)
+            result = self._blur.run(
+                result, source, tiles=tiles, step=self._step, window=window
+            )
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(result, self._reduced, gbuffer)
         if not self._blur_first and self._blur.active:
-            result = self._blur.run(result, gbuffer)
+            result = self._blur.run(result, gbuffer, window=gbuffer.seen)
         return result
 
     def __call__(
@@ -129,9 +134,18 @@ class OcclusionTechnique(ABC):
 
     @abstractmethod
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
     ) -> None:
-        """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced."""
+        """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced.
+
+        Only pixels in `window` are needed.
+        """
+
+    def _window(self, gbuffer: DeviceGBuffer) -> Window | None:
+        """Return the pixels of `_openness` outside which nothing is."""
+        seen = gbuffer.seen
+        return None if seen is None else seen.reduced(self._step)
 
     def _bits(self, tiles: OpenTiles | None) -> DeviceArray:
         """Return what kernels read of the tiles."""

@@ -17,6 +17,7 @@ from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.ambient import Ambient
 from ssgi_cl.techniques.lamps import BRIGHTEST, Lamps, ShadowMap
 from ssgi_cl.techniques.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.window import Trace, Window
 
 COMBINE = Struct(
     "CombineParams",
@@ -39,6 +40,8 @@ class Shade:
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
         self._sky_size = (1, 1)
+        self._background: tuple[float, ...] | None = (0.0, 0.0, 0.0)
+        self._trace = Trace()
 
     def run(
         self,
@@ -127,8 +130,13 @@ class Shade:
             ],
             writes=[self._radiance],
             values=[gbuffer.camera_struct, COMBINE.pack(values)],
+            window=self._trace.over(self.seen(gbuffer), self._background),
         )
         return self._radiance
+
+    def seen(self, gbuffer: DeviceGBuffer) -> Window | None:
+        """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
+        return None if self._background is None else gbuffer.seen
 
     def _set_sky(self, environments: Sequence[Environment]) -> None:
         """Bring what the environments look like to the device."""
@@ -137,6 +145,7 @@ class Shade:
             self._sky = DeviceArray(self.runtime, sky)
         self._sky.upload(sky)
         self._sky_size = (sky.shape[0], sky.shape[1])
+        self._background = tuple(sky.ravel().tolist()) if sky.size == 3 else None
 
 
 def shade(

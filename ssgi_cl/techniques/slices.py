@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
@@ -21,6 +22,7 @@ from ssgi_cl.techniques.occlusion import RESOLUTIONS, OcclusionParams, Occlusion
 from ssgi_cl.techniques.ssao import TILE_ORDER
 from ssgi_cl.techniques.upsample import coarse_size
 from ssgi_cl.tiles import OpenTiles, Reach, tile_values
+from ssgi_cl.window import Trace, Window
 
 SLICES = Struct(
     "SliceParams",
@@ -180,6 +182,7 @@ class SliceScan:
         # What lies outside differs between perspective and orthographic cameras.
         self._near: dict[tuple[bool, bool, int], Plane] = {}
         self._sorted: dict[int, DeviceArray] = {}
+        self._traces: defaultdict[object, Trace] = defaultdict(Trace)
         self._slopes: DeviceArray | None = None
 
     @property
@@ -192,6 +195,17 @@ class SliceScan:
         """Return (rows, columns) of work-items: a strip's are below one another's."""
         rows, columns = self.size
         return rows * -(-columns // STRIP), STRIP // self.runtime.form.lanes
+
+    def strips(self, window: Window | None) -> list[Window | None]:
+        """Return the parts of `grid` that scan a window of the result, one a strip."""
+        if window is None:
+            return [None]
+        _, columns = self.grid
+        first, (_, count) = window.cells((1, STRIP))
+        return [
+            Window(strip * self.size[0] + window.row, 0, window.rows, columns)
+            for strip in range(first[1], first[1] + count)
+        ]
 
     def macros(
         self, *, thick: bool, reads_thickness: bool, layers: int | None = None
@@ -231,11 +245,26 @@ class SliceScan:
                 np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
                 gbuffer.camera_struct,
             ],
+            window=self._traces[key].over(self._rows_of(gbuffer.window)),
         )
         return near
 
-    def sorted(self, name: str, images: Plane) -> DeviceArray:
-        """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth."""
+    def _rows_of(self, window: Window | None) -> Window | None:
+        """Return the whole rows of `near` that hold what is seen in a window of a G-buffer."""
+        if window is None:
+            return None
+        rows, columns = self.sorted_size
+        seen = window.inside((rows * self.step, columns * self.step), self._first)
+        coarse = seen.reduced(self.step)
+        return Window(coarse.row, 0, coarse.rows, columns)
+
+    def sorted(
+        self, name: str, images: Plane, window: Window | None = None
+    ) -> DeviceArray:
+        """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth.
+
+        They are 0 outside of `window`.
+        """
         count = images.count
         if count not in self._sorted:
             self._sorted[count] = self._array(count)
@@ -243,23 +272,28 @@ class SliceScan:
         kernel.run(
             name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
             values=self._places(images),
+            window=self._traces["sorted", count].over(self._rows_of(window)),
         )
         return self._sorted[count]
 
     def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
-        """Queue the pass that finds how depth changes round the pixels of all layers."""
+        """Queue the pass that finds the planes of all layers, from normals where there are any."""
         if self._slopes is None:
             self._slopes = self._array(2 * self.layers)
         kernel = self.runtime.kernel(
-            "slices/slices_slopes.cl", {"SLOPES_LAYERS": self.layers}, (CAMERA,)
+            "slices/slices_slopes.cl",
+            {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
+            (CAMERA,),
         )
         kernel.run(
-            "slopes", self.sorted_size, reads=[gbuffer.depth], writes=[self._slopes],
+            "slopes", self.sorted_size, reads=[gbuffer.depth, gbuffer.normal],
+            writes=[self._slopes],
             values=[
                 *self._places(gbuffer.depth),
                 np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
                 gbuffer.camera_struct,
             ],
+            window=self._traces["slopes"].over(self._rows_of(gbuffer.window)),
         )
         return self._slopes
 
@@ -361,22 +395,22 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         )
 
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
     ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         layers = layers or self.layers
         near = self._scan.near(gbuffer, thickness, layers)
-        self._kernel(thick=thickness is not None, layers=layers).run(
-            self.name,
-            self._openness.size,
-            reads=[near, source.normal, self._scan.table, self._bits(tiles)],
-            writes=[self._openness],
-            values=[
-                source.camera_struct,
-                self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)}),
-            ],
-            grid=self._scan.grid,
-        )
+        packed = self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)})
+        for strip in self._scan.strips(window):
+            self._kernel(thick=thickness is not None, layers=layers).run(
+                self.name,
+                self._openness.size,
+                reads=[near, source.normal, self._scan.table, self._bits(tiles)],
+                writes=[self._openness],
+                values=[source.camera_struct, packed],
+                grid=self._scan.grid, window=strip, cell=(1, 1),
+            )
 
     def _macros(self) -> Mapping[str, int]:
         """Return the technique's own switches."""

@@ -20,6 +20,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.tiles import OpenTiles, Reach, tile_values
+from ssgi_cl.window import Window
 
 SSAO = Struct(
     "SsaoParams",
@@ -230,7 +231,8 @@ class Ssao(OcclusionTechnique):
         )
 
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
     ) -> None:
         self._kernel.run(
             "ssao",
@@ -238,6 +240,7 @@ class Ssao(OcclusionTechnique):
             reads=[source.depth, source.normal, self._points, self._curve, self._bits(tiles)],
             writes=[self._openness],
             values=[source.camera_struct, self._packed(source, tiles)],
+            window=window,
         )
 
     def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:

@@ -26,6 +26,7 @@ from ssgi_cl.techniques.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.ssdo_lamps import LampBlur, lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
+from ssgi_cl.window import Trace
 
 SPLIT = Struct(
     "SplitParams",
@@ -95,6 +96,7 @@ class Ssdo:
         self._finish = Finish(runtime, size, params)
         self._nothing = runtime.plane(1, (1, 1))
         self._direct = runtime.plane(3, size)
+        self._trace = Trace()
         self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
 
     def run(
@@ -219,6 +221,7 @@ class Ssdo:
             reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
             writes=[self._direct, self._bounce],
             values=[SPLIT.pack(values)],
+            window=self._trace.over(gbuffer.seen, bounces),
         )
 
 

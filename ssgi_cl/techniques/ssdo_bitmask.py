@@ -15,6 +15,7 @@ from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.bitmask_ao import ENDS
 from ssgi_cl.techniques.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.slices import SLICES, SliceParams, SliceScan, check_shape
+from ssgi_cl.window import Trace
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
 
@@ -79,6 +80,7 @@ class SsdoBitmask:
         self.size = self._scan.size
         self._nothing = runtime.array(np.zeros(1, np.float32))
         self._light: dict[int, Plane] = {}
+        self._trace = Trace()
         self.masks: DeviceArray | None = None
         if masks:
             like = runtime.plane(self.params.slices, self.size)
@@ -123,7 +125,7 @@ class SsdoBitmask:
             )
         lookup = None if sky is None else sky.map
         near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
-        sent = None if radiance is None else scan.sorted("senders", radiance)
+        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
         light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None))
         macros = {
             **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
@@ -139,17 +141,23 @@ class SsdoBitmask:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
         values = {"thickness": self.params.thickness}
-        self.runtime.kernel("ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)).run(
-            "ssdo_bitmask",
-            self.size,
-            reads=[
-                near, source.normal, scan.table, slopes, lookup or self._nothing,
-                sent or self._nothing,
-            ],
-            writes=[light, self.masks or self._nothing],
-            values=[source.camera_struct, scan.packed(source, values), OWN.pack(own)],
-            grid=scan.grid,
+        seen = gbuffer.seen
+        window = None if seen is None else seen.reduced(scan.step)
+        kernel = self.runtime.kernel(
+            "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
+        for strip in scan.strips(self._trace.over(window, light.count)):
+            kernel.run(
+                "ssdo_bitmask",
+                self.size,
+                reads=[
+                    near, source.normal, scan.table, slopes, lookup or self._nothing,
+                    sent or self._nothing,
+                ],
+                writes=[light, self.masks or self._nothing],
+                values=[source.camera_struct, scan.packed(source, values), OWN.pack(own)],
+                grid=scan.grid, window=strip, cell=(1, 1),
+            )
         return light
 
     def _result(self, count: int) -> Plane:

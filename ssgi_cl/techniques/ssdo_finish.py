@@ -48,9 +48,13 @@ class Finish:
             size = self.size if self._late else plane.size
             self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count)
         if not self._late:
-            plane = self._blurs[count].run(plane, source)
+            seen = gbuffer.seen
+            window = None if seen is None else seen.reduced(self._step)
+            plane = self._blurs[count].run(plane, source, window=window)
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(self.runtime, self.size, self._step, count)
             plane = self._upsamples[count].run(plane, source, gbuffer)
-        return self._blurs[count].run(plane, gbuffer) if self._late else plane
+        if self._late:
+            plane = self._blurs[count].run(plane, gbuffer, window=gbuffer.seen)
+        return plane

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl import check
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.window import Window, copy_window
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18
@@ -23,15 +24,31 @@ class Tonemap:
         self.size = size
         number = CURVES.index(check.choice("curve", curve, CURVES))
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
-        self._encoded = runtime.plane(3, size)
+        self._pitch = (size[1] + 15) // 16 * 16
+        self._encoded = runtime.empty(size[0] * self._pitch * 3, np.uint8)
 
-    def run(self, radiance: Plane, exposure: float) -> Plane:
-        """Queue the pass; return the plane of values in [0, 255]."""
-        self._kernel.run(
-            "tonemap", self.size, reads=[radiance], writes=[self._encoded],
-            values=[np.float32(min(exposure, LARGEST_EXPOSURE))],
-        )
-        return self._encoded
+    def run(
+        self, radiance: Plane, exposure: float, window: Window | None = None
+    ) -> NDArray[np.uint8]:
+        """Run the pass; return the picture, [rows, columns, 3] uint8.
+
+        Outside of `window` radiance is the same everywhere: one pixel stands for all.
+        """
+        beyond = None if window is None else window.beyond(self.size)
+        parts = [window]
+        if beyond is not None:
+            parts.append(Window(*beyond, 1, 1))
+        for part in parts:
+            self._kernel.run(
+                "tonemap", self.size, reads=[radiance], writes=[self._encoded],
+                values=[np.float32(min(exposure, LARGEST_EXPOSURE))], window=part,
+            )
+        rows, columns = self.size
+        picture = np.empty((rows, columns, 3), np.uint8)
+        with self._encoded.mapped() as flat:
+            encoded = flat.reshape(rows, self._pitch, 3)[:, :columns]
+            copy_window(encoded, picture, window, beyond)
+        return picture
 
 
 def auto_exposure(radiance: NDArray[np.float32]) -> float:
@@ -85,13 +102,5 @@ def tonemap(
     )
     plane.upload(np.moveaxis(values, -1, 0))
     with device.frame():
-        return picture(technique.run(plane, factor))
-
-
-def picture(encoded: Plane) -> NDArray[np.uint8]:
-    """Return the [rows, columns, 3] uint8 picture of a plane of values in [0, 255]."""
-    result = np.empty((*encoded.size, 3), np.uint8)
-    values = encoded.download()
-    np.rint(values, out=values)
-    result[...] = np.moveaxis(values, 0, -1)
-    return result
+        result: NDArray[np.uint8] = technique.run(plane, factor)
+        return result

@@ -69,8 +69,8 @@ class Subject:
         on_device: whether the work is done by the runtime's device, whose clock then counts.
         quantity: what the result is: "occlusion" (A in [0, 1]), "model" (the same, held to its own
             model alone), "bent" (angles to true bent normals, degrees), "direct" or "bounce"
-            (irradiance by direct light or one bounce, W/m^2), or empty where the world has no
-            truth for it.
+            (irradiance by direct light or one bounce, W/m^2), "cut" and "mirrored" (bounces
+            held to all of their lights alone), or empty where the world has no truth for it.
         samples: scattered reads or rays of a run, over all pixels that show something; 0 where
             that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.

@@ -37,8 +37,8 @@ def errors_of(
     Returns:
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
         truth that is black all over, so are mrse, psnr and ssim; of one with holes, ssim and flip),
-        `truth_error`, the root mean square of the truth's standard error, and `regions`: share of
-        the pixels, rmse and bias of each region that has any.
+        `mean` of the truth and `truth_error`, the root mean square of its standard error, and
+        `regions`: share of the pixels, rmse and bias of each region that has any.
     """
     mean = truth.mean
     known = np.isfinite(mean if mean.ndim == 2 else mean.sum(axis=-1))
@@ -54,6 +54,7 @@ def errors_of(
         "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
         "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
         "flip": _flip(image, mean, seen, light=light) if peak > 0.0 and whole else None,
+        "mean": float(mean[seen].mean(dtype=np.float64)),
         "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
         "regions": {
             name: {

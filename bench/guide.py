@@ -32,5 +32,8 @@ GUIDE: Mapping[str, str] = {
 
 
 def advises(document: Mapping[str, Any]) -> bool:
-    """Return whether a document measures what the guide speaks of: ours beside rays."""
-    return any(verdict(results) for results in groups(document["results"]).values())
+    """Return whether a document measures what the guide speaks of: our A beside that of rays."""
+    return any(
+        key[0] == "occlusion" and verdict(results)
+        for key, results in groups(document["results"]).items()
+    )

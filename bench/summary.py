@@ -26,6 +26,7 @@ from .wording import (
     number,
     ratio,
     revision,
+    rmse,
     short_name,
     title,
 )
@@ -39,7 +40,7 @@ _LEGEND = (
     "\\* nothing of its group is both faster and closer to the truth. ~ unsteady. Ratio: time over "
     "that of the reference run beside it. RMSE, bias, MRSE, SSIM and FLIP (of light HDR-FLIP) are "
     "against rays or paths through the mesh; the last two columns are against what the same "
-    "screen-space model converges to."
+    "screen-space model converges to. RMSE of light: in W/m², and as a share of the truth's mean."
 )
 _ENTRY_WIDTH, _ROW = 140, 22
 _STRIP, _QUALITY = 1200, 80
@@ -143,14 +144,15 @@ def _strip(of: Pictures) -> Image.Image:
 
 def _row(result: Mapping[str, Any]) -> str:
     world = [number(metric(result, "world", name), "+" if name == "bias" else "")
-             for name in ("rmse", "bias", "mrse", "ssim", "flip")]
+             for name in ("bias", "mrse", "ssim", "flip")]
     cells = (
         "\\*" if result["front"] else "",
         short_name(result),
         milliseconds(result),
         ratio(result),
+        rmse(result, "world"),
         *world,
-        number(metric(result, "assumption", "rmse")),
+        rmse(result, "assumption"),
         number(metric(result, "assumption", "bias"), "+"),
     )
     return f"| {' | '.join(cells)} |"

@@ -20,6 +20,7 @@ from .wording import (
     number,
     ratio,
     revision,
+    rmse,
     short_name,
     title,
     unit,
@@ -31,7 +32,7 @@ Cell = Callable[[Row], str]
 _LEGEND = (
     "* nothing here is both faster and closer to the world's truth; ~ unsteady, see below; "
     "ratio: to the reference; ceiling: share of the nearer one; FLIP: of light HDR-FLIP; model: "
-    "RMSE and bias against what the same screen-space model converges to"
+    "RMSE and bias against what the same screen-space model converges to; %: of the truth's mean"
 )
 
 
@@ -116,10 +117,10 @@ def _columns(calibration: Mapping[str, float]) -> list[tuple[str, int, Cell]]:
         ("G/s", 6, lambda row: number(row.get("samples_g_s"))),
         ("GB/s", 7, lambda row: number(row.get("moved_gb_s"))),
         ("ceiling", 4, share),
-        ("RMSE", 1, lambda row: number(metric(row, "world", "rmse"))),
+        ("RMSE", 1, lambda row: rmse(row, "world")),
         ("bias", 2, lambda row: number(metric(row, "world", "bias"), "+")),
         ("MRSE", 3, lambda row: number(metric(row, "world", "mrse"))),
         ("FLIP", 3, lambda row: number(metric(row, "world", "flip"))),
-        ("model", 4, lambda row: number(metric(row, "assumption", "rmse"))),
+        ("model", 4, lambda row: rmse(row, "assumption")),
         ("its bias", 5, lambda row: number(metric(row, "assumption", "bias"), "+")),
     ]

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from .document import clock, metric, timed
-from .peers import PEERS
+from .peers import PEERS, mitsuba_path
 from .peers.embree import MOVING, STATIC
 from .wording import number, short_name
 
@@ -17,12 +17,15 @@ _Result = Mapping[str, Any]
 PUBLISHED = {"xegtao": "XeGTAO's High setting"}
 """Families that measure what others chose, with this library's kernels."""
 
+STILL = (*STATIC, *mitsuba_path.FAMILIES)
+"""Families of rays and paths through geometry that stands still."""
+
 ALIKE = 1.05
 """Times that differ by no more than this factor are called the same cost."""
 
 
 def rays_ms(
-    results: Sequence[_Result], rmse: float, families: Iterable[str] = tuple(STATIC)
+    results: Sequence[_Result], rmse: float, families: Iterable[str] = STILL
 ) -> float | None:
     """Return the least time in which rays have at most this error against the world's truth.
 
@@ -72,11 +75,11 @@ def verdict(results: Sequence[_Result]) -> str:
         for point in _points([result]) if mine
     ]
     for families, where in (
-        (STATIC, "the building of their tree not counted"),
-        (MOVING, "the building of their tree counted"),
+        (STILL, "the building of their tree not counted"),
+        (tuple(MOVING), "the building of their tree counted"),
     ):
         if mine and any(result["family"] in families for result in results):
-            said.append(_crossing(results, mine, tuple(families), where))
+            said.append(_crossing(results, mine, families, where))
             rays = _points(result for result in results if result["family"] in families)
             if rays:
                 first = min(rays, key=lambda point: point[1])

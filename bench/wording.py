@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .document import Group, clock, timed
+from .document import Group, clock, metric, timed
 
 NOTHING = "-"
 """In place of a number that there is none of."""
@@ -17,9 +17,13 @@ _QUANTITIES = {
     "bent": "Angle between bent normals and those of rays",
     "direct": "Direct light",
     "bounce": "One bounce of light",
+    "cut": "One bounce of light, held to the same lights without a cut",
+    "mirrored": "Light that glossy surfaces mirror, without walls",
     "": "Passes without a world truth",
 }
-_UNITS = {"bent": "degrees", "direct": "W/m²", "bounce": "W/m²"}
+_UNITS = {
+    "bent": "degrees", **dict.fromkeys(("direct", "bounce", "cut", "mirrored"), "W/m²"),
+}
 
 
 def number(value: float | None, sign: str = "") -> str:
@@ -68,6 +72,14 @@ def milliseconds(result: Mapping[str, Any]) -> str:
     if not timed(result):
         return NOTHING
     return number(clock(result)["median"]) + ("~" if result["unsteady"] else "")
+
+
+def rmse(result: Mapping[str, Any], truth: str) -> str:
+    """Return a result's error against a truth; that of light as a share of the truth's mean too."""
+    error, mean = metric(result, truth, "rmse"), metric(result, truth, "mean")
+    if error is None or not mean or not unit(result["quantity"]).startswith(" W"):
+        return number(error)
+    return f"{number(error)} ({100.0 * error / mean:.3g} %)"
 
 
 def ratio(result: Mapping[str, Any]) -> str:

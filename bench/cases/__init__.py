@@ -21,6 +21,7 @@ from . import (
     ssao,
     ssdo,
     upsample,
+    vpl_lobes,
     vpl_splat,
 )
 
@@ -39,6 +40,7 @@ OWN: Mapping[str, Family] = {
     **rasterize.FAMILIES,
     **skips.FAMILIES,
     **vpl_splat.FAMILIES,
+    **vpl_lobes.FAMILIES,
     **multires_splat.FAMILIES,
 }
 """This library's."""

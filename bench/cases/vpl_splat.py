@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import rsm
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 
 from ..case import Family, Own, Subject, count_of
-from ..context import Context
+from ..context import Context, exact
 
 MAP_SIZE = 512
 """Texels along a side of the lamps' maps."""
 PIXEL_BYTES = 4 * (1 + 3 + 3)
 """Depth and normal read, E written."""
+MANY = ("256", "1024", "4096", "16384")
+"""Numbers of lights that walls hide: with them thousands pay."""
+SOME = ("1024", "4096")
+FINE_GRID, FINE_STEPS = 128, 32
+"""For rooms whose walls are thinner than a cell of the usual grid."""
 
 
 @dataclass(frozen=True)
@@ -30,18 +36,22 @@ class VplsByNumber(Own):
         cull: tiles skip lights that lie behind them.
         interleave: each pixel of 4 x 4 takes one in 16.
         visibility: walls block light; then the G-buffer has four layers and a tenth of overscan.
+        grid, steps: of walls; see `VplSplatParams`.
     """
 
     cull: bool = True
     interleave: bool = False
     visibility: bool = False
+    grid: int = 64
+    steps: int = 16
     SETTINGS: tuple[str, ...] = ("256", "1024", "4096")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and splatting ready."""
         params = VplSplatParams(
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), cutoff=0.0, cull=self.cull,
-            interleave=self.interleave, visibility=self.visibility,
+            interleave=self.interleave, visibility=self.visibility, grid=self.grid,
+            steps=self.steps,
         )
         return vpl_subject(context, params)
 
@@ -50,7 +60,8 @@ class VplsByNumber(Own):
 class VplsByCut(Own):
     """1024 lights without parts; the setting is the cut, of the irradiance at a tenth of the scene.
 
-    That is, of the diagonal of its box: at 1 percent a light reaches across the whole scene.
+    That is, of the diagonal of its box: at 1 percent a light reaches across the whole scene. They
+    are held to the same lights without a cut.
 
     Attributes:
         cull: tiles skip lights that give them nothing.
@@ -69,7 +80,15 @@ class VplsByCut(Own):
             cutoff=0.01 * percent, unit_distance=0.1 * diagonal, cull=self.cull,
             restore=self.restore, refine=0.0,
         )
-        return vpl_subject(context, params)
+        subject = vpl_subject(context, params)
+
+        def uncut() -> Truth:
+            image = vpl_subject(context, VplSplatParams(cutoff=0.0, refine=0.0)).image
+            assert image is not None  # noqa: S101  it has one
+            return exact(image())
+
+        truths = {"assumption": lambda: context.truth("lights without a cut", lambda _: uncut())}
+        return replace(subject, quantity="cut", truths=truths)
 
 
 def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
@@ -95,14 +114,19 @@ def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
     )
 
 
-def drawn_maps(context: Context) -> list[DeviceRsm]:
-    """Return the lamps' maps in device memory."""
+def drawn_maps(
+    context: Context, scene: Scene | None = None, size: int = MAP_SIZE
+) -> list[DeviceRsm]:
+    """Return the lamps' maps in device memory: of the view's scene, or of another in its place."""
     if not context.lamps:
         raise ValueError(f"{context.view.name} has no lamp: expected at least one")
     maps = []
     for lamp in context.lamps:
-        drawn = rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=context.runtime)
-        device = DeviceRsm(context.runtime, drawn.cameras[0].size, len(drawn.cameras))
+        drawn = rsm(scene or context.view.scene, lamp, size=size, runtime=context.runtime)
+        device = DeviceRsm(
+            context.runtime, drawn.cameras[0].size, len(drawn.cameras),
+            glossy=drawn.specular_flux is not None,
+        )
         device.upload(drawn)
         maps.append(device)
     return maps
@@ -112,7 +136,10 @@ FAMILIES: Mapping[str, Family] = {
     "vpl": VplsByNumber(),
     "vpl-plain": VplsByNumber(cull=False),
     "vpl-interleaved": VplsByNumber(interleave=True),
-    "vpl-walls": VplsByNumber(interleave=True, visibility=True, SETTINGS=("1024", "4096", "16384")),
+    "vpl-walls": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
+    "vpl-walls-fine": VplsByNumber(
+        interleave=True, visibility=True, grid=FINE_GRID, steps=FINE_STEPS, SETTINGS=SOME
+    ),
     "vpl-cut": VplsByCut(),
     "vpl-cut-plain": VplsByCut(cull=False),
     "vpl-cut-restored": VplsByCut(restore=True),

@@ -22,7 +22,7 @@ class MitsubaPath:
         denoised: whether Intel's denoiser follows.
     """
 
-    SETTINGS: tuple[str, ...] = ("1", "4", "16")
+    SETTINGS: tuple[str, ...] = ("1", "4", "16", "64")
     denoised: bool = False
 
     def missing(self) -> str:

@@ -7,8 +7,9 @@
 //          normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light behind the
 //          tile; the greatest cosines over the least distance between light and tile.
 //          Of a light with a lobe, in place of the sphere: the least angle between its axis and the
-//          ball round the tile, which is tighter than an ellipsoid round the lobe where the tile is
-//          small beside it.
+//          ball round the tile, and a plane between the tile's box and the cone in which the lobe is
+//          above the cut. Both are tighter than an ellipsoid round the lobe where the tile is small
+//          beside it.
 //          All of them are conservative, so that a tile's pixels get the same bits from its list as
 //          from all lights.
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
@@ -57,6 +58,36 @@ static inline int vpl_append(__global int *restrict list, const int count, const
     }
     list[count] = number;
     return count - kept;
+}
+#endif
+
+#if VPL_CUT && VPL_GLOSSY
+// Whether a way from the lights into the box may have this cosine to their axis a: if one has, then
+// (a - cosine u) . way >= 0, and whatever unit vector u is, that is greatest at a corner. It tells
+// most with u towards what of the box is nearest to the axis at the box's distance along it.
+static inline vmask vpl_reaches(__global const float *restrict box,
+                                __global const float *restrict lights, const int stride,
+                                const int i, const vfloat along, const vfloat cosine)
+{
+    vfloat low[3], high[3], axis[3], to[3];
+    vfloat squared = v_splat(1e-24f);
+    for (int j = 0; j < 3; ++j) {
+        const vfloat y = v_load(lights + j * stride + i);
+        axis[j] = v_load(lights + (3 + j) * stride + i);
+        low[j] = v_splat(box[j]) - y;
+        high[j] = v_splat(box[3 + j]) - y;
+        to[j] = v_min(v_max(axis[j] * along, low[j]), high[j]);
+        squared = v_fma(to[j], to[j], squared);
+    }
+    // Rounding: the cosine gets 1e-5 less, and the sum 1e-6 of its parts more.
+    const vfloat least = v_max(cosine - 1e-5f, v_splat(0.0f)) * v_rsqrt(squared);
+    vfloat most = v_splat(0.0f);
+    for (int j = 0; j < 3; ++j) {
+        const vfloat turned = v_fma(-least, to[j], axis[j]);
+        most = most + v_max(turned * low[j], turned * high[j]);
+        most = v_fma(v_max(v_abs(low[j]), v_abs(high[j])), v_splat(1e-6f), most);
+    }
+    return v_gt(most, v_splat(0.0f));
 }
 #endif
 
@@ -149,13 +180,19 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         const vfloat area = v_load(lights + 6 * params.stride + i);
         const vfloat sharp = v_load(lights + 10 * params.stride + i);
         const vfloat nearest = squared * (1.0f - 1e-5f);
-        const vfloat lobe = v_pow(v_max(nearest_to_axis, zero),
-                                  vpl_sharpness(sharp, area, v_max(nearest, v_splat(1e-24f))) + one);
+        const vfloat power = vpl_sharpness(sharp, area, v_max(nearest, v_splat(1e-24f))) + one;
+        const vfloat lobe = v_pow(v_max(nearest_to_axis, zero), power);
         const vfloat spread =
             v_max(nearest * v_load(lights + 11 * params.stride + i) / (sharp + 2.0f), area);
         const vfloat distance = v_sqrt(v_max(nearest, v_splat(1e-24f)));
-        const vfloat most = v_min(received / distance, one) * lobe * 1.001f;
-        kept = kept & v_gt(most, spread * params.cut);
+        const vfloat most = v_min(received / distance, one) * 1.001f;
+        const vfloat least = spread * params.cut;
+        kept = kept & v_gt(most * lobe, least);
+        if (v_any(kept)) {
+            const vfloat share = v_min(least / v_max(most, v_splat(1e-24f)), one);
+            kept = kept & vpl_reaches(box, lights, params.stride, i, v_max(along, zero),
+                                      v_pow(share, one / power));
+        }
 #elif VPL_CUT
         // cos cos <= min(1, height / distance) for both; times the squared distance.
         const vfloat area = v_load(lights + 6 * params.stride + i);

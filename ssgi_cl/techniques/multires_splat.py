@@ -51,7 +51,11 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     grid: int = param(
         64, "cells along a side of the grid of walls: 32, 64, 128 or 256", low=32, high=256
     )
-    steps: int = param(16, "at which a line of sight is looked at", low=1, high=256)
+    steps: int = param(
+        16, "at which a line of sight is looked at; with fewer than the cells that it crosses it "
+        "misses thin walls here and there, which leaves faint stripes; with more, walls block more",
+        low=1, high=256,
+    )
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)

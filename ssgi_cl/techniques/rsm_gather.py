@@ -306,7 +306,7 @@ def rsm_gather(
 
     E(x) = sum over texels of flux cos cos / (pi d^2 + area) (Dachsbacher and Stamminger 2005, eq.
     1, each texel a disc of the surface that it stands for); walls between texel and pixel cast no
-    shadow.
+    shadow, and what glossy surfaces mirror is left out (`vpl_splat` has both).
 
     Args:
         gbuffer: depth, and normals if there are any.

@@ -1,0 +1,90 @@
+"""Virtual point lights with Phong lobes, splatted: light that glossy surfaces mirror."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device_rsm import DeviceRsm
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.truth import Truth
+from ssgi_cl.vpls import Vpls
+
+from ..case import Family, Own, Subject, count_of
+from ..context import Context, exact
+from .vpl_splat import MANY, PIXEL_BYTES, drawn_maps
+
+SPECULAR, GLOSS = 0.5, 60.0
+"""Reflectance and exponent that all surfaces get."""
+MAP_SIZE = 256
+"""Texels along a side of the lamps' maps; what lights are held to is each of them as a light."""
+NO_LIGHTS = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
+
+@dataclass(frozen=True)
+class LobesByNumber(Own):
+    """The scene as if all of it were glossy; the setting is the number of lights with lobes.
+
+    Attributes:
+        cull: tiles skip lights that give them nothing.
+        cutoff: share of what a diffuse light gives at a tenth of the scene's diagonal, below which
+            light is left out and put back with a sixteenth of the lights.
+    """
+
+    cull: bool = True
+    cutoff: float = 0.0
+    SETTINGS: tuple[str, ...] = MANY
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Make reflective shadow maps of the glossy scene and splatting ready."""
+        diagonal = float(np.linalg.norm(np.ptp(context.view.scene.bounds, axis=0)))
+        params = VplSplatParams(
+            vpls=1, glossy_vpls=count_of(setting, "a number of lights", 1, 1 << 20),
+            cutoff=self.cutoff, unit_distance=0.1 * diagonal, cull=self.cull,
+        )
+        maps = drawn_maps(context, polished(context.view.scene), MAP_SIZE)
+        technique = VplSplat(context.runtime, context.size, params)
+
+        def every_texel() -> Truth:
+            whole = replace(
+                params, glossy_vpls=sum(rsm.size[0] * rsm.size[1] for rsm in maps), cutoff=0.0,
+                cull=True,
+            )
+            return exact(_mirrored(VplSplat(context.runtime, context.size, whole), context, maps))
+
+        return Subject(
+            run=lambda: technique.run(context.gbuffer, NO_LIGHTS, maps),
+            image=lambda: _mirrored(technique, context, maps),
+            quantity="mirrored",
+            moved=context.size[0] * context.size[1] * PIXEL_BYTES,
+            truths={
+                "assumption": lambda: context.truth("all texels as lobes", lambda _: every_texel())
+            },
+            note="without drawing the maps and, as long as they stay, without choosing lights",
+        )
+
+
+def polished(scene: Scene) -> Scene:
+    """Return a scene all of whose materials mirror half of the light in a lobe."""
+    materials = [
+        replace(material, specular=(SPECULAR,) * 3, gloss=GLOSS) for material in scene.materials
+    ]
+    return replace(scene, materials=tuple(materials))
+
+
+def _mirrored(
+    technique: VplSplat, context: Context, maps: list[DeviceRsm]
+) -> NDArray[np.float32]:
+    """Return irradiance by lights with lobes alone."""
+    return np.moveaxis(technique.run(context.gbuffer, NO_LIGHTS, maps).download(), 0, -1)
+
+
+FAMILIES: Mapping[str, Family] = {
+    "vpl-lobes": LobesByNumber(),
+    "vpl-lobes-plain": LobesByNumber(cull=False, SETTINGS=("1024",)),
+    "vpl-lobes-cut": LobesByNumber(cutoff=0.05),
+}

@@ -1,0 +1,56 @@
+"""Cases of virtual point lights held to all of their lights, and how errors of light are told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ssgi_cl.bench.cases import FAMILIES
+from ssgi_cl.bench.cases.vpl_lobes import GLOSS, polished
+from ssgi_cl.bench.context import Context
+from ssgi_cl.bench.verdict import verdict
+from ssgi_cl.bench.wording import rmse
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.runtime import Runtime
+
+from .documents import entry
+
+SMALL = (24, 32)
+
+
+def test_an_error_of_light_is_told_as_a_share_of_the_mean_too() -> None:
+    light = entry(quantity="bounce", errors={"world": {"rmse": 0.05, "mean": 0.4}})
+    assert rmse(light, "world") == "0.0500 (12.5 %)"
+    assert rmse(light, "assumption") == "-"
+    assert rmse(entry(rmse=0.05), "world") == "0.0500"  # of A
+
+
+def test_paths_through_the_mesh_are_what_a_bounce_is_held_to() -> None:
+    paths = entry("mitsuba-path-oidn.4.hall.8x6", 60.0, 0.1, quantity="bounce")
+    own = entry("vpl-walls.256.hall.8x6", 6.0, 0.2, quantity="bounce")
+    assert "better choice below an RMSE of 0.200, which vpl-walls.256 has" in verdict([paths, own])
+
+
+def test_all_surfaces_of_a_polished_scene_mirror() -> None:
+    assert {material.gloss for material in polished(cornell_box().scene).materials} == {GLOSS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("few", "many"),
+    [("vpl-lobes.64", "vpl-lobes.4096"), ("vpl-cut.7-percent", "vpl-cut-restored.1-percent")],
+)
+def test_more_lights_and_a_lesser_cut_err_less_against_all_lights(
+    runtime: Runtime, few: str, many: str
+) -> None:
+    context = Context(runtime, cornell_box(), SMALL)
+    errors = []
+    for name in (few, many):
+        family, setting = name.split(".")
+        subject = FAMILIES[family].prepare(context, setting)
+        assert subject.image is not None
+        truth = subject.truths["assumption"]().mean
+        errors.append(math.sqrt(np.mean((subject.image() - truth) ** 2)) / truth.mean())
+    assert errors[1] < 0.5 * errors[0] < 1.0

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import pickle
+import resource
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import process_time
 
 import click
 import numpy as np
@@ -22,15 +25,19 @@ from ssgi_cl.runtime import Runtime
 
 from .every import TECHNIQUES, Array, inputs, results
 
-SIZE = (60, 80)
-"""(rows, columns) of the images."""
-TEXELS = 32
+SIZE = (24, 40)
+"""(rows, columns) of the images: some tiles and vectors, not all whole."""
+TEXELS = 16
 """Along a side of the lights' maps."""
 
 TOLERANCE = 1e-3
 """Of the mean difference, over the mean of absolute values. Roundings move results by some 2^-24;
 where they decide (which texel a tap falls on, whether a sector is covered, which light is chosen,
 which point is computed) a pixel differs, and what is decided otherwise is as good."""
+NOT_IN_TIME = "not in time"
+"""Takes the place of a result; says nothing of agreement."""
+QUICK = {"GALLIVM_PERF": "nopt"}
+"""Variables that spare drivers minutes of compiling; Mesa's, the others don't know it."""
 SINGLE = {"POCL_MAX_PTHREAD_COUNT": "1", "POCL_CPU_MAX_CU_COUNT": "1", "LP_NUM_THREADS": "1"}
 """Variables that give drivers for CPUs one thread."""
 
@@ -55,45 +62,65 @@ class Run:
     single: bool = False
 
     def results(self, folder: Path, limit: float) -> Results:
-        """Start the process and return what it made within `limit` seconds.
+        """Start processes and return what they made within `limit` seconds for each technique.
 
-        The first in `folder` leaves the inputs there for those that follow.
+        What a process ends at is left out by the next. The first in `folder` leaves the inputs
+        there for those that follow.
         """
         command = [
-            sys.executable, "-m", "ssgi_cl.bench.agreement", "--worker", str(folder),
-            str(self.form.lanes), self.form.storage,
+            sys.executable, "-m", "ssgi_cl.bench.agreement", "--limit", str(limit),
+            "--worker", str(folder), str(self.form.lanes), self.form.storage,
         ]
-        environment = {**os.environ, "SSGI_CL_DEVICE": self.device}
+        environment = {**os.environ, **QUICK, "SSGI_CL_DEVICE": self.device}
         environment |= SINGLE if self.single else {}
-        why = "the process died"
-        try:
-            subprocess.run(command, env=environment, check=False, timeout=limit)
-        except subprocess.TimeoutExpired:
-            why = f"not within {limit:g} s"
-        found: dict[str, list[Array] | str] = dict.fromkeys(TECHNIQUES, why)
-        for number, name in enumerate(TECHNIQUES):
-            path = folder / f"{number}.pickle"
-            if path.exists():
-                found[name] = pickle.loads(path.read_bytes())
-                path.unlink()
+        while _left(folder):
+            code = subprocess.run(command, env=environment, check=False).returncode
+            left = _left(folder)
+            if left:
+                late = code == -signal.SIGXCPU
+                why = NOT_IN_TIME if late else f"the process died ({code})"
+                _path(folder, left[0]).write_bytes(pickle.dumps(why))
+        found = {}
+        for name in TECHNIQUES:
+            path = _path(folder, name)
+            found[name] = pickle.loads(path.read_bytes())
+            path.unlink()
         return found
 
 
-def work(folder: Path, lanes: int, storage: str) -> None:
-    """Compute everything on the device that SSGI_CL_DEVICE names; a file for each technique."""
+def _path(folder: Path, name: str) -> Path:
+    """Return where the results of a technique are."""
+    return folder / f"{list(TECHNIQUES).index(name)}.pickle"
+
+
+def _left(folder: Path) -> list[str]:
+    """Return the techniques without results."""
+    return [name for name in TECHNIQUES if not _path(folder, name).exists()]
+
+
+def work(folder: Path, lanes: int, storage: str, limit: float) -> None:
+    """Compute what is left on the device that SSGI_CL_DEVICE names; a file for each technique.
+
+    SIGXCPU ends the process where a technique takes more than `limit` seconds of processor time,
+    of which others that are at work take none.
+    """
     runtime = Runtime.open(lanes=lanes, storage=storage)
     path = folder / "inputs.pickle"
     if not path.exists():
         path.write_bytes(pickle.dumps(inputs(runtime, SIZE, TEXELS)))
     given = pickle.loads(path.read_bytes())
-    for number, name in enumerate(TECHNIQUES):
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for name in _left(folder):
+        began = process_time()
+        resource.setrlimit(resource.RLIMIT_CPU, (int(began + limit) + 1, resource.RLIM_INFINITY))
         made: list[Array] | str
         try:
             made = list(results(given, runtime, [name]).values())
         except SsgiError as error:
             made = type(error).__name__
             click.echo(f"{name}: {error}", err=True)
-        with replacement(folder / f"{number}.pickle") as target:
+        click.echo(f"  {name}: {process_time() - began:.0f} s", err=True)
+        with replacement(_path(folder, name)) as target:
             target.write_bytes(pickle.dumps(made))
 
 
@@ -121,7 +148,8 @@ def fits(one: list[Array] | str, other: list[Array] | str, *, same: bool) -> tup
         same: whether nothing but the same bits will do.
     """
     if isinstance(one, str) or isinstance(other, str):
-        return (other if isinstance(other, str) else str(one)), False
+        why = other if isinstance(other, str) else str(one)
+        return why, why == NOT_IN_TIME
     found = difference(one, other)
     if found is None:
         return "same", True
@@ -155,14 +183,15 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
     lines = [
         "# Agreement of devices",
         "",
-        "Made by `python -m ssgi_cl.bench.agreement`, each run in a process of its own.",
+        "Made by `python -m ssgi_cl.bench.agreement`, each run in processes of its own.",
         "",
         f"Every technique on {SIZE[1]} x {SIZE[0]} pixels of the Cornell box with maps of {TEXELS} "
         f"texels a side, against {first.title}. A cell has the largest and the mean difference "
         "over the mean of absolute values, or says that all bits are the same. Runs and forms on "
         "one device have to be the same; other devices may differ by a mean of at most "
         f"{TOLERANCE:g}, since roundings decide which texel a tap falls on and which sector is "
-        "covered. **Bold** is beyond that.",
+        f"covered. **Bold** is beyond that; \"{NOT_IN_TIME}\" is what takes more than the time "
+        "given, nearly all of it to compile.",
         "",
         "| technique | " + " | ".join(run.title for run, _ in others) + " |",
         "|---|" + "---:|" * len(others),
@@ -183,7 +212,8 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
               type=click.Path(dir_okay=False, path_type=Path), help="The page.")
 @click.option("--device", "devices", metavar="WORDS", multiple=True,
               help="Words of a device's label, several times; all by default, the fastest first.")
-@click.option("--limit", default=900.0, show_default=True, help="Of each run, seconds.")
+@click.option("--limit", default=120.0, show_default=True,
+              help="Of each technique in each run, seconds of processor time.")
 @click.option("--worker", type=(click.Path(path_type=Path), int, str), default=None, hidden=True)
 def main(
     output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Path, int, str] | None
@@ -193,7 +223,7 @@ def main(
     Drivers that are not installed for all can be named by OCL_ICD_VENDORS, a folder of .icd files.
     """
     if worker is not None:
-        work(*worker)
+        work(*worker, limit)
         return
     infos = [drivers.choose(words) for words in devices] or sorted(
         drivers.devices(), key=lambda info: -info.speed

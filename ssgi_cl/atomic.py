@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import secrets
 import stat
@@ -16,7 +17,8 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside `path` that takes its place if the block succeeds.
 
     The temporary file exists, is empty and has the permissions of a new file. If the block raises,
-    it is removed and `path` stays as it was. A symbolic link is followed, not replaced.
+    it is removed and `path` stays as it was; if the process is killed, the next one that writes
+    into that folder removes it. A symbolic link is followed, not replaced.
 
     Raises:
         OSError: (FileNotFoundError, PermissionError, IsADirectoryError, ...) `path` can't be
@@ -31,9 +33,9 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise _error(IsADirectoryError, errno.EISDIR, "it is a folder", path)
     if not stat.S_ISREG(mode):
         raise _error(OSError, errno.EINVAL, "it is not a regular file", path)
-    temporary = target.parent / f".ssgi-{secrets.token_hex(8)}.tmp"
     try:
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        _clear(target.parent)
+        temporary, held = _temporary(target.parent)
     except OSError as error:
         reason = f"no file can be made in the folder {target.parent} ({error.strerror})"
         raise _error(type(error), error.errno or 0, reason, path) from error
@@ -47,6 +49,39 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
+        os.close(held)
+
+
+def _temporary(folder: Path) -> tuple[Path, int]:
+    """Make an empty file; return it and a descriptor whose lock says that its process lives."""
+    while True:
+        path = folder / f".ssgi-{secrets.token_hex(8)}.tmp"
+        held = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+        _lock(held, wait=True)
+        if path.exists():  # nobody took it for a dead process's before it was locked
+            return path, held
+        os.close(held)
+
+
+def _clear(folder: Path) -> None:
+    """Remove the temporary files of processes that were killed."""
+    for path in folder.glob(".ssgi-*.tmp"):
+        with suppress(OSError):  # another process removes it, or it is another user's
+            found = os.open(path, os.O_WRONLY)
+            try:
+                if _lock(found, wait=False):
+                    path.unlink()
+            finally:
+                os.close(found)
+
+
+def _lock(file: int, *, wait: bool) -> bool:
+    """Lock a file until its descriptor is closed; return False if another holds it."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:  # held, or the file system has no locks
+        return False
+    return True
 
 
 def _error(kind: type[OSError], number: int, reason: str, path: str | os.PathLike[str]) -> OSError:

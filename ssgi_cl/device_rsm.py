@@ -35,6 +35,8 @@ FACE = Struct(
 
 LEAST_COSINE = 0.1
 """A texel seen at a flatter angle stands for the area that it has at this cosine."""
+MOST_AREA = 1e30
+"""Square scene units that a texel stands for at most: the sum of a map's areas is finite."""
 BRIGHTEST = 1e30
 """W: a texel that reflects more counts as this, so that float32 holds all sums."""
 
@@ -236,7 +238,7 @@ def surfaces(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     from the world's origin they are more exact.
     """
     origin = rsm.cameras[0].position
-    depth = np.asarray(rsm.depth)
+    depth = np.asarray(rsm.depth, np.float64)
     there = np.isfinite(depth)
     seen, to_light, section = [], [], []
     for camera, face in zip(rsm.cameras, _faces(np.where(there, depth, 1.0), rsm), strict=True):
@@ -264,7 +266,7 @@ def surfaces(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     area = np.concatenate(section) / np.maximum(np.abs(cosine), LEAST_COSINE)
     normal = np.where(cosine[..., None] < 0.0, -normal, normal)
     seen_at = there[..., None]
-    return position * seen_at, normal * seen_at, area * there
+    return position * seen_at, normal * seen_at, np.minimum(area, MOST_AREA) * there
 
 
 def mirrored_axes(rsm: ReflectiveShadowMap) -> Doubles:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+import pickle
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
 
-from ssgi_cl.bench.agreement import TOLERANCE, Run, difference, fits, report, runs
+import numpy as np
+import pytest
+
+from ssgi_cl.bench import agreement
+from ssgi_cl.bench.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
 from ssgi_cl.bench.every import TECHNIQUES
 from ssgi_cl.drivers import DeviceInfo, Form
 
 ONE = [np.linspace(0.5, 1.5, 10)]
-
-
 
 SLOW = DeviceInfo("", 0, 0, "B 2: chip", "cpu", 2, {"1 lane, buffer": 1.0})
 BROKEN = DeviceInfo("", 0, 0, "C 3: chip", "cpu", 2, {"1 lane, buffer": "it crashes"})
@@ -34,6 +40,7 @@ def test_one_device_has_to_give_the_same_bits_and_others_nearly() -> None:
     assert fits(ONE, near, same=False)[1]
     assert not fits(ONE, far, same=False)[1]
     assert fits(ONE, "KernelBuildError", same=False) == ("KernelBuildError", False)
+    assert fits(ONE, NOT_IN_TIME, same=False) == (NOT_IN_TIME, True)
 
 
 def test_the_first_device_runs_in_all_forms_and_the_others_in_their_own() -> None:
@@ -55,3 +62,22 @@ def test_the_page_has_a_row_for_each_technique_and_marks_what_is_off() -> None:
     page, fine = report([(first, good), (second, {**good, "ssao": "the process died"})])
     assert not fine
     assert "| ssao | **the process died** |" in page
+
+
+def test_what_a_process_ends_at_is_left_out_by_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    codes = iter((-signal.SIGXCPU, -signal.SIGSEGV, 0))
+
+    def run(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        code, left = next(codes), agreement._left(tmp_path)
+        for name in left[: 2 if code else None]:
+            agreement._path(tmp_path, name).write_bytes(pickle.dumps(ONE))
+        return subprocess.CompletedProcess(command, code)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    found = Run("A", "A", Form(1, "buffer")).results(tmp_path, 1.0)
+    whys = [result for result in found.values() if isinstance(result, str)]
+    assert whys == [NOT_IN_TIME, "the process died (-11)"]
+    assert (found["view normals"], len(found)) == (NOT_IN_TIME, len(TECHNIQUES))
+    assert list(tmp_path.iterdir()) == []

@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ssgi_cl import cli, drivers, exr
+from ssgi_cl import atomic, cli, drivers, exr
 from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo
 from ssgi_cl.errors import DeviceError
@@ -85,6 +85,18 @@ def test_a_process_killed_while_it_writes_leaves_whole_files(tmp_path: Path) -> 
         with Image.open(tmp_path / "a.png") as picture:
             assert len(set(np.asarray(picture).ravel())) == 1
         assert len(set(exr.read(tmp_path / "a.exr")["Z"].ravel())) == 1
+
+
+def test_what_a_killed_process_leaves_goes_with_the_next_write(tmp_path: Path) -> None:
+    left = tmp_path / ".ssgi-0.tmp"
+    left.write_bytes(b"of a process that was killed")
+    with atomic.replacement(tmp_path / "a") as first:
+        assert not left.exists()
+        with atomic.replacement(tmp_path / "b") as second:
+            assert first.exists()  # whoever writes lives
+            second.write_bytes(b"b")
+        first.write_bytes(b"a")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"a", "b": b"b"}
 
 
 def test_records_of_devices_are_whole_whoever_writes_them(

@@ -21,8 +21,8 @@ from ssgi_cl.techniques.rsm_samples import cube_turns
 Floats = NDArray[np.float32]
 Shape = tuple[int, ...]
 
-SIZES = ((1, 1), (1, 17), (5, 3), (2, 64), (33, 2), (12, 33))
-"""(rows, columns): less than a vector, and no multiple of one."""
+SIZES = ((1, 1), (1, 17), (5, 3), (2, 64), (33, 2), (12, 33), (3, 4099), (4099, 3))
+"""(rows, columns): less than a vector, no multiple of one, and thousands of them."""
 MARGINS = ((0, 0), (1, 2), (4, 6))
 DEPTHS = ("plain", "same", "grazing", "ratio", "wild", "tiny", "huge")
 NORMALS = ("unit", "none", "zero", "axis", "wild", "tiny")

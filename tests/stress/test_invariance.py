@@ -102,7 +102,7 @@ def test_a_mirrored_or_turned_world_is_as_open(runtime: Runtime, name: str, seed
 # ---- constants
 
 
-@examples(25)
+@examples(20)
 @given(gbuffer=gbuffers(), step=st.sampled_from((1, 2, 4)), exponent=st.integers(-60, 60))
 def test_a_constant_stays_what_it_is_upsampled(
     runtime: Runtime, gbuffer: GBuffer, step: int, exponent: int

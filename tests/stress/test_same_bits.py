@@ -15,7 +15,7 @@ from ssgi_cl.runtime import Kernel, Runtime
 
 SIZE = (30, 40)
 TEXELS = 16
-GROUPS = ((1, 1), (1, 32), (4, 8))
+GROUPS = ((1, 1), (4, 8))
 """(rows, columns) of work-items."""
 
 WRITE = """

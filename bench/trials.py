@@ -26,7 +26,8 @@ METRICS: dict[str, Callable[..., float]] = {
     "p99": metrics.p99,
     "flip": metrics.flip,
 }
-"""Errors that may be minimised; of several views their root mean square counts."""
+"""Errors that may be minimised. Of several views their geometric mean counts: a scene whose error
+is large whatever the parameters are says no more than any other."""
 
 RUNS = 3
 """Repetitions of a first, rough time, at most."""
@@ -46,7 +47,7 @@ class Trial:
     Attributes:
         parameters: those that were varied.
         ms: device time of a picture, mean over the views, milliseconds.
-        error: root mean square over the views; None where the time alone ruled it out.
+        error: geometric mean over the views; None where the time alone ruled it out.
     """
 
     parameters: Mapping[str, Any]
@@ -150,7 +151,7 @@ class Trials:
         parameters: Mapping[str, Any],
         gbuffers: Sequence[DeviceGBuffer] | None = None,
     ) -> float:
-        """Return the root mean square over the views of the error against the world truth."""
+        """Return the geometric mean over the views of the error against the world truth."""
         return self._error(self.images(parameters, gbuffers))
 
     def _error(self, images: Sequence[NDArray[np.float32]]) -> float:
@@ -158,7 +159,7 @@ class Trials:
             self._metric(image, self._truth(context), context.seen)
             for image, context in zip(images, self._contexts, strict=True)
         ]
-        return math.sqrt(sum(error**2 for error in errors) / len(errors))
+        return math.prod(errors) ** (1.0 / len(errors))
 
     def _truth(self, context: Context) -> NDArray[np.float32]:
         truth: NDArray[np.float32] = getattr(context, self._entry.quantity)().mean

@@ -86,7 +86,7 @@ class Tuning:
     Attributes:
         technique: key in `TECHNIQUES`.
         budget_ms, max_error: the bound, one of the two.
-        metric: what the error is: root mean square of it over all views.
+        metric: what the error is: its geometric mean over all views.
         best: the parameters found; a radius in it is the default's, not the scenes'.
         parameters: those of `best` that were varied or fixed.
         ms: device time of a picture, mean over the views, milliseconds.

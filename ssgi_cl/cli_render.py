@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 @human_errors
 def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
     """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, or a built-in scene: cornell_box,
-    hall, terrace or workshop.
+    hall, parlour, terrace or workshop.
 
     A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
     the device.

@@ -18,6 +18,7 @@ from ssgi_cl.rasterize.scenes import (
     BuiltinScene,
     cornell_box,
     hall,
+    parlour,
     terrace,
     workshop,
 )
@@ -198,7 +199,7 @@ def test_cornell_box_has_one_view() -> None:
     assert view.eye == cornell_box().eye
 
 
-@pytest.mark.parametrize("make", [workshop, terrace])
+@pytest.mark.parametrize("make", [parlour, workshop, terrace])
 def test_scenes_for_tuning_are_compact_and_made_quickly(
     make: Callable[[], BuiltinScene],
 ) -> None:
@@ -206,7 +207,7 @@ def test_scenes_for_tuning_are_compact_and_made_quickly(
     built = make()
     # Copies are array operations and take a fraction of a second, even on a busy machine.
     assert time.perf_counter() - start < 10.0
-    assert 20_000 <= len(built.scene.triangles) <= 150_000
+    assert 10_000 <= len(built.scene.triangles) <= 150_000
     assert len(built.views()) >= 2
 
 
@@ -220,6 +221,19 @@ def test_workshop_is_a_room_with_wires_of_millimetres() -> None:
     # The shortest edges are sides of an octagon round a wire 3 mm across.
     assert edges.min() < 0.002
     assert built.scene.bounds[1, 1] - built.scene.bounds[0, 1] < 4.0
+
+
+def test_parlour_is_closed() -> None:
+    """Floor, ceiling and four walls each reach from end to end."""
+    scene = parlour().scene
+    corners = scene.positions[scene.triangles]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    for axis in range(3):
+        across = [i for i in range(3) if i != axis]
+        for bound in (low[axis], high[axis]):
+            side = corners[(corners[..., axis] == bound).all(axis=1)][..., across]
+            # The walls stand within a floor and a ceiling of .25 m.
+            np.testing.assert_allclose(np.ptp(side, axis=(0, 1)), (high - low)[across], atol=0.51)
 
 
 def test_terrace_has_sky_above_and_solid_leaves() -> None:

@@ -11,12 +11,14 @@ from collections.abc import Callable
 from .builtin import BuiltinScene
 from .cornell_box import cornell_box
 from .hall import hall
+from .parlour import parlour
 from .terrace import terrace
 from .workshop import workshop
 
 BUILTIN_SCENES: dict[str, Callable[[], BuiltinScene]] = {
     "cornell_box": cornell_box,
     "hall": hall,
+    "parlour": parlour,
     "terrace": terrace,
     "workshop": workshop,
 }
@@ -25,7 +27,7 @@ BUILTIN_SCENES: dict[str, Callable[[], BuiltinScene]] = {
 REPORTED = ("cornell_box", "hall")
 """Scenes on which errors are reported; nothing is tuned on them."""
 
-TUNED_ON = ("terrace", "workshop")
+TUNED_ON = ("parlour", "terrace", "workshop")
 """Scenes on which parameters are tuned."""
 
 __all__ = [
@@ -35,6 +37,7 @@ __all__ = [
     "BuiltinScene",
     "cornell_box",
     "hall",
+    "parlour",
     "terrace",
     "workshop",
 ]

@@ -27,7 +27,8 @@ class Setting:
     Attributes:
         parameters: those worth tuning; a radius is none of them.
         ms: device time of a picture of the recorded size.
-        error: RMSE against cast rays, of G-buffers with the recorded overscan.
+        error: RMSE against cast rays, of G-buffers with the recorded overscan; geometric mean over
+            the views.
         error_cut: the same of G-buffers that end at the image's border.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,16 +98,16 @@ def search(
     Raises:
         TuneError: nothing keeps a budget.
     """
-    usual_ms = session.trials.confirm(session.trials.measure({})).ms
-    budgets = {name: share * usual_ms for name, share in BUDGETS.items()}
+    usual = session.trials.confirm(session.trials.measure({}))
+    budgets = {name: share * usual.ms for name, share in BUDGETS.items()}
     for name, number in rounds.items():
         if progress is not None:
             progress(f"preset {name}", 0.0)
         session.explore(Bound(budgets[name], None), rounds=number)
     curve = session.front(SPACING)
-    usual = session.trials.measure({})
-    # The curve is thinned out: the defaults may be better than what it has of their time.
-    choice = front([*curve, session.trials.confirm(session.trials.measure(session.usual))])
+    # The curve is thinned out: the defaults may be better than what it has of their time, of which
+    # there is one, however unsteady the machine is.
+    choice = front([*curve, replace(usual, parameters=session.usual)])
     presets = {}
     for name, budget in budgets.items():
         bound = Bound(budget, None)

@@ -13,9 +13,10 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
-from ssgi_cl.runtime import Kernel, Runtime
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import (
     CAMERA,
     ROTATION,

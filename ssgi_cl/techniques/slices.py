@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.presets.choose import params_for
-from ssgi_cl.runtime import Kernel, Runtime
+from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.ssao import TILE_ORDER

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
-from ssgi_cl.runtime import Kernel, Runtime
+from ssgi_cl.kernel import Kernel
+from ssgi_cl.runtime import Runtime
 
 SIZE = (30, 40)
 TEXELS = 16

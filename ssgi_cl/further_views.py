@@ -10,6 +10,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.extra_cameras import extra_cameras
 from ssgi_cl.lights import DirectionalLight, Light, SpotLight
 from ssgi_cl.memory import Size
+from ssgi_cl.plan import same
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import light_cameras
@@ -42,7 +43,8 @@ class FurtherViews:
         self.runtime = runtime
         self.count = count
         self._rasterizers: dict[Size, Rasterizer] = {}
-        self._placed: tuple[Scene, Camera, list[AtLight], list[Camera]] | None = None
+        self._made_of: tuple[object, ...] | None = None
+        self._cameras: list[Camera] = []
 
     def drawn(
         self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lights: Sequence[Light] = ()
@@ -52,18 +54,14 @@ class FurtherViews:
         Those of one size are drawn into the same memory: use one before asking for the next.
         Cameras stay where they are as long as scene, camera and lamps are the same.
         """
-        lamps: list[AtLight] = [
+        lamps: tuple[AtLight, ...] = tuple(
             light for light in lights if isinstance(light, (SpotLight, DirectionalLight))
-        ][: int(AT_LAMPS * self.count)]
-        placed = self._placed
-        if (
-            placed is None
-            or placed[0] is not scene
-            or placed[1] is not camera
-            or placed[2] != lamps
-        ):
-            placed = self._placed = scene, camera, lamps, self._places(scene, camera, seen, lamps)
-        for extra in placed[3]:
+        )[: int(AT_LAMPS * self.count)]
+        made_of = scene, camera, lamps
+        if not same(self._made_of, made_of):
+            self._cameras = self._places(scene, camera, seen, lamps)
+            self._made_of = made_of
+        for extra in self._cameras:
             if extra.size not in self._rasterizers:
                 self._rasterizers[extra.size] = Rasterizer(self.runtime, extra.size)
             target = self._rasterizers[extra.size].render(

@@ -127,7 +127,7 @@ class Stages:
     def stays(self, name: str, inputs: tuple[object, ...]) -> bool:
         """Return whether `make` would return what is there."""
         made = self._made.get(name)
-        return self._keep and made is not None and _same(made[0], inputs)
+        return self._keep and made is not None and same(made[0], inputs)
 
     def make(self, name: str, inputs: tuple[object, ...], run: Callable[[], Any]) -> Any:
         """Return what `run` returned for the same inputs last time, or its result now.
@@ -150,7 +150,7 @@ class Stages:
         return tuple(self._versions.get(name, 0) for name in names)
 
 
-def _same(a: object, b: object) -> bool:
+def same(a: object, b: object) -> bool:
     """Return whether two inputs are the same: cameras, lights and plain values by their values, all
     else, such as a scene, as objects."""
     if a is b:
@@ -158,9 +158,9 @@ def _same(a: object, b: object) -> bool:
     if type(a) is not type(b):
         return False
     if isinstance(a, tuple) and isinstance(b, tuple):
-        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, np.ndarray):
         return np.array_equal(a, np.asarray(b))
     if isinstance(a, _VALUES):
-        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     return isinstance(a, _PLAIN) and bool(a == b)

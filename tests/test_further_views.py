@@ -1,0 +1,78 @@
+"""Further cameras: half of them at lamps, the others where `extra_cameras` says, placed once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.further_views import FurtherViews
+from ssgi_cl.lights import Light
+from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.runtime import Runtime
+
+
+@pytest.fixture(scope="module")
+def box() -> BuiltinScene:
+    return cornell_box()
+
+
+@pytest.fixture(scope="module")
+def seen(runtime: Runtime, box: BuiltinScene) -> DeviceGBuffer:
+    camera = box.camera(32, 24)
+    with runtime.frame():
+        gbuffer = Rasterizer(runtime, camera.size).render(device_scene(box.scene, runtime), camera)
+        gbuffer.derive()
+    return gbuffer
+
+
+def lamps() -> list[Light]:
+    """Return new lamps, each time with the same values."""
+    return [
+        gi.PointLight((0.1, 0.3, 0.2), 1.0),
+        gi.SpotLight((0.278, 0.5, 0.28), (0, -1, 0), 1.0, 1.0),
+        gi.SpotLight((0.4, 0.5, 0.1), (0, -1, 0.2), 0.7, 1.0),
+    ]
+
+
+def cameras(
+    views: FurtherViews, box: BuiltinScene, seen: DeviceGBuffer, lights: list[Light]
+) -> list[Camera]:
+    found = []
+    with views.runtime.frame():
+        for gbuffer in views.drawn(box.scene, box.camera(32, 24), seen, lights):
+            assert gbuffer.camera is not None
+            found.append(gbuffer.camera)
+    return found
+
+
+def eye(camera: Camera) -> np.ndarray:
+    return np.asarray(-camera.view[:3, :3].T @ camera.view[:3, 3])
+
+
+@pytest.mark.parametrize(("count", "at_lamps"), [(1, 0), (2, 1), (3, 1), (5, 2)])
+def test_up_to_half_of_the_cameras_stand_at_lamps_that_one_camera_sees_all_of(
+    runtime: Runtime, box: BuiltinScene, seen: DeviceGBuffer, count: int, at_lamps: int
+) -> None:
+    found = cameras(FurtherViews(runtime, count), box, seen, lamps())
+    assert len(found) == count
+    for camera, lamp in zip(found[:at_lamps], lamps()[1:], strict=False):
+        np.testing.assert_allclose(eye(camera), lamp.position, atol=1e-6)
+    for camera in found[at_lamps:]:
+        assert min(np.abs(eye(camera) - lamp.position).max() for lamp in lamps()) > 1e-3
+
+
+def test_cameras_stay_where_lamps_and_view_have_the_same_values(
+    runtime: Runtime, box: BuiltinScene, seen: DeviceGBuffer
+) -> None:
+    views = FurtherViews(runtime, 4)
+    first = cameras(views, box, seen, lamps())
+    again = cameras(views, box, seen, lamps())
+    assert all(a is b for a, b in zip(first, again, strict=True))
+    moved = [*lamps()[:2], gi.SpotLight((0.4, 0.5, 0.15), (0, -1, 0.2), 0.7, 1.0)]
+    other = cameras(views, box, seen, moved)
+    np.testing.assert_allclose(eye(other[1]), (0.4, 0.5, 0.15), atol=1e-6)

@@ -76,8 +76,13 @@ TECHNIQUES: dict[str, Entry] = {
         GtaoParams,
         Gtao,
         "ao",
-        # Fewer taps miss occluders: less error where leaves count as walls, more everywhere else.
-        tunable={**_SLICES, "taps": [9, 12, 16]},
+        # Fewer, farther taps miss occluders: less error where leaves count as walls, else more.
+        tunable={
+            "slices": [1, 2, 3, 4, 6, 8],
+            "taps": [9, 12, 16],
+            "resolution": ["full", "half"],
+            "blur_radius": (0, 6),
+        },
         layers=_LAYERS,
     ),
     "bitmask_ao": Entry(

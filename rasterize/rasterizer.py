@@ -194,8 +194,6 @@ class Rasterizer:
 
     def _window(self, busy: NDArray[np.bool_]) -> Window | None:
         """Return the window of these tiles, None if there is hardly anything beyond it."""
-        if busy.mean() > WORTH:
-            return None
         rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
         if rows.size == 0:
             return Window(0, 0, 0, 0)
@@ -217,7 +215,6 @@ class Rasterizer:
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
         packed_camera = CAMERA.pack(camera_values(camera))
-        lanes = self.runtime.form.lanes
         windows = self._windows()
         target.window = windows[0]
         high, wide = self._rectangle
@@ -265,8 +262,7 @@ class Rasterizer:
                 reads=[self._seen, scene.corners, scene.positions, scene.normals, scene.uvs,
                        scene.colors, scene.material_ids, *surface],
                 writes=[target.depth, target.normal_world, target.albedo, target.emission],
-                values=view,
-                grid=(whole[0], -(-whole[1] // lanes)), window=over,
+                values=view, window=over,
             )
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:

@@ -178,6 +178,11 @@ class DeviceGBuffer:
         """`window` in pixels of the camera's image."""
         return None if self.window is None else self.window.inside(self.size, self.margin)
 
+    def seen_every(self, step: int) -> Window | None:
+        """Return `seen` in a result that has every step-th pixel of the camera's image."""
+        seen = self.seen
+        return None if seen is None else seen.reduced(step)
+
 
 def on_device(
     gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, place: int = 0

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from ssgi_cl.errors import DeviceError
 from ssgi_cl.opencl import opencl
-from ssgi_cl.window import copy_window
+from ssgi_cl.window import Window, copy_window
 
 if TYPE_CHECKING:
     from ssgi_cl.runtime import Runtime
-    from ssgi_cl.window import Window
 
 GUARD = 16
 """Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""

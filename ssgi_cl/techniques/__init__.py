@@ -42,7 +42,6 @@ class Entry:
 _SLICES: dict[str, Sequence[Any]] = {
     "slices": [1, 2, 3, 4, 6, 8],
     "taps": [2, 3, 4, 6, 9, 12, 16],
-    "tap_power": (0.8, 3.0),
     "resolution": ["full", "half"],
     "blur_radius": (0, 6),
 }
@@ -68,7 +67,11 @@ TECHNIQUES: dict[str, Entry] = {
         },
     ),
     "hbao": Entry(
-        hbao, HbaoParams, Hbao, "ao", tunable={**_SLICES, "attenuation": (0.0, 1.0)},
+        hbao,
+        HbaoParams,
+        Hbao,
+        "ao",
+        tunable={**_SLICES, "tap_power": (0.8, 3.0), "attenuation": (0.0, 1.0)},
         layers=_LAYERS,
     ),
     "gtao": Entry(
@@ -77,12 +80,7 @@ TECHNIQUES: dict[str, Entry] = {
         Gtao,
         "ao",
         # Fewer, farther taps miss occluders: less error where leaves count as walls, else more.
-        tunable={
-            "slices": [1, 2, 3, 4, 6, 8],
-            "taps": [9, 12, 16],
-            "resolution": ["full", "half"],
-            "blur_radius": (0, 6),
-        },
+        tunable={**_SLICES, "taps": [9, 12, 16]},
         layers=_LAYERS,
     ),
     "bitmask_ao": Entry(

@@ -24,6 +24,7 @@ from ssgi_cl.techniques.lamps import (
     light_values,
 )
 from ssgi_cl.techniques.ssao import DEPTH_BIAS, TILE_ORDER
+from ssgi_cl.window import Window
 
 LAMP_SHADOW = Struct(
     "LampShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias")
@@ -78,11 +79,12 @@ class LampShadows(Lamps):
         return super().run(gbuffer, [light for light, _ in kept], [shadow for _, shadow in kept])
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool
+        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
+        window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         if shadow is not None:
-            super().light(gbuffer, light, shadow, add=add)
+            super().light(gbuffer, light, shadow, add=add, window=window)
             return
         params = self.params
         kernel = self.runtime.kernel(

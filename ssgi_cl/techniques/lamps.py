@@ -54,7 +54,6 @@ class Lamps:
         self.irradiance = runtime.plane(3, size)
         self._nothing = runtime.plane(1, (1, 1))
         self._trace = Trace()
-        self._window: Window | None = None
 
     def run(
         self,
@@ -78,13 +77,14 @@ class Lamps:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
         if not lit:
             return None
-        self._window = self._trace.over(gbuffer.seen)
+        window = self._trace.over(gbuffer.seen)
         for number, (light, shadow) in enumerate(lit):
-            self.light(gbuffer, light, shadow, add=number > 0)
+            self.light(gbuffer, light, shadow, add=number > 0, window=window)
         return self.irradiance
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool
+        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
+        window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         kernel = self.runtime.kernel(
@@ -109,7 +109,7 @@ class Lamps:
                 CAMERA.pack(camera_values(light_camera)),
                 LIGHT.pack(light_values(light, camera, light_camera, gbuffer)),
             ],
-            window=self._window,
+            window=window,
         )
 
 

@@ -101,7 +101,7 @@ class OcclusionTechnique(ABC):
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
             self._reduced.update(gbuffer)
             source = self._reduced
-        window = self._window(gbuffer)
+        window = gbuffer.seen_every(self._step)
         self._occlude(gbuffer, source, tiles, layers, self._trace.over(window))
         result = self._openness
         if self._blur_first:
@@ -141,11 +141,6 @@ class OcclusionTechnique(ABC):
 
         Only pixels in `window` are needed.
         """
-
-    def _window(self, gbuffer: DeviceGBuffer) -> Window | None:
-        """Return the pixels of `_openness` outside which nothing is."""
-        seen = gbuffer.seen
-        return None if seen is None else seen.reduced(self._step)
 
     def _bits(self, tiles: OpenTiles | None) -> DeviceArray:
         """Return what kernels read of the tiles."""

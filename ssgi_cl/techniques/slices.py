@@ -403,8 +403,9 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         layers = layers or self.layers
         near = self._scan.near(gbuffer, thickness, layers)
         packed = self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)})
+        kernel = self._kernel(thick=thickness is not None, layers=layers)
         for strip in self._scan.strips(window):
-            self._kernel(thick=thickness is not None, layers=layers).run(
+            kernel.run(
                 self.name,
                 self._openness.size,
                 reads=[near, source.normal, self._scan.table, self._bits(tiles)],

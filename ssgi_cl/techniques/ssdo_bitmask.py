@@ -141,8 +141,8 @@ class SsdoBitmask:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
         values = {"thickness": self.params.thickness}
-        seen = gbuffer.seen
-        window = None if seen is None else seen.reduced(scan.step)
+        window = gbuffer.seen_every(scan.step)
+        packed = scan.packed(source, values), OWN.pack(own)
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
@@ -155,7 +155,7 @@ class SsdoBitmask:
                     sent or self._nothing,
                 ],
                 writes=[light, self.masks or self._nothing],
-                values=[source.camera_struct, scan.packed(source, values), OWN.pack(own)],
+                values=[source.camera_struct, *packed],
                 grid=scan.grid, window=strip, cell=(1, 1),
             )
         return light

@@ -48,8 +48,7 @@ class Finish:
             size = self.size if self._late else plane.size
             self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count)
         if not self._late:
-            seen = gbuffer.seen
-            window = None if seen is None else seen.reduced(self._step)
+            window = gbuffer.seen_every(self._step)
             plane = self._blurs[count].run(plane, source, window=window)
         if source is not gbuffer:
             if count not in self._upsamples:

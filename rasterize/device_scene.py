@@ -19,6 +19,8 @@ class DeviceScene:
     Attributes:
         scene: the scene itself.
         vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
+        shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
+            [triangles, 4] vertices and material; see kernels/raster/records.clh.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
     """
@@ -30,11 +32,13 @@ class DeviceScene:
         self.vertex_stride = _rounded(self.vertices)
         self.triangle_stride = _rounded(self.triangles)
         self.positions = runtime.array(_planar(scene.positions))
-        self.normals = runtime.array(_planar(scene.normals))
         self.uvs = runtime.array(_planar(scene.uvs))
-        self.colors = runtime.array(_planar(scene.colors))
         self.corners = runtime.array(_planar(scene.triangles))
-        self.material_ids = runtime.array(scene.material_ids)
+        # What is read for one triangle at a time lies together.
+        none, (u, v) = np.zeros(self.vertices, np.float32), scene.uvs.T
+        parts = [scene.positions, none, scene.normals, u, scene.colors, v]
+        self.shading = runtime.array(np.column_stack(parts))
+        self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission]

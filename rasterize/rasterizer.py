@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
@@ -50,7 +51,7 @@ class Rasterizer:
         runtime: the device.
         size: (rows, columns) of the camera's image.
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
-        shaded: whether there is more to draw than depth.
+        shaded: whether there is more to draw than depth; without, depth is a few roundings off.
         windows: whether it draws where anything may be seen alone, and tells the target.
 
     Attributes:
@@ -95,8 +96,7 @@ class Rasterizer:
         self._grow(1 << 15, 1 << 16)
         self._vertex_room = 0
         self._view: DeviceArray
-        self._snapped: DeviceArray
-        self._codes: DeviceArray
+        self._screen: DeviceArray
         kernel = runtime.kernel
         self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
         self._setup = kernel("raster/raster_setup.cl", structs=STRUCTS)
@@ -121,8 +121,7 @@ class Rasterizer:
         if scene.vertex_stride > self._vertex_room:
             self._vertex_room = scene.vertex_stride
             self._view = self.runtime.empty(3 * scene.vertex_stride, np.float32)
-            self._snapped = self.runtime.empty(2 * scene.vertex_stride, np.int32)
-            self._codes = self.runtime.empty(scene.vertex_stride, np.int32)
+            self._screen = self.runtime.empty(4 * scene.vertex_stride, np.int32)
         self.target.set_camera(camera)
         self.target.emits = scene.emits
         self._sort(scene, camera)
@@ -135,17 +134,39 @@ class Rasterizer:
         self._draw(scene, camera)
         return self.target
 
-    def write_gloss(self, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
+    def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
+        """Queue the pass that fills `target` from the last layer of the image drawn last.
+
+        Args:
+            step: pixels of the image from one of the target to the next, along rows and columns:
+                of each square of them the one in its middle, or below and to the right of that.
+            scene: the one that was drawn.
+            target: has no margin. The image's last rows and columns may lack a middle; there
+                nothing is seen.
+        """
+        camera = self.target.camera
+        assert camera is not None  # noqa: S101  something was drawn
+        view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
+        self._attributes(scene, True, step).run(
+            "raster attributes", target.size, reads=self._attribute_reads(scene),
+            writes=[target.depth, target.normal_world, target.albedo, target.emission],
+            values=view,
+        )
+
+    def write_gloss(
+        self, step: int, scene: DeviceScene, specular: Plane, gloss: Plane
+    ) -> None:
         """Queue the pass that says what the last layer of the image drawn last mirrors.
 
         Args:
-            scene: the one that was drawn.
+            step, scene: as of `write_every`.
             specular: 3 images, reflectance of the Phong lobe.
             gloss: 1 image, its exponent.
         """
-        self.runtime.kernel("raster/raster_gloss.cl").run(
-            "raster gloss", self.target.whole,
-            reads=[self._seen, scene.material_ids, scene.lobes], writes=[specular, gloss],
+        self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
+            "raster gloss", gloss.size,
+            reads=[self._seen, scene.faces, scene.lobes], writes=[specular, gloss],
+            values=[np.array(self._tiles[::-1], np.int32)],
         )
 
     def _grow(self, room: int, pair_room: int) -> None:
@@ -164,12 +185,12 @@ class Rasterizer:
         self._vertices.run(
             "raster vertices", (1, scene.vertices),
             reads=[scene.positions],
-            writes=[self._view, self._snapped, self._codes, self._counters, self._counts],
+            writes=[self._view, self._screen, self._counters, self._counts],
             values=view,
         )
         self._setup.run(
             "raster setup", (1, scene.triangles),
-            reads=[scene.corners, scene.positions, self._view, self._snapped, self._codes],
+            reads=[scene.corners, scene.shading, self._view, self._screen],
             writes=[self._records, self._counts, self._counters],
             values=view,
         )
@@ -218,7 +239,6 @@ class Rasterizer:
         windows = self._windows()
         target.window = windows[0]
         high, wide = self._rectangle
-        surface = [scene.materials, scene.textures, scene.texels, scene.decode]
         for layer, window in enumerate(windows):
             tiles = self.runtime.kernel(
                 "raster/raster_tiles.cl",
@@ -231,17 +251,7 @@ class Rasterizer:
                 STRUCTS,
                 most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
             )
-            shaded = self.shaded and layer < target.attributes
-            attributes = self.runtime.kernel(
-                "raster/raster_attributes.cl",
-                {
-                    "RASTER_SHADED": int(shaded),
-                    "RASTER_TEXTURED": int(shaded and scene.textured),
-                    "RASTER_COLORED": int(shaded and scene.colored),
-                    "RASTER_EMISSION": int(shaded and scene.emits),
-                },
-                STRUCTS,
-            )
+            shaded = layer < target.attributes
             values["layer"] = layer
             view = [packed_camera, VIEW.pack(values)]
             # What was seen there before is to be cleared.
@@ -252,18 +262,38 @@ class Rasterizer:
             tiles.run(
                 f"raster tiles{suffix}", whole,
                 reads=[self._records, self._starts, self._list, before, scene.corners,
-                       self._view, scene.uvs, scene.cutouts, *surface],
+                       self._view, scene.uvs, scene.cutouts, *_surface(scene)],
                 writes=[now, self._seen], values=view,
                 grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                 local=self._group, window=over, cell=self._rectangle,
             )
-            attributes.run(
-                f"raster attributes{suffix}", whole,
-                reads=[self._seen, scene.corners, scene.positions, scene.normals, scene.uvs,
-                       scene.colors, scene.material_ids, *surface],
+            if not self.shaded:
+                self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
+                    "raster depth", whole, reads=[now], writes=[target.depth], values=view,
+                    window=over,
+                )
+                continue
+            self._attributes(scene, shaded, 1).run(
+                f"raster attributes{suffix}", whole, reads=self._attribute_reads(scene),
                 writes=[target.depth, target.normal_world, target.albedo, target.emission],
                 values=view, window=over,
             )
+
+    def _attributes(self, scene: DeviceScene, shaded: bool, step: int) -> Kernel:
+        return self.runtime.kernel(
+            "raster/raster_attributes.cl",
+            {
+                "RASTER_STEP": step,
+                "RASTER_SHADED": int(shaded),
+                "RASTER_TEXTURED": int(shaded and scene.textured),
+                "RASTER_COLORED": int(shaded and scene.colored),
+                "RASTER_EMISSION": int(shaded and scene.emits),
+            },
+            STRUCTS,
+        )
+
+    def _attribute_reads(self, scene: DeviceScene) -> list[DeviceArray]:
+        return [self._seen, scene.faces, scene.shading, *_surface(scene)]
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
         turn = camera.view[:3, :3]
@@ -298,3 +328,7 @@ class Rasterizer:
             "margin_x": self.target.margin[1],
             "margin_y": self.target.margin[0],
         }
+
+
+def _surface(scene: DeviceScene) -> list[DeviceArray]:
+    return [scene.materials, scene.textures, scene.texels, scene.decode]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
-from ssgi_cl.device_gbuffer import VIEW_ROTATION
+from ssgi_cl.device_gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.memory import Plane
@@ -32,9 +32,15 @@ NEAR_SHARE = 1e-4
 class RsmRenderer:
     """Draws what a light sees, and its reflected flux, at one size per face.
 
+    Args:
+        runtime: the device.
+        size: texels along the side of a face.
+        step: flux is that of every step-th texel along rows and columns; see `every_nth`.
+
     Attributes:
-        target: the device G-buffer of the face drawn last; with flux, `normal_world` has what the
-            depth shows where the mesh has no normals.
+        depth: 1 image, of the face drawn last, for shadows.
+        target: the device G-buffer of what has flux; `normal_world` has what the depth shows where
+            the mesh has no normals.
         flux: 3 images, W.
         specular_flux, gloss: 3 images, W, and 1 image, exponent of the Phong lobe: what the face
             drawn last mirrors, after `render_lobes`.
@@ -43,12 +49,13 @@ class RsmRenderer:
     specular_flux: Plane
     gloss: Plane
 
-    def __init__(self, runtime: Runtime, size: int, *, shaded: bool = True) -> None:
+    def __init__(self, runtime: Runtime, size: int, *, step: int = 1) -> None:
         self.runtime = runtime
-        self.size = size
-        self._rasterizer = Rasterizer(runtime, (size, size), shaded=shaded)
-        self.target = self._rasterizer.target
-        self.flux = runtime.plane(3, (size, size))
+        self.step = step
+        self._rasterizer = Rasterizer(runtime, (size, size), shaded=False)
+        self.depth = self._rasterizer.target.depth
+        self.target = DeviceGBuffer(runtime, (-(-size // step),) * 2)
+        self.flux = runtime.plane(3, self.target.size)
         self._kernel = runtime.kernel("raster/raster_flux.cl", structs=(CAMERA, FLUX))
         self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
         self._bare: tuple[Scene, bool] | None = None
@@ -62,15 +69,18 @@ class RsmRenderer:
         *,
         flux: bool = True,
     ) -> Plane:
-        """Queue the passes for one face; return the plane of flux (depth is in `target`)."""
+        """Queue the passes for one face; return the plane of flux."""
         self._rasterizer.render(scene, camera)
         if flux:
+            camera = every_nth(camera, self.step)
+            self.target.set_camera(camera)
+            self._rasterizer.write_every(self.step, scene, self.target)
             self._write_flux(light, camera, self.target.albedo, self.flux)
             if self._lacks_normals(scene.scene):
                 self.target.derive()
                 turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
                 self._normals.run(
-                    "rsm normals", (self.size, self.size), reads=[self.target.normal],
+                    "rsm normals", self.target.size, reads=[self.target.normal],
                     writes=[self.target.normal_world], values=[turn],
                 )
         return self.flux
@@ -83,9 +93,10 @@ class RsmRenderer:
     ) -> None:
         """Queue the passes that fill `specular_flux` and `gloss` for the face drawn last."""
         if self._specular is None:
-            planes = [self.runtime.plane(n, (self.size, self.size)) for n in (3, 3, 1)]
+            planes = [self.runtime.plane(n, self.target.size) for n in (3, 3, 1)]
             self._specular, self.specular_flux, self.gloss = planes
-        self._rasterizer.write_gloss(scene, self._specular, self.gloss)
+        self._rasterizer.write_gloss(self.step, scene, self._specular, self.gloss)
+        camera = every_nth(camera, self.step)
         self._write_flux(light, camera, self._specular, self.specular_flux)
 
     def _write_flux(
@@ -96,7 +107,7 @@ class RsmRenderer:
         flux: Plane,
     ) -> None:
         self._kernel.run(
-            "rsm flux", (self.size, self.size),
+            "rsm flux", self.target.size,
             reads=[self.target.depth, reflectance], writes=[flux],
             values=[
                 CAMERA.pack(camera_values(camera)), FLUX.pack(_flux_values(light, camera))
@@ -135,6 +146,23 @@ def light_cameras(
     axes = np.eye(3)
     faces = [(sign * axes[i], axes[(i + 1) % 3]) for i in range(3) for sign in (1.0, -1.0)]
     return tuple(_cube_camera(position, way, up, 1.0, near, size) for way, up in faces)
+
+
+def every_nth(camera: Camera, step: int) -> Camera:
+    """Return the camera of an image that has the middle one of each `step` x `step` pixels, or the
+    one below and to the right of the middle, each for all of them."""
+    if step == 1:
+        return camera
+    rows, columns = (-(-side // step) for side in camera.size)
+    projection = camera.projection.copy()
+    for axis, (few, many) in enumerate(((columns, camera.width), (rows, camera.height))):
+        share = many / (step * few)
+        # By how much the pixel's centre is beyond the middle of what it stands for.
+        beyond = 0.0 if step % 2 else 0.5
+        shift = share - 1.0 - 2.0 * beyond / (step * few)
+        projection[axis] = share * projection[axis]
+        projection[axis] += (1 - 2 * axis) * shift * projection[3]
+    return Camera(view=camera.view, projection=projection, width=columns, height=rows)
 
 
 def rsm(

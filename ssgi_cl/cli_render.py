@@ -71,6 +71,8 @@ if TYPE_CHECKING:
               help="Cameras that show --indirect ssdo what the camera misses.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,
               help="Texels along a shadow map's side.")
+@click.option("--rsm-size", type=int, default=512, show_default=True,
+              help="Of them, at most so many along a side are what reflected light is chosen from.")
 @click.option("--explain", is_flag=True, help="Say of all that was left out how much time that "
               "saves, by estimate.")
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
@@ -115,6 +117,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
             "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
             "ao_samples": options["ao_samples"],
             "shadow_size": options["shadow_size"],
+            "rsm_size": options["rsm_size"],
             "exposure": options["exposure"],
             # A single picture is a first one, though it is the second here.
             "skips": () if options["no_skips"] else set(SKIPS) - {"unchanged"},

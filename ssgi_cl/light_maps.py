@@ -13,7 +13,7 @@ from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
+from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import Lamp, ShadowMap, kind_name, power
@@ -29,18 +29,21 @@ class LightMaps:
     Args:
         runtime: the device.
         size: texels along the side of a face.
+        rsm_size: at most so many of them along a side reflect light, every n-th.
         flux: whether reflected light is asked for.
         glossy: whether what glossy surfaces mirror is asked for too.
     """
 
     def __init__(
-        self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False
+        self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False,
+        rsm_size: int = 8192,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self._flux = flux
         self._glossy = glossy
-        self._renderer = RsmRenderer(runtime, size, shaded=flux)
+        self._step = -(-size // rsm_size) if flux else 1
+        self._renderer = RsmRenderer(runtime, size, step=self._step)
         self._depths: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
@@ -107,7 +110,7 @@ class LightMaps:
         kept, target = device_scene(scene, self.runtime), self._renderer.target
         for face, camera in enumerate(shadow.cameras):
             flux = self._renderer.render(kept, light, camera, flux=rsm is not None)
-            shadow.depth.copy_image(face, target.depth)
+            shadow.depth.copy_image(face, self._renderer.depth)
             if rsm is not None:
                 rsm.write_face(first + face, target.depth, target.normal_world, flux)
             if rsm is not None and rsm.lobes is not None:
@@ -144,13 +147,14 @@ class LightMaps:
         kept: set[int],
     ) -> DeviceRsm:
         """Return the reflective shadow map with room for all faces, the same if it fits."""
-        cameras = tuple(c for shadow in shadows if shadow is not None for c in shadow.cameras)
+        cameras = tuple(
+            every_nth(camera, self._step)
+            for shadow in shadows if shadow is not None for camera in shadow.cameras
+        )
         glossy = self._glossy and device_scene(scene, self.runtime).glossy
         fits = self._rsm is not None and self._rsm.faces == len(cameras)
         if self._rsm is None or not fits or (self._rsm.lobes is not None) != glossy:
-            self._rsm = DeviceRsm(
-                self.runtime, (self.size, self.size), len(cameras), glossy=glossy
-            )
+            self._rsm = DeviceRsm(self.runtime, cameras[0].size, len(cameras), glossy=glossy)
         if len(kept) < len(lamps):
             texels = (c.pixel_to_view[:2] for c in cameras)
             widest = max(abs(to_x * to_y) for to_x, to_y in texels)

@@ -44,6 +44,7 @@ def render(
     overscan: float = 0.0,
     extra_cameras: int = 0,
     shadow_size: int = 1024,
+    rsm_size: int = 512,
     exposure: float | None = None,
     curve: str = "filmic",
     gbuffer: bool = False,
@@ -78,8 +79,9 @@ def render(
         extra_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to 64,
             up to half of them at spot and directional lights, the others where
             `extra_cameras` says.
-        shadow_size: texels along the side of each shadow map, 16 to 8192; what reflects light is
-            chosen from the same map.
+        shadow_size: texels along the side of each shadow map, 16 to 8192.
+        rsm_size: at most so many of them along a side, 16 to 8192, are what reflected light is
+            chosen from: all, or every second, third and so on.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
         curve: "filmic" or "clip".
         gbuffer: whether the frame holds the G-buffer too.
@@ -105,6 +107,7 @@ def render(
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
     layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
     shadow_size = check.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
+    rsm_size = check.integer("rsm_size", rsm_size, low=16, high=8192, unit="texels")
     check.choice("curve", curve, CURVES)
     for name, switch in (
         ("multi_bounce", multi_bounce), ("gbuffer", gbuffer), ("indirect_ao", indirect_ao)
@@ -145,15 +148,15 @@ def render(
         samples = {} if ao_samples is None else {"samples": ao_samples}
         params = TECHNIQUES[dims].params(radius=ao_radius, **samples)  # type: ignore[call-arg]
     key = (
-        Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size, curve,
-        indirect_ao, skips,
+        Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size,
+        rsm_size, curve, indirect_ao, skips,
     )
     renderer: Renderer = runtime.prepared(
         key,
         lambda: Renderer(
             runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
-            views=extra_cameras, shadow_size=shadow_size, curve=curve,
-            indirect_ao=indirect_ao, skips=skips,
+            views=extra_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
+            curve=curve, indirect_ao=indirect_ao, skips=skips,
         ),
     )
     return renderer(

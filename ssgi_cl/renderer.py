@@ -51,7 +51,8 @@ class Renderer:
             light too: then `ao` is not looked at.
         layers, margin: of the G-buffer.
         views: further cameras of SSDO, which `extra_cameras` places.
-        shadow_size: texels along a shadow map's side.
+        shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
+            which each may reflect light.
         curve: see `tonemap`.
         indirect_ao: whether ambient occlusion dims the bounce of lamps too.
         skips: what may be left out: True for all of `plan.SKIPS`, False for none, or their names.
@@ -68,6 +69,7 @@ class Renderer:
         margin: Size = (0, 0),
         views: int = 0,
         shadow_size: int = 1024,
+        rsm_size: int = 512,
         curve: str = "filmic",
         indirect_ao: bool = False,
         skips: bool | Iterable[str] = True,
@@ -83,7 +85,8 @@ class Renderer:
         )
         glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
         self._maps = LightMaps(
-            runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy
+            runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy,
+            rsm_size=rsm_size,
         )
         self._ao: Occluder | None = None
         if ao is not None and not near:

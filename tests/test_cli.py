@@ -440,6 +440,7 @@ def test_version_is_printed() -> None:
         (["--indirect", "vpl", "--vpls", 0], "vpls is 0"),
         (["--layers", 0], "layers is 0"),
         (["--shadow-size", 1], "shadow_size is 1"),
+        (["--rsm-size", 1], "rsm_size is 1"),
         (["--exposure", 0], "exposure is 0.0"),
         (["--exposure", "nan"], "exposure is nan"),
         (["--ambient", -1], "expected numbers >= 0"),

@@ -77,7 +77,7 @@ def test_a_shadow_map_takes_at_most_half_of_pyrenders_depth_pass(
     light = SpotLight((-6.0, 8.0, 0.5), (0.7, -0.7, -0.1), 0.8, 100.0)
     (camera,) = light_cameras(light, sponza.bounds, 512)
     kept = DeviceScene(runtime, sponza)
-    renderer = RsmRenderer(runtime, 512, shaded=False)
+    renderer = RsmRenderer(runtime, 512)
     ours = steady_ms(runtime, lambda: renderer.render(kept, light, camera, flux=False))
     theirs = pyrender.median_ms(sponza, camera, "depth")
     report("Sponza, 512 x 512, depth from a light", ours, theirs)

@@ -535,6 +535,7 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
         ({"overscan": math.nan}, ValueError, r"overscan is nan"),
         ({"shadow_size": 8}, ValueError, r"shadow_size is 8: expected an integer >= 16.*texels"),
         ({"shadow_size": 8193}, ValueError, r"shadow_size is 8193"),
+        ({"rsm_size": 8}, ValueError, r"rsm_size is 8: expected an integer >= 16.*texels"),
         ({"exposure": 0}, ValueError, r"exposure is 0: expected a number > 0"),
         ({"exposure": "bright"}, TypeError, r"exposure is 'bright'"),
         ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),

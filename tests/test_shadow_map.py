@@ -14,7 +14,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
 from ssgi_cl.rasterize import Material, Scene, rsm
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
+from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.runtime import Runtime
 
 Doubles = NDArray[np.float64]
@@ -279,19 +279,46 @@ def test_a_steady_map_allocates_and_builds_nothing(runtime: Runtime) -> None:
     np.testing.assert_array_equal(first, again)
 
 
-def test_depth_alone_is_the_same_depth(runtime: Runtime) -> None:
+def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
     scene = BUILTIN_SCENES["cornell_box"]()
     (light,) = scene.lights
     assert isinstance(light, SpotLight)
     kept = DeviceScene(runtime, scene.scene)
     (camera,) = light_cameras(light, scene.scene.bounds, 64)
-    depths = []
+    renderer = RsmRenderer(runtime, 64)
     with runtime.frame():
-        for shaded in (True, False):
-            renderer = RsmRenderer(runtime, 64, shaded=shaded)
-            renderer.render(kept, light, camera, flux=shaded)
-            depths.append(renderer.target.depth.download())
-    np.testing.assert_array_equal(*depths)
+        renderer.render(kept, light, camera)
+        depth, exact = renderer.depth.download(), renderer.target.depth.download()
+    # Rounding of a plane seen at a cosine of .05.
+    np.testing.assert_allclose(depth, exact, rtol=2e-6)
+
+
+@pytest.mark.parametrize("step", [2, 3])
+def test_every_nth_texel_is_that_of_the_whole_map(form_runtime: Runtime, step: int) -> None:
+    made = BUILTIN_SCENES["cornell_box"]()
+    (light,) = made.lights
+    assert isinstance(light, SpotLight)
+    kept = DeviceScene(form_runtime, made.scene)
+    (camera,) = light_cameras(light, made.scene.bounds, 37)
+    few, all_ = (RsmRenderer(form_runtime, 37, step=n) for n in (step, 1))
+    with form_runtime.frame():
+        for renderer in (few, all_):
+            renderer.render(kept, light, camera)
+        middle = slice(step // 2, None, step)
+        for name in ("depth", "normal_world", "albedo"):
+            found = getattr(few.target, name).download()
+            wanted = getattr(all_.target, name).download()[:, middle, middle]
+            np.testing.assert_array_equal(found[:, : wanted.shape[1], : wanted.shape[2]], wanted)
+        flux = [renderer.flux.download().sum() for renderer in (few, all_)]
+    # Its camera looks through the texels' own middles: x / z of what is there.
+    reduced = every_nth(camera, step)
+    own, whole = (reduced.pixel_to_view, camera.pixel_to_view)
+    for axis in (0, 1):
+        at = own[axis] * 0.5 + own[2 + axis]
+        np.testing.assert_allclose(at, whole[axis] * (step // 2 + 0.5) + whole[2 + axis])
+        np.testing.assert_allclose(own[axis], step * whole[axis])
+    # 37 texels are 19 pairs but for one half.
+    np.testing.assert_allclose(flux[0], flux[1], rtol=0.1)
 
 
 @pytest.mark.parametrize(

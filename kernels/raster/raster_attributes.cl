@@ -2,31 +2,32 @@
 // raster_attributes: depth, normal, albedo and emission of the triangle that each pixel sees.
 //
 // Reads:   triangles  [tile count][32][32] number of the triangle seen, or -1
-//          corners, positions, normals, uvs, colors: the mesh, planar
-//          material_ids [triangles], materials [count][RASTER_MATERIAL], textures, texels, decode
+//          faces [triangles][RASTER_FACE], vertices [count][RASTER_VERTEX] quads
+//          materials [count][RASTER_MATERIAL], textures, texels, decode
 // Writes:  depth     image view.layer of a plane: scene units; INFINITY where nothing is
 //          normal    images 3 view.layer + c: world space, unit length, as the mesh has it
 //          albedo    likewise, in [0, 1]
 //          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION 1)
-// Macros:  RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
+// Params:  camera, view: of the buffer; size = result
+// Macros:  RASTER_STEP: pixels of the buffer from one of the result to the next;
+//          RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
 #include "raster/records.clh"
+#include "raster/seen.clh"
 #include "raster/texture.clh"
 #include "raster/triangle.clh"
 
-#if !defined(RASTER_SHADED) || !defined(RASTER_TEXTURED) || !defined(RASTER_COLORED) ||            \
-    !defined(RASTER_EMISSION)
-#error "RASTER_SHADED, _TEXTURED, _COLORED and _EMISSION must be defined by the host"
+#if !defined(RASTER_STEP) || !defined(RASTER_SHADED) || !defined(RASTER_TEXTURED) ||               \
+    !defined(RASTER_COLORED) || !defined(RASTER_EMISSION)
+#error "RASTER_STEP, _SHADED, _TEXTURED, _COLORED and _EMISSION must be defined by the host"
 #endif
 
 // Write what the lanes see of their triangles, one or several.
 RASTER_INLINE void raster_write(
-    const vint triangle, const vmask there, const bool same, __global const int *restrict corners,
-    __global const float *restrict positions, __global const float *restrict normals,
-    __global const float *restrict uvs, __global const float *restrict colors,
-    __global const int *restrict material_ids, __global const float *restrict materials,
+    const vint triangle, const vmask there, const bool same, __global const int *restrict faces,
+    __global const float *restrict vertices, __global const float *restrict materials,
     __global const int *restrict textures, __global const int *restrict texels,
     __global const float *restrict decode, __global float *restrict depth,
     __global float *restrict normal, __global float *restrict albedo,
@@ -37,18 +38,20 @@ RASTER_INLINE void raster_write(
     const vfloat zero = v_splat(0.0f);
     const int first = 3 * view.layer;
 #endif
-    const RasterTriangle t = raster_triangle(view, corners, positions, triangle, same);
-    const vfloat slope_x = ssgi_slope_x(camera, v_to_float(v_iota() + (x - view.margin_x)) + 0.5f);
-    const vfloat slope_y = ssgi_slope_y(camera, v_splat((float)(y - view.margin_y) + 0.5f));
+    const RasterTriangle t = raster_triangle(view, faces, vertices, triangle, same);
+    const vfloat slope_x =
+        ssgi_slope_x(camera, v_to_float(raster_columns(x) - view.margin_x) + 0.5f);
+    const vfloat slope_y =
+        ssgi_slope_y(camera, v_splat((float)(raster_row(y) - view.margin_y) + 0.5f));
     const RasterHit hit = raster_hit(camera, view, &t, slope_x, slope_y);
     const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
     ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
 
 #if RASTER_SHADED
-    const int stride = view.vertex_stride;
-    const vfloat nx = raster_mix(normals, &t, hit);
-    const vfloat ny = raster_mix(normals + stride, &t, hit);
-    const vfloat nz = raster_mix(normals + 2 * stride, &t, hit);
+    const RasterAttributes turned = raster_attributes_of(vertices, &t, RASTER_NORMAL);
+    const vfloat nx = raster_at(turned.x, hit);
+    const vfloat ny = raster_at(turned.y, hit);
+    const vfloat nz = raster_at(turned.z, hit);
     const vfloat squared = nx * nx + ny * ny + nz * nz;
     const vmask unit = there & v_gt(squared, v_splat(1e-12f));
     const vfloat scale = v_select(zero, v_rsqrt(v_max(squared, v_splat(1e-12f))), unit);
@@ -56,24 +59,29 @@ RASTER_INLINE void raster_write(
     ssgi_store(ny * scale, normal, size, first + 1, x, y, 0.0f);
     ssgi_store(nz * scale, normal, size, first + 2, x, y, 0.0f);
 
-    const vint id = v_ifetch(material_ids, triangle, t.same) * RASTER_MATERIAL;
+    const vint id = t.material;
     vfloat r = v_fetch(materials, id, t.same);
     vfloat g = v_fetch(materials, id + 1, t.same);
     vfloat b = v_fetch(materials, id + 2, t.same);
+#if RASTER_COLORED || RASTER_TEXTURED
+    const RasterAttributes own = raster_attributes_of(vertices, &t, RASTER_COLOR);
+#endif
 #if RASTER_COLORED
-    r = r * raster_mix(colors, &t, hit);
-    g = g * raster_mix(colors + stride, &t, hit);
-    b = b * raster_mix(colors + 2 * stride, &t, hit);
+    r = r * raster_at(own.x, hit);
+    g = g * raster_at(own.y, hit);
+    b = b * raster_at(own.z, hit);
 #endif
 #if RASTER_TEXTURED
     const vint texture = v_to_int(v_fetch(materials, id + 3, t.same));
     const vmask textured = there & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
-        const RasterHit right = raster_meet(camera, view, &t, slope_x + camera.to_x, slope_y);
-        const RasterHit below = raster_meet(camera, view, &t, slope_x, slope_y + camera.to_y);
-        const RasterAttribute us = raster_attribute(uvs, &t);
-        const RasterAttribute vs = raster_attribute(uvs + stride, &t);
+        const RasterHit right =
+            raster_meet(camera, view, &t, slope_x + camera.to_x * RASTER_STEP, slope_y);
+        const RasterHit below =
+            raster_meet(camera, view, &t, slope_x, slope_y + camera.to_y * RASTER_STEP);
+        const RasterAttribute us = turned.w;
+        const RasterAttribute vs = own.w;
         const vfloat u = raster_at(us, hit);
         const vfloat v = raster_at(vs, hit);
         const RasterColor color =
@@ -99,10 +107,8 @@ RASTER_INLINE void raster_write(
 }
 
 __kernel void raster_attributes(
-    __global const int *restrict triangles, __global const int *restrict corners,
-    __global const float *restrict positions, __global const float *restrict normals,
-    __global const float *restrict uvs, __global const float *restrict colors,
-    __global const int *restrict material_ids, __global const float *restrict materials,
+    __global const int *restrict triangles, __global const int *restrict faces,
+    __global const float *restrict vertices, __global const float *restrict materials,
     __global const int *restrict textures, __global const int *restrict texels,
     __global const float *restrict decode, __global float *restrict depth,
     __global float *restrict normal, __global float *restrict albedo,
@@ -114,10 +120,7 @@ __kernel void raster_attributes(
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const int tile = y / RASTER_TILE * view.tiles_x + x / RASTER_TILE;
-    const int at = (tile * RASTER_TILE + (y & (RASTER_TILE - 1))) * RASTER_TILE +
-                   (x & (RASTER_TILE - 1));
-    const vint seen = v_iload(triangles + at);
+    const vint seen = raster_seen(triangles, (int2)(view.tiles_x, view.tiles_y), x, y);
     const vmask there = v_ige(seen, v_splat_int(0));
 #if RASTER_SHADED
     const vfloat zero = v_splat(0.0f);
@@ -139,12 +142,10 @@ __kernel void raster_attributes(
     // Lanes that see nothing take a neighbour's triangle: often all lanes then have the same.
     const vint triangle = v_iselect(v_splat_int(v_ilargest(seen)), seen, there);
     if (v_all(v_ieq(triangle, v_splat_int(v_first(triangle))))) {
-        raster_write(triangle, there, true, corners, positions, normals, uvs, colors, material_ids,
-                     materials, textures, texels, decode, depth, normal, albedo, emission, size, x,
-                     y, camera, view);
+        raster_write(triangle, there, true, faces, vertices, materials, textures, texels, decode,
+                     depth, normal, albedo, emission, size, x, y, camera, view);
     } else {
-        raster_write(triangle, there, false, corners, positions, normals, uvs, colors,
-                     material_ids, materials, textures, texels, decode, depth, normal, albedo,
-                     emission, size, x, y, camera, view);
+        raster_write(triangle, there, false, faces, vertices, materials, textures, texels, decode,
+                     depth, normal, albedo, emission, size, x, y, camera, view);
     }
 }

@@ -5,8 +5,8 @@
 // from its lexicographically lesser end, so both triangles that share it get the same new vertex.
 //
 // Reads:   corners   3 x [triangles] vertex indices
-//          positions, view  3 x [vertices] relative to the scene's origin, and in view space
-//          snapped, codes  see raster_vertices
+//          vertices  [count][RASTER_VERTEX] quads
+//          view, screen  see raster_vertices
 // Writes:  records   see records.clh; at most params.room
 //          tiles     [tile count] number of records that may cover the tile
 //          counters  RASTER_RECORDS
@@ -14,51 +14,34 @@
 // Launch:  SSGI_LANES triangles per work-item
 
 #include "common/camera.clh"
+#include "raster/planes.clh"
+#include "raster/quads.clh"
 #include "raster/records.clh"
 
 #define RASTER_MOST_CORNERS 9 // a triangle cut by 5 planes has at most 8
 
-// The plane of D through a triangle, within the range of its vertices' depths (least, most). It is
-// found in the scene's own axes: turning far vertices into view space would round them first.
-static inline void raster_depth_plane(const SsgiCamera camera, const RasterView view,
-                                      const float3 a, const float3 b, const float3 c,
-                                      const float least, const float most, RasterRecord *record)
+// What becomes of a triangle.
+#define RASTER_READY 1 // a record
+#define RASTER_WIDE 2  // a record, once it is oriented
+#define RASTER_CLIP 3  // those of the pieces that are left
+
+// Count the tiles of a record: of those in `range`, first column and row and last ones, all that it
+// may cover.
+static inline void raster_count(const RasterRecord record, const int4 range,
+                                __global int *restrict tiles, const RasterView view)
 {
-    // Scaled by the largest extent, so that tiny and huge scenes neither vanish nor overflow.
-    const float3 ab = b - a;
-    const float3 ac = c - a;
-    const float3 spread = fmax(fabs(ab), fabs(ac));
-    const float extent = fmax(spread.x, fmax(spread.y, spread.z));
-    const float scale = 1.0f / fmax(extent, 1e-37f);
-    const float3 normal = cross(ab * scale, ac * scale);
-    const float3 n = (float3)(dot((float3)(view.xx, view.xy, view.xz), normal),
-                              dot((float3)(view.yx, view.yy, view.yz), normal),
-                              dot((float3)(view.zx, view.zy, view.zz), normal));
-    const float3 from_eye = (a - (float3)(view.eye_x, view.eye_y, view.eye_z)) -
-                            (float3)(view.rest_x, view.rest_y, view.rest_z);
-    const float3 far_off = fabs(from_eye);
-    const float slack = RASTER_SLACK * (extent + far_off.x + far_off.y + far_off.z);
-    const float nearest = fmax(least - slack, view.near_depth);
-    const float furthest = fmax(most + slack, nearest);
-    const float offset = dot(normal, from_eye);
-    float divisor;
-    if (camera.perspective != 0.0f) {
-        divisor = offset;
-        record->range = (float2)(1.0f / furthest, 1.0f / nearest);
-        record->d = (float3)(n.x, n.y, -n.z) / divisor;
-    } else {
-        divisor = n.z;
-        record->range = (float2)(-furthest, -nearest);
-        record->d = (float3)(-n.x, -n.y, offset) / divisor;
-    }
-    // Seen edge-on: its few pixels get the nearest depth.
-    if (!(isfinite(record->d.x) && isfinite(record->d.y) && isfinite(record->d.z))) {
-        record->d = (float3)(0.0f, 0.0f, record->range.y);
+    const bool many = (range.z - range.x) * (range.w - range.y) > 0;
+    for (int y = range.y; y <= range.w; ++y) {
+        for (int x = range.x; x <= range.z; ++x) {
+            if (!(many && raster_misses_tile(record, (int2)(x, y)))) {
+                atomic_inc(tiles + y * view.tiles_x + x);
+            }
+        }
     }
 }
 
-// Orient the record, store it as number `index` and count its tiles; one that covers no pixel centre
-// is stored as an empty one, which has no tiles.
+// Orient the record, store it as number `index` and count its tiles; one that covers no pixel
+// centre is stored as an empty one, which has no tiles.
 static inline void raster_append(RasterRecord record, const int index,
                                  __global int *restrict records, __global int *restrict tiles,
                                  const RasterView view)
@@ -81,15 +64,7 @@ static inline void raster_append(RasterRecord record, const int index,
         return;
     }
     raster_store(records, index, record);
-    const int4 range = bounds / RASTER_TILE;
-    const bool many = (range.z - range.x) * (range.w - range.y) > 0;
-    for (int y = range.y; y <= range.w; ++y) {
-        for (int x = range.x; x <= range.z; ++x) {
-            if (!(many && raster_misses_tile(record, (int2)(x, y)))) {
-                atomic_inc(tiles + y * view.tiles_x + x);
-            }
-        }
-    }
+    raster_count(record, bounds / RASTER_TILE, tiles, view);
 }
 
 // The point at which value, linear from a to b, is 0; the same bits from b to a.
@@ -186,9 +161,8 @@ static inline float3 raster_vertex(__global const float *restrict planar, const 
 }
 
 __kernel void raster_setup(__global const int *restrict corners,
-                           __global const float *restrict positions,
-                           __global const float *restrict view,
-                           __global const int *restrict snapped, __global const int *restrict codes,
+                           __global const float *restrict vertices,
+                           __global const float *restrict view, __global const int *restrict screen,
                            __global int *restrict records, __global int *restrict tiles,
                            __global int *restrict counters, const int2 size,
                            const SsgiCamera camera, const RasterView params)
@@ -202,69 +176,92 @@ __kernel void raster_setup(__global const int *restrict corners,
     const vint a = v_iload(corners + first);
     const vint b = v_iload(corners + stride + first);
     const vint c = v_iload(corners + 2 * stride + first);
-    const vint code_a = v_igather(codes, a);
-    const vint code_b = v_igather(codes, b);
-    const vint code_c = v_igather(codes, c);
-    const vint x_a = v_igather(snapped, a);
-    const vint x_b = v_igather(snapped, b);
-    const vint x_c = v_igather(snapped, c);
-    const vint y_a = v_igather(snapped + vertex_stride, a);
-    const vint y_b = v_igather(snapped + vertex_stride, b);
-    const vint y_c = v_igather(snapped + vertex_stride, c);
+    const RasterQuad at_a = raster_quad(screen, a, false);
+    const RasterQuad at_b = raster_quad(screen, b, false);
+    const RasterQuad at_c = raster_quad(screen, c, false);
+    const vint x_a = at_a.x, x_b = at_b.x, x_c = at_c.x;
+    const vint y_a = at_a.y, y_b = at_b.y, y_c = at_c.y;
+    const vint code_a = at_a.z, code_b = at_b.z, code_c = at_c.z;
     const vmask outside = v_ine(code_a & code_b & code_c & 63, v_splat_int(0));
-    const vmask clip = v_ine((code_a | code_b | code_c) & 64, v_splat_int(0));
-    // No pixel centre between the least and the greatest coordinate: covers nothing.
+    const vmask exists = v_ilt(v_iota() + first, v_splat_int(size.x)) & ~outside;
+    const vmask clip = exists & v_ine((code_a | code_b | code_c) & 64, v_splat_int(0));
+    // Pixels whose centres lie between the least and the greatest coordinate, as raster_bounds.
     const int middle = RASTER_SUBPIXELS / 2;
-    const vint first_x = (v_imin(v_imin(x_a, x_b), x_c) + (middle - 1)) >> 8;
-    const vint last_x = (v_imax(v_imax(x_a, x_b), x_c) - middle) >> 8;
-    const vint first_y = (v_imin(v_imin(y_a, y_b), y_c) + (middle - 1)) >> 8;
-    const vint last_y = (v_imax(v_imax(y_a, y_b), y_c) - middle) >> 8;
-    const vmask nothing = v_igt(first_x, last_x) | v_igt(first_y, last_y);
-    const vmask exists = v_ilt(v_iota() + first, v_splat_int(size.x));
-    const vmask keep = exists & ~outside & (clip | ~nothing);
-    if (!v_any(keep)) {
+    const vint left = v_imax((v_imin(v_imin(x_a, x_b), x_c) + (middle - 1)) >> 8, v_splat_int(0));
+    const vint top = v_imax((v_imin(v_imin(y_a, y_b), y_c) + (middle - 1)) >> 8, v_splat_int(0));
+    const vint right = v_imin((v_imax(v_imax(x_a, x_b), x_c) - middle) >> 8,
+                              v_splat_int((int)params.columns - 1));
+    const vint bottom = v_imin((v_imax(v_imax(y_a, y_b), y_c) - middle) >> 8,
+                               v_splat_int((int)params.rows - 1));
+    const vmask whole = exists & ~clip & v_ile(left, right) & v_ile(top, bottom);
+    // Products of sides below 2^15 steps fit; what is larger is oriented in 64 bits.
+    const vint ab_x = x_b - x_a, ab_y = y_b - y_a, ac_x = x_c - x_a, ac_y = y_c - y_a;
+    const vmask narrow = v_within(ab_x + 32767, 65535) & v_within(ab_y + 32767, 65535) &
+                         v_within(ac_x + 32767, 65535) & v_within(ac_y + 32767, 65535);
+    const vint area = ab_x * ac_y - ac_x * ab_y;
+    const vmask ready = whole & narrow & v_ine(area, v_splat_int(0));
+    const vmask wide = whole & ~narrow;
+    if (!v_any(ready | wide | clip)) {
         return;
     }
-    int kept[SSGI_LANES];
-    int clipped[SSGI_LANES];
-#if SSGI_LANES == 1
-    kept[0] = keep;
-    clipped[0] = clip;
-#else
-    SSGI_V(vstore)(keep, 0, kept);
-    SSGI_V(vstore)(clip, 0, clipped);
-#endif
-    // One step of the shared counter for all: taken one by one they would hold up each other's cores.
+    const vmask swap = narrow & v_ilt(area, v_splat_int(0));
+    const vfloat z_a = v_from_bits(at_a.w), z_b = v_from_bits(at_b.w), z_c = v_from_bits(at_c.w);
+    const RasterPlanes planes =
+        raster_planes(camera, params, vertices, a, b, c, -v_max(z_a, v_max(z_b, z_c)),
+                      -v_min(z_a, v_min(z_b, z_c)));
+    int parts[RASTER_RECORD][SSGI_LANES];
+    v_ikeep(x_a, parts[0]);
+    v_ikeep(y_a, parts[1]);
+    v_ikeep(v_iselect(x_b, x_c, swap), parts[2]);
+    v_ikeep(v_iselect(y_b, y_c, swap), parts[3]);
+    v_ikeep(v_iselect(x_c, x_b, swap), parts[4]);
+    v_ikeep(v_iselect(y_c, y_b, swap), parts[5]);
+    v_ikeep(v_bits(planes.x), parts[6]);
+    v_ikeep(v_bits(planes.y), parts[7]);
+    v_ikeep(v_bits(planes.z), parts[8]);
+    v_ikeep(v_bits(planes.least), parts[9]);
+    v_ikeep(v_bits(planes.most), parts[10]);
+    v_ikeep(v_iota() + first, parts[11]);
+    // Numbers of the first and the last tile of the bounds.
+    int from[SSGI_LANES], to[SSGI_LANES], kind[SSGI_LANES];
+    v_ikeep(top / RASTER_TILE * params.tiles_x + left / RASTER_TILE, from);
+    v_ikeep(bottom / RASTER_TILE * params.tiles_x + right / RASTER_TILE, to);
+    v_ikeep((ready & RASTER_READY) | (wide & RASTER_WIDE) | (clip & RASTER_CLIP), kind);
+    // One step of the shared counter for all: one by one they would hold up each other's cores.
     int count = 0;
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
-        count += kept[lane] != 0 && clipped[lane] == 0 ? 1 : 0;
+        count += kind[lane] == RASTER_READY || kind[lane] == RASTER_WIDE ? 1 : 0;
     }
     int index = count > 0 ? atomic_add(counters + RASTER_RECORDS, count) : 0;
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
-        if (kept[lane] == 0) {
-            continue;
-        }
-        const int triangle = first + lane;
-        const int ia = corners[triangle];
-        const int ib = corners[stride + triangle];
-        const int ic = corners[2 * stride + triangle];
-        const float3 pa = raster_vertex(view, vertex_stride, ia);
-        const float3 pb = raster_vertex(view, vertex_stride, ib);
-        const float3 pc = raster_vertex(view, vertex_stride, ic);
-        RasterRecord record;
-        record.triangle = triangle;
-        raster_depth_plane(camera, params, raster_vertex(positions, vertex_stride, ia),
-                           raster_vertex(positions, vertex_stride, ib),
-                           raster_vertex(positions, vertex_stride, ic),
-                           -fmax(pa.z, fmax(pb.z, pc.z)), -fmin(pa.z, fmin(pb.z, pc.z)), &record);
-        if (clipped[lane] != 0) {
-            raster_clip(camera, pa, pb, pc, record, records, tiles, counters, params);
-        } else {
-            record.v[0] = (int2)(snapped[ia], snapped[vertex_stride + ia]);
-            record.v[1] = (int2)(snapped[ib], snapped[vertex_stride + ib]);
-            record.v[2] = (int2)(snapped[ic], snapped[vertex_stride + ic]);
-            raster_append(record, index, records, tiles, params);
+        if (kind[lane] == RASTER_READY && from[lane] == to[lane]) {
+            // Most triangles are small.
+            if (index < params.room) {
+                for (int i = 0; i < RASTER_RECORD; ++i) {
+                    records[index * RASTER_RECORD + i] = parts[i][lane];
+                }
+                atomic_inc(tiles + from[lane]);
+            }
             ++index;
+        } else if (kind[lane] != 0) {
+            RasterRecord record;
+            record.v[0] = (int2)(parts[0][lane], parts[1][lane]);
+            record.v[1] = (int2)(parts[2][lane], parts[3][lane]);
+            record.v[2] = (int2)(parts[4][lane], parts[5][lane]);
+            record.d = (float3)(as_float(parts[6][lane]), as_float(parts[7][lane]),
+                                as_float(parts[8][lane]));
+            record.range = (float2)(as_float(parts[9][lane]), as_float(parts[10][lane]));
+            record.triangle = first + lane;
+            if (kind[lane] == RASTER_CLIP) {
+                const int triangle = first + lane;
+                raster_clip(camera, raster_vertex(view, vertex_stride, corners[triangle]),
+                            raster_vertex(view, vertex_stride, corners[stride + triangle]),
+                            raster_vertex(view, vertex_stride, corners[2 * stride + triangle]),
+                            record, records, tiles, counters, params);
+            } else {
+                raster_append(record, index, records, tiles, params);
+                ++index;
+            }
         }
     }
 }

@@ -94,14 +94,12 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
             const float d_row = fma(record.d.y, slope_y, d_0);
             const int row = base + (y & (RASTER_TILE - 1)) * RASTER_TILE;
             int step = 0;
+            // Without a branch for lanes that hit nothing: it would be guessed wrongly too often.
             for (int x = from_x; x <= last_x; x += SSGI_LANES, step += SSGI_LANES) {
                 const vint outside = (lane_ab + (edge_ab - step * ab.y)) |
                                      (lane_bc + (edge_bc - step * bc.y)) |
                                      (lane_ca + (edge_ca - step * ca.y));
                 vmask hit = ~(outside >> 31);
-                if (!v_any(hit)) {
-                    continue;
-                }
                 const int at = row + (x & (RASTER_TILE - 1));
                 // From the pixel's own column, so that it doesn't depend on where lanes begin.
                 const vfloat column = v_to_float(v_iota()) + ((float)(x - view.margin_x) + 0.5f);
@@ -115,11 +113,8 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
 #if RASTER_PEEL
                 hit = hit & v_lt(d, v_load(previous + at) * view.peel);
 #endif
-                if (!v_any(hit)) {
-                    continue;
-                }
 #if RASTER_CUTOUT
-                if (cutout >= 0) {
+                if (cutout >= 0 && v_any(hit)) {
                     const RasterTextures from = {textures, texels, decode};
                     const vfloat lane_x = ssgi_slope_x(camera, column);
                     const vfloat u = raster_linear_at(camera, u_of, lane_x, slope_y, d);

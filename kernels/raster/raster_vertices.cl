@@ -3,21 +3,22 @@
 //
 // Reads:   positions  3 x [vertices] scene units, relative to the scene's origin
 // Writes:  view       3 x [vertices] view space
-//          snapped    2 x [vertices] column and row in 1/256 pixels; wrong where `codes` forbids it
-//          codes      [vertices] bits: left 1, right 2, above 4, below 8, nearer than the near plane
-//                     16, beyond the far plane 32, must be clipped before snapping 64
+//          screen     [vertices, a multiple of 16][4] column and row in 1/256 pixels, wrong where
+//                     the code forbids it; code; the bits of z in view space. The code's bits: left
+//                     1, right 2, above 4, below 8, nearer than the near plane 16, beyond the far
+//                     plane 32, must be clipped before snapping 64
 //          counters   set to 0, and `tiles` [tile count] too
 // Params:  size = (vertices, 1); view matrix, camera, near and far plane
 // Launch:  SSGI_LANES vertices per work-item
 
 #include "common/camera.clh"
+#include "raster/quads.clh"
 #include "raster/records.clh"
 
 __kernel void raster_vertices(__global const float *restrict positions,
-                              __global float *restrict view, __global int *restrict snapped,
-                              __global int *restrict codes, __global int *restrict counters,
-                              __global int *restrict tiles, const int2 size,
-                              const SsgiCamera camera, const RasterView to_view)
+                              __global float *restrict view, __global int *restrict screen,
+                              __global int *restrict counters, __global int *restrict tiles,
+                              const int2 size, const SsgiCamera camera, const RasterView to_view)
 {
     const int i = (int)get_global_id(0) * SSGI_LANES;
     const int stride = (size.x + 15) & ~15;
@@ -71,7 +72,7 @@ __kernel void raster_vertices(__global const float *restrict positions,
     const float steps = (float)RASTER_SUBPIXELS;
     const vint snapped_x = v_floor_to_int(v_select(column, zero, clip) * steps + 0.5f);
     const vint snapped_y = v_floor_to_int(v_select(row, zero, clip) * steps + 0.5f);
-    v_istore(snapped_x + to_view.margin_x * RASTER_SUBPIXELS, snapped + i);
-    v_istore(snapped_y + to_view.margin_y * RASTER_SUBPIXELS, snapped + stride + i);
-    v_istore(code, codes + i);
+    const RasterQuad quad = {snapped_x + to_view.margin_x * RASTER_SUBPIXELS,
+                             snapped_y + to_view.margin_y * RASTER_SUBPIXELS, code, v_bits(vz)};
+    raster_store_quads(quad, screen + 4 * i);
 }

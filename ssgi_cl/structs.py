@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ class Struct:
     name: str
     members: tuple[tuple[str, str], ...]
 
-    @property
+    @cached_property
     def dtype(self) -> np.dtype[Any]:
         """The numpy type of the same layout."""
         kinds = {"float": np.float32, "int": np.int32}
@@ -38,10 +39,7 @@ class Struct:
 
     def pack(self, values: Mapping[str, float]) -> np.ndarray[Any, Any]:
         """Return the values as a numpy scalar that PyOpenCL passes by value."""
-        record = np.zeros((), self.dtype)
-        for name, _ in self.members:
-            record[name] = values[name]
-        return record
+        return np.array(tuple(values[name] for name, _ in self.members), self.dtype)
 
 
 def floats(*names: str) -> tuple[tuple[str, str], ...]:

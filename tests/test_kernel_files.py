@@ -61,10 +61,12 @@ def tiles(peel: int, cutout: int, wide: int, high: int) -> dict[str, int]:
     }
 
 
-def attributes(shaded: int, textured: int, colored: int, emission: int) -> dict[str, int]:
+def attributes(
+    step: int, shaded: int, textured: int, colored: int, emission: int
+) -> dict[str, int]:
     return {
-        "RASTER_SHADED": shaded, "RASTER_TEXTURED": textured, "RASTER_COLORED": colored,
-        "RASTER_EMISSION": emission,
+        "RASTER_STEP": step, "RASTER_SHADED": shaded, "RASTER_TEXTURED": textured,
+        "RASTER_COLORED": colored, "RASTER_EMISSION": emission,
     }
 
 
@@ -87,7 +89,7 @@ def slices(layers: int, **switches: int) -> dict[str, int]:
     return {"SLICES_COUNT": 3, "SLICES_TAPS": 6, "SLICES_LAYERS": layers, **switches}
 
 
-SIGHT = {"VPL_GRID": 64, "VPL_STEPS": 16}
+SIGHT = {"VPL_GRID": 64}
 
 USES = {
     "bilateral/bilateral_blur.cl": Use(
@@ -166,11 +168,13 @@ USES = {
     ),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
-        rasterizer.STRUCTS, [attributes(0, 0, 0, 0), attributes(1, 0, 0, 0), attributes(1, 1, 1, 1)]
+        rasterizer.STRUCTS,
+        [attributes(1, 0, 0, 0, 0), attributes(2, 1, 0, 0, 0), attributes(1, 1, 1, 1, 1)],
     ),
+    "raster/raster_depth.cl": Use(rasterizer.STRUCTS),
     "raster/raster_fill.cl": Use(rasterizer.STRUCTS),
     "raster/raster_flux.cl": Use((CAMERA, shadow_map.FLUX)),
-    "raster/raster_gloss.cl": Use(),
+    "raster/raster_gloss.cl": Use((), [{"RASTER_STEP": step} for step in (1, 3)]),
     "raster/raster_scan.cl": Use(rasterizer.STRUCTS),
     "raster/raster_setup.cl": Use(rasterizer.STRUCTS),
     "raster/raster_tiles.cl": Use(
@@ -279,6 +283,7 @@ USES = {
         ],
     ),
     "vpl/vpl_near.cl": Use((CAMERA, VPL)),
+    "vpl/vpl_reach.cl": Use((CAMERA, VPL), [SIGHT]),
     "vpl/vpl_occupy.cl": Use((CAMERA, VPL, TURN), [{**SIGHT, "VPL_LAYERS": n} for n in (0, 2)]),
     "vpl/vpl_place.cl": Use(
         (PLACE,),

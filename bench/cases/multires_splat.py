@@ -18,15 +18,7 @@ from ssgi_cl.vpls import Vpls, choose_vpls
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .vpl_splat import (
-    FINE_GRID,
-    FINE_STEPS,
-    MANY,
-    MAP_SIZE,
-    PIXEL_BYTES,
-    SOME,
-    drawn_maps,
-)
+from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, drawn_maps
 
 
 @dataclass(frozen=True)
@@ -79,19 +71,16 @@ class MultiresWalls(Own):
 
     Attributes:
         error: of interpolation, and of few lights for many; less shows the grid's cells alone.
-        grid, steps: of walls; see `MultiresSplatParams`.
     """
 
     error: float = 0.05
-    grid: int = 64
-    steps: int = 16
     SETTINGS: tuple[str, ...] = MANY
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and multiresolution splatting ready."""
         params = MultiresSplatParams(
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), error=self.error,
-            light_error=self.error, visibility=True, grid=self.grid, steps=self.steps,
+            light_error=self.error, visibility=True,
         )
         maps, gbuffer = drawn_maps(context), context.layered(4, 0.1)
         technique = MultiresSplat(context.runtime, context.size, params)
@@ -144,6 +133,5 @@ def _relative(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:
 FAMILIES: Mapping[str, Family] = {
     "multires": MultiresByError(),
     "multires-walls": MultiresWalls(),
-    "multires-walls-fine": MultiresWalls(grid=FINE_GRID, steps=FINE_STEPS, SETTINGS=SOME),
     "multires-every-pixel": MultiresByError(coarsest=1, SETTINGS=("10-permille",)),
 }

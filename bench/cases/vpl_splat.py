@@ -23,9 +23,6 @@ PIXEL_BYTES = 4 * (1 + 3 + 3)
 """Depth and normal read, E written."""
 MANY = ("256", "1024", "4096", "16384")
 """Numbers of lights that walls hide: with them thousands pay."""
-SOME = ("1024", "4096")
-FINE_GRID, FINE_STEPS = 128, 32
-"""For rooms whose walls are thinner than a cell of the usual grid."""
 
 
 @dataclass(frozen=True)
@@ -36,22 +33,18 @@ class VplsByNumber(Own):
         cull: tiles skip lights that lie behind them.
         interleave: each pixel of 4 x 4 takes one in 16.
         visibility: walls block light; then the G-buffer has four layers and a tenth of overscan.
-        grid, steps: of walls; see `VplSplatParams`.
     """
 
     cull: bool = True
     interleave: bool = False
     visibility: bool = False
-    grid: int = 64
-    steps: int = 16
     SETTINGS: tuple[str, ...] = ("256", "1024", "4096")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and splatting ready."""
         params = VplSplatParams(
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), cutoff=0.0, cull=self.cull,
-            interleave=self.interleave, visibility=self.visibility, grid=self.grid,
-            steps=self.steps,
+            interleave=self.interleave, visibility=self.visibility,
         )
         return vpl_subject(context, params)
 
@@ -137,9 +130,6 @@ FAMILIES: Mapping[str, Family] = {
     "vpl-plain": VplsByNumber(cull=False),
     "vpl-interleaved": VplsByNumber(interleave=True),
     "vpl-walls": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
-    "vpl-walls-fine": VplsByNumber(
-        interleave=True, visibility=True, grid=FINE_GRID, steps=FINE_STEPS, SETTINGS=SOME
-    ),
     "vpl-cut": VplsByCut(),
     "vpl-cut-plain": VplsByCut(cull=False),
     "vpl-cut-restored": VplsByCut(restore=True),

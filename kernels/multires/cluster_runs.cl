@@ -63,17 +63,22 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
     for (int j = 0; j < 7; ++j) {
         mean[j] *= scale;
     }
-    float spread = 0.0f, turn = 0.0f;
+    float spread = 0.0f, turn = 0.0f, least = INFINITY;
+    int nearest = first;
     for (int i = first; i < end; ++i) {
         __global const float *light = records + i * TREE_RECORD;
         const float own =
             0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
+        float squared = 0.0f;
         for (int j = 0; j < 3; ++j) {
             const float off = light[j] - mean[j];
             const float bent = light[4 + j] - mean[4 + j];
+            squared += off * off;
             spread += own * off * off;
             turn += own * bent * bent;
         }
+        nearest = squared < least ? i : nearest;
+        least = min(squared, least);
     }
     bound[TREE_DEVIATION] = sqrt(spread * scale);
     bound[TREE_TURN] = sqrt(turn * scale);
@@ -90,4 +95,5 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
     for (int j = 0; j < TREE_RECORD; ++j) {
         own[j] = j < 7 ? mean[j] : j >= 8 && j < 11 ? flux[j - 8] : 0.0f;
     }
+    own[TREE_NEAREST] = (float)nearest;
 }

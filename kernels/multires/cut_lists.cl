@@ -68,28 +68,34 @@ static inline vint cut_state(const CutTest test)
 
 // Appends what is listed of a run of 16, given the states of its four parts; returns the new count.
 static inline int cut_append(__global const float *restrict bounds, const int stride, const int run,
-                             const int *parts, const CutGroup group, const int lights,
+                             const int *parts, const CutGroup *group, const int lights,
                              __global int *restrict to, int count)
 {
-    int kept[16]; // 1 where a light gives the group something
-    if (parts[0] == CUT_OPEN || parts[1] == CUT_OPEN || parts[2] == CUT_OPEN ||
-        parts[3] == CUT_OPEN) {
-        for (int i = 0; i < 16; i += SSGI_LANES) {
-            const int at = 16 * run + i;
-            const vmask is_light = v_ilt(v_iota() + at, v_splat_int(lights));
-            v_ikeep(-(is_light & ~cut_dark(bounds, stride, at, group)), kept + i);
+    // Of each light, or of its part at the first of four: the record, and -1 where it is listed.
+    int record[16], listed[16];
+#pragma unroll
+    for (int i = 0; i < 16; i += SSGI_LANES) {
+        const vint n = v_iota() + i;
+        vint state = v_splat_int(parts[0]);
+#pragma unroll
+        for (int part = 1; part < 4; ++part) {
+            state = v_iselect(state, v_splat_int(parts[part]), v_ige(n, v_splat_int(4 * part)));
         }
+        const vint light = n + 16 * run;
+        const vmask open = v_ieq(state, v_splat_int(CUT_OPEN));
+        const vmask leads = v_ieq(n & 3, v_splat_int(0));
+        vmask lit = v_ilt(light, v_splat_int(lights));
+        if (v_any(open)) {
+            lit = lit & ~cut_dark(bounds, stride, 16 * run + i, group);
+        }
+        v_ikeep(v_iselect((n >> 2) + (stride + 4 * run), light, open), record + i);
+        v_ikeep((open & lit) | (v_ieq(state, v_splat_int(CUT_FITS)) & leads), listed + i);
     }
-    for (int part = 0; part < 4; ++part) {
-        if (parts[part] == CUT_OPEN) {
-            for (int i = 4 * part; i < 4 * part + 4; ++i) {
-                to[count] = 16 * run + i;
-                count += kept[i];
-            }
-        } else if (parts[part] == CUT_FITS) {
-            to[count] = stride + 4 * run + part;
-            count += 1;
-        }
+    // What is not listed is written over; branches would be guessed wrong too often.
+#pragma unroll
+    for (int i = 0; i < 16; ++i) {
+        to[count] = record[i];
+        count -= listed[i];
     }
     return count;
 }
@@ -110,22 +116,26 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
     __global const float *restrict most = bounds + tree_first_bound(stride, 3);
     const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
-    for (int own = (int)get_global_id(0); own < end; own += (int)get_global_size(0)) {
+    for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
         const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
                                          camera, params);
         __global int *restrict to = lists + own * params.room;
         // Of runs of 64 and 16.
         int states[TREE_MOST_RUNS];
         for (int run = 0; run < runs; run += SSGI_LANES) {
-            const CutTest whole = cut_test(most, width, run, group, tolerance);
-            const CutTest part = cut_test(sixteens, width, run, group, tolerance);
+            const CutTest whole = cut_test(most, width, run, &group, tolerance);
+            const CutTest part = cut_test(sixteens, width, run, &group, tolerance);
             // A run of 64 is listed at the first of its four parts.
             const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
             const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
             v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
         }
         int count = 0;
+        const int next = (cut.first + cut_own(turn + 1, end)) * CUT_GROUP;
+        const int asked = (4 * CUT_GROUP + runs - 1) / runs;
         for (int first = 0; first < runs; first += 4) {
+            const int ask = next + first / 4 * asked;
+            cut_ask(depth, normal, list, ask, min(ask + asked, next + CUT_GROUP), size, params);
             const int last = min(first + 4, runs);
             bool open = false;
             for (int run = first; run < last; ++run) {
@@ -134,11 +144,11 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
             int parts[16]; // of 4
             for (int i = 0; i < 16 && open; i += SSGI_LANES) {
                 const int at = 4 * first + i;
-                v_ikeep(cut_state(cut_test(fours, fours_width, at, group, tolerance)), parts + i);
+                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance)), parts + i);
             }
             for (int run = first; run < last; ++run) {
                 if (states[run] == CUT_OPEN) {
-                    count = cut_append(bounds, stride, run, parts + 4 * (run - first), group,
+                    count = cut_append(bounds, stride, run, parts + 4 * (run - first), &group,
                                        params.count, to, count);
                 } else if (states[run] != CUT_DARK) {
                     to[count] = states[run] == CUT_FITS ? tree_first(stride, 2) + run

@@ -13,18 +13,26 @@
 //          bound          [1] error that values stay below, in their unit; INFINITY: geometry decides
 // Writes:  values  MULTIRES_CHANNELS x [rows, columns]; -INFINITY where a point is to be computed,
 //                  0 where nothing is
+//          masks   of tiles, see multires/list.clh
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Params:  scale: of the bound at this level; margin_columns, margin_rows of linear and normal;
 //          depth_scale, normal_scale: see common/surface.clh
-// Launch:  SSGI_LANES points of a coarse row, and thus 4 SSGI_LANES points, per work-item
+// Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item
 // Cost:    7 reads and 3 writes per point of 3 channels
 
 #define UPSAMPLE_STEP 2
+#include "multires/list.clh"
 #include "multires/points.clh"
 #include "upsample/phases.clh"
 
 #ifndef MULTIRES_CHANNELS
 #error "MULTIRES_CHANNELS must be defined by the host"
+#endif
+
+#if SSGI_LANES == 1
+#define MULTIRES_WIDE 8 // coarse columns of a work-item: two tiles, or one
+#else
+#define MULTIRES_WIDE SSGI_LANES
 #endif
 
 // Values at the points `odd` columns and `odd_row` rows from the first of four corners, of which
@@ -110,65 +118,97 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                                    ssgi_plane coarse_values, ssgi_plane coarse_rough,
                                    ssgi_plane linear, ssgi_plane normal,
                                    __global const float *restrict bound,
-                                   __global float *restrict values, const int2 size,
-                                   const int2 coarse, const SsgiCamera camera,
+                                   __global float *restrict values, __global int *restrict masks,
+                                   const int2 size, const int2 coarse, const SsgiCamera camera,
                                    const MultiresParams params)
 {
-    const int coarse_x = ssgi_first_column();
+    const int first = (int)get_global_id(0) * MULTIRES_WIDE;
     const int coarse_y = (int)get_global_id(1);
-    if (coarse_x >= coarse.x || coarse_y >= coarse.y) {
+    if (first >= coarse.x || coarse_y >= coarse.y) {
         return;
     }
     const float most = bound[0] * params.scale;
-    MultiresPoint corner[4];
-#pragma unroll
-    for (int i = 0; i < 4; ++i) {
-        const int x = coarse_x + (i & 1);
-        const int y = coarse_y + (i >> 1);
-        multires_surface(coarse_linear, coarse_normal, coarse, x, y, &corner[i]);
-        multires_values(coarse_values, coarse, x, y, &corner[i]);
-    }
-    const vfloat right = multires_apart(&corner[1], &corner[0]);
-    const vfloat below = multires_apart(&corner[2], &corner[0]);
-    const vfloat all = v_max(v_max(right, below), multires_apart(&corner[3], &corner[0]));
     const int2 whole =
         (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
-    const int left = 2 * coarse_x + params.margin_columns;
-#pragma unroll
-    for (int odd_row = 0; odd_row < 2; ++odd_row) {
-        const int y = 2 * coarse_y + odd_row;
-        if (y >= size.y) {
-            return;
-        }
-        const int top = y + params.margin_rows;
-        vfloat own[2][4];
-        vfloat result[2][MULTIRES_CHANNELS];
+    masks += multires_mask(size, 2 * first, 2 * coarse_y);
+#if SSGI_LANES < 16
+    int marks[2] = {0, 0}; // of the one tile
+#endif
+    for (int coarse_x = first; coarse_x < min(first + MULTIRES_WIDE, coarse.x);
+         coarse_x += SSGI_LANES) {
+        MultiresPoint corner[4];
 #pragma unroll
         for (int i = 0; i < 4; ++i) {
-            vfloat phases[2];
-            if (i == 0) {
-                ssgi_load_phases(linear, whole, 0, left, top, phases);
-            } else {
-                ssgi_load_phases(normal, whole, i - 1, left, top, phases);
-            }
-            own[0][i] = phases[0];
-            own[1][i] = phases[1];
+            const int x = coarse_x + (i & 1);
+            const int y = coarse_y + (i >> 1);
+            multires_surface(coarse_linear, coarse_normal, coarse, x, y, &corner[i]);
+            multires_values(coarse_values, coarse, x, y, &corner[i]);
         }
-        if (odd_row) {
-            multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0, odd_row,
-                           own[0], left, top, most, camera, params, result[0]);
-        } else {
+        const vfloat right = multires_apart(&corner[1], &corner[0]);
+        const vfloat below = multires_apart(&corner[2], &corner[0]);
+        const vfloat all = v_max(v_max(right, below), multires_apart(&corner[3], &corner[0]));
+        const int left = 2 * coarse_x + params.margin_columns;
+#pragma unroll
+        for (int odd_row = 0; odd_row < 2; ++odd_row) {
+            const int y = 2 * coarse_y + odd_row;
+            if (y >= size.y) {
+                break;
+            }
+            const int top = y + params.margin_rows;
+            vfloat own[2][4];
+            vfloat result[2][MULTIRES_CHANNELS];
+#pragma unroll
+            for (int i = 0; i < 4; ++i) {
+                vfloat phases[2];
+                if (i == 0) {
+                    ssgi_load_phases(linear, whole, 0, left, top, phases);
+                } else {
+                    ssgi_load_phases(normal, whole, i - 1, left, top, phases);
+                }
+                own[0][i] = phases[0];
+                own[1][i] = phases[1];
+            }
+            if (odd_row) {
+                multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0, odd_row,
+                               own[0], left, top, most, camera, params, result[0]);
+            } else {
+#pragma unroll
+                for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+                    result[0][i] = corner[0].value[i];
+                }
+            }
+            multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x, coarse_y,
+                           1, odd_row, own[1], left + 1, top, most, camera, params, result[1]);
 #pragma unroll
             for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-                result[0][i] = corner[0].value[i];
+                const vfloat phases[2] = {result[0][i], result[1][i]};
+                ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
             }
-        }
-        multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x, coarse_y, 1,
-                       odd_row, own[1], left + 1, top, most, camera, params, result[1]);
+            const vfloat phases[2] = {result[0][0], result[1][0]};
+            int mark[2] = {0, 0};
+            const vfloat least = v_splat(-FLT_MAX);
+            if (v_any(v_lt(phases[0], least) | v_lt(phases[1], least))) {
+                vfloat row[2];
+                ssgi_weave_phases(phases, row);
 #pragma unroll
-        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-            const vfloat phases[2] = {result[0][i], result[1][i]};
-            ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
+                for (int p = 0; p < 2; ++p) {
+                    mark[p] = multires_marks(row[p], 2 * coarse_x + p * SSGI_LANES, size.x);
+                }
+            }
+#if SSGI_LANES == 16
+            masks[odd_row] = mark[0];
+            if (2 * coarse_x + SSGI_LANES < size.x) {
+                masks[MULTIRES_TILE + odd_row] = mark[1];
+            }
+#else
+            marks[odd_row] |= (mark[0] | mark[1] << SSGI_LANES) << 2 * (coarse_x - first);
+#endif
         }
     }
+#if SSGI_LANES < 16
+    masks[0] = marks[0];
+    if (2 * coarse_y + 1 < size.y) {
+        masks[1] = marks[1];
+    }
+#endif
 }

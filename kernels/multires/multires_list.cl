@@ -4,7 +4,7 @@
 // A tile's place in the list follows from the counts of the tiles before it, so no atomics are
 // needed and the list is the same in every run. Within a tile the order is a Z-curve's over blocks
 // of 4 x 4 points, and that of rows within a block.
-// Reads:   masks   [tiles][16] as multires_count writes them
+// Reads:   masks   of tiles, see multires/list.clh
 //          counts  [tiles, rounded up to 16]; 0 beyond the last tile
 //          tiles   [tiles] row << 16 | column
 // Writes:  list    [1 + points] their number, then row << 16 | column of each
@@ -39,7 +39,8 @@ __kernel void multires_list(__global const int *restrict masks, __global const i
             continue;
         }
         const int corner = tiles[tile] * MULTIRES_TILE; // of row and column at once
-        __global const int *restrict rows = masks + tile * MULTIRES_TILE;
+        __global const int *restrict rows =
+            masks + multires_mask(size, corner & 0xffff, corner >> 16);
         for (int block = 0; block < 16; ++block) {
             const int x = (block & 1) * 4 + (block >> 2 & 1) * 8;
             const int y = (block >> 1 & 1) * 4 + (block >> 3 & 1) * 8;

@@ -4,26 +4,35 @@
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 // Writes:  values  MULTIRES_CHANNELS x [rows, columns]: -INFINITY, 0 where nothing is;
 //                  without margin
+//          masks   of tiles, see multires/list.clh
 // Macros:  MULTIRES_CHANNELS (1 to 16)
-// Launch:  SSGI_LANES pixels of a row per work-item
+// Launch:  a row of a tile per work-item
 
 #include "common/gbuffer.clh"
+#include "multires/list.clh"
 
 #ifndef MULTIRES_CHANNELS
 #error "MULTIRES_CHANNELS must be defined by the host"
 #endif
 
-__kernel void multires_start(ssgi_plane depth, __global float *restrict values, const int2 size,
-                             const int2 whole, const int2 margin)
+__kernel void multires_start(ssgi_plane depth, __global float *restrict values,
+                             __global int *restrict masks, const int2 size, const int2 whole,
+                             const int2 margin)
 {
-    const int x = ssgi_first_column();
+    const int left = (int)get_global_id(0) * MULTIRES_TILE;
     const int y = (int)get_global_id(1);
-    if (x >= size.x || y >= size.y) {
+    if (left >= size.x || y >= size.y) {
         return;
     }
-    const vmask there = v_lt(ssgi_load(depth, whole, 0, x + margin.x, y + margin.y), v_splat(INFINITY));
-    const vfloat mark = v_select(v_splat(0.0f), v_splat(-INFINITY), there);
-    for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-        ssgi_store(mark, values, size, i, x, y, 0.0f);
+    int mask = 0;
+    for (int x = left; x < min(left + MULTIRES_TILE, size.x); x += SSGI_LANES) {
+        const vfloat seen = ssgi_load(depth, whole, 0, x + margin.x, y + margin.y);
+        const vmask there = v_lt(seen, v_splat(INFINITY));
+        const vfloat mark = v_select(v_splat(0.0f), v_splat(-INFINITY), there);
+        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+            ssgi_store(mark, values, size, i, x, y, 0.0f);
+        }
+        mask |= multires_marks(mark, x, size.x) << (x - left);
     }
+    masks[multires_mask(size, left, y)] = mask;
 }

@@ -10,11 +10,10 @@
 // Writes:  values   3 x [rows, columns], W/m^2, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), VPL_ADD (1: to what is there), SHADE_ROWS (times SSGI_LANES
 //          samples of a work-item, so that each light is read once for all of them; 1 to 4),
-//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
-//          VPL_STEPS (along a line of sight)
+//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
-// Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, VPL_STEPS
+// Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, some 20
 //          reads per sample and run of 16 on it
 
 #include "common/camera.clh"
@@ -24,8 +23,8 @@
 #include "vpl/light.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(SHADE_ROWS) ||        \
-    !defined(VPL_SIGHT) || !defined(VPL_GRID) || !defined(VPL_STEPS)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID, _STEPS and SHADE_ROWS must be defined"
+    !defined(VPL_SIGHT) || !defined(VPL_GRID)
+#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID and SHADE_ROWS must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -44,16 +43,16 @@ static inline int shade_run(const int record, const int stride)
                                : (record - most) * 4;
 }
 
-// Where a line of sight to a run of 16 ends: at the mean of its lights, lifted off their surface.
-static inline VplCell shade_end(__global const float *restrict record,
+// Where a line of sight to a run of 16 ends: at the light nearest to the mean of all, lifted off its
+// surface. The mean itself may be inside of something.
+static inline VplCell shade_end(__global const float *restrict records, const int run,
                                 __global const float *restrict grid_box, const VplParams params)
 {
-    const float squared =
-        record[4] * record[4] + record[5] * record[5] + record[6] * record[6];
-    const float scale = -1.0f / sqrt(max(squared, 1e-12f));
-    return vpl_cell(v_splat(record[0]), v_splat(record[1]), v_splat(record[2]),
-                    v_splat(record[4] * scale), v_splat(record[5] * scale),
-                    v_splat(record[6] * scale), grid_box, params);
+    const int sixteen = tree_first(params.stride, 2) + run;
+    __global const float *restrict light =
+        records + (int)records[sixteen * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
+    return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
+                    v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
 }
 #endif
 
@@ -69,13 +68,11 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
     const int samples = list[0];
     const vfloat zero = v_splat(0.0f);
     records += params.segment * tree_first(params.stride, 4) * TREE_RECORD;
-    for (int own = (int)get_global_id(0); own < cut.groups * SHADE_PIECES;
-         own += (int)get_global_size(0)) {
+    const int pieces = min(cut.groups * SHADE_PIECES,
+                           (samples + SHADE_PIECE - 1) / SHADE_PIECE - cut.first * SHADE_PIECES);
+    for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
         const int group = own / SHADE_PIECES;
         const int start = cut.first * CUT_GROUP + own * SHADE_PIECE;
-        if (start >= samples) {
-            break;
-        }
         VplReceiver at[SHADE_ROWS];
         vfloat sum[SHADE_ROWS][3];
 #pragma unroll
@@ -110,13 +107,10 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
                 const int run = shade_run(lights[i], params.stride);
                 if (run != latest) {
                     latest = run;
-                    const VplCell end_cell = shade_end(
-                        records + (tree_first(params.stride, 2) + run) * TREE_RECORD, grid_box,
-                        params);
-                    const float phase = ((float)(run * 5 & 15) + 0.5f) / 16.0f;
+                    const VplCell end_cell = shade_end(records, run, grid_box, params);
 #pragma unroll
                     for (int r = 0; r < SHADE_ROWS; ++r) {
-                        open[r] = ~vpl_blocked(grid, eye[r], end_cell, phase);
+                        open[r] = ~vpl_blocked(grid, eye[r], end_cell, at[r].there);
                     }
                 }
 #endif

@@ -5,7 +5,7 @@
 //          bounds  [segments][VPL_BOUNDS][params.stride] of all lights; see vpl_lists
 // Writes:  grid      VPL_GRID^3 bits, 0
 //          grid_box  4 floats; see vpl/grid.clh
-// Macros:  VPL_GRID, VPL_STEPS; see vpl/grid.clh
+// Macros:  VPL_GRID
 // Params:  params.count segments
 // Launch:  VPL_GRID rows of VPL_GRID work-items, each for one row of cells
 
@@ -14,8 +14,8 @@
 #include "vpl/grid.clh"
 #include "vpl/receiver.clh"
 
-#if !defined(VPL_GRID) || !defined(VPL_STEPS)
-#error "VPL_GRID and VPL_STEPS must be defined"
+#ifndef VPL_GRID
+#error "VPL_GRID must be defined"
 #endif
 
 #define VPL_BOUNDS 7 // as in vpl_lists
@@ -29,8 +29,8 @@ __kernel void vpl_grid(__global const float *restrict boxes, __global const floa
     if (y >= VPL_GRID || z >= VPL_GRID) {
         return;
     }
-    for (int i = 0; i < VPL_ROW; ++i) {
-        grid[(z * VPL_GRID + y) * VPL_ROW + i] = 0;
+    for (int i = 0; i < VPL_GRID / 32; ++i) {
+        grid[(z * VPL_GRID + y) * (VPL_GRID / 32) + i] = 0;
     }
     if (y == 0 && z == 0) {
         float low[3], high[3];

@@ -15,10 +15,10 @@
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
 // Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_SIGHT (0: light passes
 //          through walls, 1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that share
-//          a line), VPL_STEPS (along a line), VPL_PARTS (1: in place of one in 16 of the lights
-//          near by, each pixel takes one in 16 of the parts of all of them)
+//          a line), VPL_PARTS (1: in place of one in 16 of the lights near by, each pixel takes one
+//          in 16 of the parts of all of them)
 // Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such pixels
-// Cost:    1 / 16 of vpl_splat, and VPL_STEPS reads for each pixel and line
+// Cost:    1 / 16 of vpl_splat, and some 20 reads for each pixel and line
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
@@ -28,25 +28,23 @@
 #include "vpl/receiver.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_SIGHT) ||        \
-    !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_STEPS) || !defined(VPL_GLOSSY) ||      \
-    !defined(VPL_PARTS)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _STEPS, _GLOSSY, _PARTS must be defined"
+    !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_GLOSSY) || !defined(VPL_PARTS)
+#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _GLOSSY, _PARTS must be defined"
 #endif
 
 #define VPL_PIECES (16 / SSGI_LANES)
 
 #if VPL_SIGHT
-// Whether a light is hidden; another phase of the steps for each pixel of 4 x 4.
+// Whether a light is hidden from lanes that want to know.
 static inline vmask vpl_hidden(__global const int *restrict grid,
                                __global const float *restrict grid_box, const VplCell start,
-                               __global const float *restrict light, const int subset,
-                               const int first, const VplParams params)
+                               __global const float *restrict light, const vmask wanted,
+                               const VplParams params)
 {
     const VplCell finish = vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                                     v_splat(-light[VPL_NORMAL]), v_splat(-light[VPL_NORMAL + 1]),
                                     v_splat(-light[VPL_NORMAL + 2]), grid_box, params);
-    const int phase = (subset * 5 + first / VPL_SHARE * 3) & 15;
-    return vpl_blocked(grid, start, finish, ((float)phase + 0.5f) / 16.0f);
+    return vpl_blocked(grid, start, finish, wanted);
 }
 #endif
 
@@ -113,18 +111,20 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                 part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
             }
         }
+        const vmask wanted = v_gt(all, zero) & shone;
+        if (!v_any(wanted)) {
+            continue;
+        }
 #if VPL_SIGHT
         const int chosen = near_list[first + (subset * 7 + 3) % 16 * (end - first) / 16];
         __global const float *restrict one =
             all_lights + vpl_part(chosen, subset, params) * VPL_FLOATS;
-        const vmask open = ~vpl_hidden(grid, grid_box, start, one, subset, first, params);
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
 #else
-        const vmask open = shone;
+        const vmask open = wanted;
 #endif
-        if (v_any(v_gt(all, zero) & shone)) {
-            for (int j = 0; j < 3; ++j) {
-                sum[j] = sum[j] + v_select(zero, part[j], open);
-            }
+        for (int j = 0; j < 3; ++j) {
+            sum[j] = sum[j] + v_select(zero, part[j], open);
         }
     }
 #endif
@@ -153,7 +153,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         // Another light of each piece for each pixel of 4 x 4.
         __global const float *restrict one =
             lights + list[first + (subset * 7 + 3) % 16 * (end - first) / 16] * VPL_FLOATS;
-        const vmask open = ~vpl_hidden(grid, grid_box, start, one, subset, first, params);
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);
         }

@@ -5,7 +5,7 @@
 //          normal    3 x [rows, columns], 0 where no position is (not read with depths)
 //          grid_box  see vpl/grid.clh
 // Writes:  grid      VPL_GRID^3 bits, to which 1s are added
-// Macros:  VPL_GRID, VPL_STEPS; see vpl/grid.clh. VPL_LAYERS (0: positions; 1 or more of depth)
+// Macros:  VPL_GRID, VPL_LAYERS (0: positions; 1 or more of depth)
 // Params:  camera; from the space of positions to view space
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -13,8 +13,8 @@
 #include "common/gbuffer.clh"
 #include "vpl/grid.clh"
 
-#if !defined(VPL_GRID) || !defined(VPL_STEPS) || !defined(VPL_LAYERS)
-#error "VPL_GRID, VPL_STEPS and VPL_LAYERS must be defined"
+#if !defined(VPL_GRID) || !defined(VPL_LAYERS)
+#error "VPL_GRID and VPL_LAYERS must be defined"
 #endif
 
 static inline void vpl_set(volatile __global int *restrict grid, const int word, const int bit)
@@ -36,10 +36,11 @@ static inline void vpl_mark(__global int *restrict grid, __global const float *r
     const vmask inside = there & v_ge(cx, zero) & v_lt(cx, side) & v_ge(cy, zero) &
                          v_lt(cy, side) & v_ge(cz, zero) & v_lt(cz, side);
     const vint column = v_to_int(v_select(zero, cx, inside));
-    const vint row = v_to_int(v_select(zero, cz, inside)) * VPL_GRID +
-                     v_to_int(v_select(zero, cy, inside));
-    const vint word = v_iselect(v_splat_int(-1), row * VPL_ROW + (column >> 5), inside);
-    const vint bit = v_splat_int(1) << (column & 31);
+    const vint row = v_to_int(v_select(zero, cy, inside));
+    const vint slice = v_to_int(v_select(zero, cz, inside));
+    const vint block = ((slice >> 2) * VPL_BLOCKS + (row >> 2)) * VPL_BLOCKS + (column >> 2);
+    const vint word = v_iselect(v_splat_int(-1), block * 2 + ((slice >> 1) & 1), inside);
+    const vint bit = v_splat_int(1) << (((slice & 1) << 4) | ((row & 3) << 2) | (column & 3));
 #if SSGI_LANES == 1
     vpl_set(grid, word, bit);
 #else

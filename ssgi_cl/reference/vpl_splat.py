@@ -16,7 +16,7 @@ from ssgi_cl.vpls import PARTS, SHARPEST, Vpls
 
 Doubles = NDArray[np.float64]
 
-Sight = Callable[[Doubles, Doubles, Doubles, Doubles, float], NDArray[np.bool_]]
+Sight = Callable[[Doubles, Doubles, Doubles, Doubles], NDArray[np.bool_]]
 """Points and normals [n, 3] of receivers, a light's, a phase -> where the light is hidden [n]."""
 
 
@@ -100,10 +100,7 @@ def vpl_sight_reference(
         for first in range(0, len(lights), params.share):
             group = lights[first : first + params.share]
             target = group[(s * 7 + 3) % 16 * len(group) // 16]
-            phase = (((s * 5 + first // params.share * 3) & 15) + 0.5) / 16.0
-            blocked = hidden(
-                point[own], normal[own], vpls.position[target], vpls.normal[target], phase
-            )
+            blocked = hidden(point[own], normal[own], vpls.position[target], vpls.normal[target])
             for light in group:
                 weight = form_factor(point[own], normal[own], vpls, light, params)
                 total[own] += np.where(blocked, 0.0, weight)[:, None] * vpls.flux[light]

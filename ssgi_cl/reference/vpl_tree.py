@@ -69,6 +69,7 @@ class VplTreeReference:
         self.position = np.zeros((sum(sizes), 3))
         self.normal, self.flux = np.zeros((2, sum(sizes), 3))
         self.area, self.deviation, self.turn = np.zeros((3, sum(sizes)))
+        self.nearest = np.zeros(sum(sizes), np.intp)
         self._low, self._high, self._normal_low, self._normal_high = np.zeros((4, sum(sizes), 3))
         own = (position[order], normal[order], vpls.flux[order], vpls.area[order])
         for level, (start, size) in enumerate(zip(self.first, sizes, strict=True)):
@@ -76,6 +77,8 @@ class VplTreeReference:
                 lights = slice(run * 4**level, min((run + 1) * 4**level, count))
                 if lights.start < lights.stop:
                     self._make(start + run, *(values[lights] for values in own))
+                    off = self.position[lights] - self.position[start + run]
+                    self.nearest[start + run] = lights.start + np.sum(off**2, axis=1).argmin()
 
     def _make(
         self, record: int, position: Doubles, normal: Doubles, flux: Doubles, area: Doubles
@@ -139,8 +142,8 @@ class VplTreeReference:
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
-        What belongs to a run of 16 shares a line of sight to its mean; of a run of 64, to that of
-        its first 16.
+        What belongs to a run of 16 shares a line of sight to its light nearest to the mean, which
+        may be inside of something; of a run of 64, to that of its first 16.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -151,10 +154,8 @@ class VplTreeReference:
             level = np.searchsorted(self.first, records, side="right") - 1
             runs = (records - np.array(self.first)[level]) * 4**level // 16
             for run in np.unique(runs):
-                end = self.first[2] + run
-                axis = self.normal[end] / np.linalg.norm(self.normal[end])
-                phase = ((run * 5 & 15) + 0.5) / 16.0
-                hidden = walls.hidden(point, normal, self.position[end], axis, phase)
+                end = self.nearest[self.first[2] + run]
+                hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
                 weight[np.ix_(hidden, runs == run)] = 0.0
         result: Doubles = weight @ self.flux[records]
         return result

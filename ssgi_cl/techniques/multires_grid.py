@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
@@ -144,17 +145,21 @@ class Level:
         order = tile_order(size)
         self._tiles = runtime.array(order)
         self._tile_count = len(order)
-        self._masks = runtime.empty(len(order) * TILE, np.int32)
+        self._masks = runtime.array(np.zeros(len(order) * TILE, np.int32))
         self._counts = runtime.array(np.zeros(-(-len(order) // TILE) * TILE, np.int32))
         self._count = runtime.kernel("multires/multires_count.cl")
         self._fill = runtime.kernel("multires/multires_list.cl")
 
-    def enlist(self) -> None:
-        """Queue the passes that make the list of the points whose value is -INFINITY."""
+    def mark(
+        self, kernel: Kernel, name: str, reads: Sequence[Plane | DeviceArray],
+        values: Sequence[Any], grid: Size,
+    ) -> None:
+        """Queue a pass that writes the values and marks, and those that make the list."""
+        kernel.run(name, self.size, reads, [self.values, self._masks], values, grid=grid)
         count = np.int32(self._tile_count)
         self._count.run(
-            "multires list", self.size, [self.values, self._tiles], [self._masks, self._counts],
-            [count], grid=(1, self._tile_count),
+            "multires list", self.size, [self._masks, self._tiles], [self._counts], [count],
+            grid=(1, self._tile_count),
         )
         self._fill.run(
             "multires list", self.size, [self._masks, self._counts, self._tiles], [self.list],
@@ -236,13 +241,14 @@ class MultiresGrid:
         for level, source in zip(self._levels, sources, strict=True):
             level.source = source
             if coarser is None:
-                self.runtime.kernel("multires/multires_start.cl", self._macros).run(
-                    "multires start", level.size, [source.depth], [level.values],
+                level.mark(
+                    self.runtime.kernel("multires/multires_start.cl", self._macros),
+                    "multires start", [source.depth],
                     [_int2(source.whole), _int2(source.margin)],
+                    (level.size[0], -(-level.size[1] // TILE)),
                 )
             else:
                 self._interpolate(coarser, level, bound)
-            level.enlist()
             yield level
             coarser = level
 
@@ -273,15 +279,12 @@ class MultiresGrid:
         kernel = self.runtime.kernel(
             "multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES)
         )
-        kernel.run(
-            "multires interpolate", level.size,
-            reads=[
-                known.linear, known.normal, coarser.values, known.rough, source.linear,
-                source.normal, bound,
-            ],
-            writes=[level.values],
-            values=[_int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
-            grid=(coarser.size[0], -(-coarser.size[1] // self.runtime.form.lanes)),
+        level.mark(
+            kernel, "multires interpolate",
+            [known.linear, known.normal, coarser.values, known.rough, source.linear,
+             source.normal, bound],
+            [_int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
+            (coarser.size[0], -(-coarser.size[1] // max(self.runtime.form.lanes, TILE // 2))),
         )
 
 

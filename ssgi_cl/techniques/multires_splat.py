@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,9 +19,9 @@ from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
+from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
-from ssgi_cl.techniques.vpl_splat import BOX, GRIDS, TILE
+from ssgi_cl.techniques.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl_tree import VplTree
 from ssgi_cl.vpls import Vpls
 
@@ -48,19 +49,11 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         False, "walls block light, as far as camera and lights see them; an `error` of 0.05 is "
         "then enough, since the grid of walls is no more exact"
     )
-    grid: int = param(
-        64, "cells along a side of the grid of walls: 32, 64, 128 or 256", low=32, high=256
-    )
-    steps: int = param(
-        16, "at which a line of sight is looked at; with fewer than the cells that it crosses it "
-        "misses thin walls here and there, which leaves faint stripes; with more, walls block more",
-        low=1, high=256,
-    )
+    grid: int = grid_param()
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
-        if self.grid not in GRIDS:
-            raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
+        check_grid(self.grid)
 
 
 class MultiresSplat:
@@ -89,7 +82,7 @@ class MultiresSplat:
         self._lights = DeviceVpls(runtime, params.vpls)
         self._chooser = VplChooser(runtime, (self._lights,))
         self._walls = (
-            SightGrid(runtime, params.grid, params.steps) if params.visibility else None
+            SightGrid(runtime, params.grid, size) if params.visibility else None
         )
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
@@ -124,18 +117,19 @@ class MultiresSplat:
             if self._dark is None:
                 self._dark = self.runtime.plane(3, self.size)
             return self._dark
+        params, tree = self.params, self.tree
+        levels = self.grid.levels(gbuffer, tree.limits)
+        coarsest = next(levels)  # the device has work while the host packs the lights
         if vpls is None:
             self._chooser.place(rsms, camera, kinds=1)
         else:
             self._lights.upload(vpls, camera)
-        params, tree = self.params, self.tree
         tree.update()
         values = {"cut": params.cut(self._lights.unit)}
-        for level in self.grid.levels(gbuffer, tree.limits):
-            if level.number == 0:
-                if self._walls is not None:
-                    self._block(gbuffer, rsms, self._walls)
-                tree.measure(level.source, level.list, values, params.error, params.light_error)
+        if self._walls is not None:
+            self._block(gbuffer, rsms, self._walls)
+        tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
+        for level in chain([coarsest], levels):
             tree.shine(level.source, level.list, level.most, level.values, values)
         return self.grid.result
 

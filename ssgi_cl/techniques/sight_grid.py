@@ -11,14 +11,44 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Size
+from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 
 TURN = Struct(
     "VplTurn", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z")
 )
+GRIDS = (32, 64, 128, 256)
+MOST_CELLS = 128
+"""That are chosen: with 256 lines of sight take twice the time, and few scenes gain."""
+BLOCK = 4
+"""Cells along a side of a block; VPL_BLOCK in kernels/vpl/grid.clh."""
 LIFT = 1.9
 """Cells above their surfaces at which lines begin and end, lest these block them."""
+
+
+def grid_param() -> Any:
+    """Declare the parameter `grid`."""
+    return param(
+        0, "cells along a side of the grid of walls: 32, 64, 128, 256, or 0: as many as the "
+        "image's pixels fill, at most 128", low=0, high=256,
+    )
+
+
+def check_grid(cells: int) -> None:
+    """Raise ValueError if a grid can't have so many cells along a side."""
+    if cells not in (0, *GRIDS):
+        raise ValueError(f"grid is {cells}: expected 0 or one of {GRIDS} (cells)")
+
+
+def cells_for(size: Size) -> int:
+    """Return how many cells along a side leave no holes in the surfaces that an image shows.
+
+    The grid is as wide as what is seen, so its cells must be wider than pixels; surfaces that are
+    seen at an angle take a half more.
+    """
+    fitting = [cells for cells in GRIDS if 1.5 * cells <= max(size) and cells <= MOST_CELLS]
+    return max(fitting, default=GRIDS[0])
 
 
 class SightGrid:
@@ -28,19 +58,19 @@ class SightGrid:
 
     Args:
         runtime: the device.
-        cells: along a side: 32, 64, 128 or 256.
-        steps: points at which a line of sight is looked at.
+        cells: along a side: 32, 64, 128 or 256; 0: as `cells_for` says.
+        size: (rows, columns) of the image.
 
     Attributes:
         grid, box: see kernels/vpl/grid.clh.
         macros: of kernels that include it.
     """
 
-    def __init__(self, runtime: Runtime, cells: int, steps: int) -> None:
+    def __init__(self, runtime: Runtime, cells: int, size: Size) -> None:
         self.runtime = runtime
-        self.cells = cells
-        self.macros = {"VPL_GRID": cells, "VPL_STEPS": steps}
-        self.grid = runtime.empty(cells**3 // 32, np.int32)
+        self.cells = cells = cells or cells_for(size)
+        self.macros = {"VPL_GRID": cells}
+        self.grid = runtime.empty(cells**3 // 16, np.int32)
         self.box = runtime.empty(4, np.float32)
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
@@ -77,4 +107,11 @@ class SightGrid:
                     gbuffer.camera_struct, packed,
                     TURN.pack(dict(zip(names, turn.ravel(), strict=True))),
                 ],
+            )
+        blocks = self.cells // BLOCK
+        reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
+        for axis in range(3):
+            reach.run(
+                "vpl reach", (axis, blocks**axis), reads=[], writes=[self.grid],
+                grid=(1, -(-blocks**3 // self.runtime.form.lanes)),
             )

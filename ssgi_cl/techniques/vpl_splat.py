@@ -20,7 +20,7 @@ from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
+from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
@@ -29,7 +29,6 @@ TILE = 16
 BOX = 16
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
-GRIDS = (32, 64, 128, 256)
 ALL, KEPT, LOST = range(3)
 """VPL_CUT in kernels/vpl/light.clh: all light, what the cut keeps, and what it leaves out."""
 COARSER = 16
@@ -55,10 +54,7 @@ class VplSplatParams(VplParams):
     visibility: bool = param(
         False, "walls block light, as far as camera and lights see them; needs `interleave`"
     )
-    grid: int = param(
-        64, "cells along a side of the grid of walls: 32, 64, 128 or 256", low=32, high=256
-    )
-    steps: int = param(16, "at which a line of sight is looked at", low=1, high=256)
+    grid: int = grid_param()
     share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
     glossy_vpls: int = param(
         0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
@@ -68,8 +64,7 @@ class VplSplatParams(VplParams):
 
     def __post_init__(self) -> None:
         VplParams.__post_init__(self)
-        if self.grid not in GRIDS:
-            raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
+        check_grid(self.grid)
         if self.visibility and not self.interleave:
             raise ValueError("visibility is True: expected interleave=True with it")
         if self.interleave and not self.cull:
@@ -122,7 +117,7 @@ class VplSplat:
         self._near = runtime.empty(tiles * NEAR_ROOM if parted else 1, np.int32)
         self._near_counts = runtime.empty(tiles, np.int32)
         self._walls = (
-            SightGrid(runtime, params.grid, params.steps) if params.visibility else None
+            SightGrid(runtime, params.grid, size) if params.visibility else None
         )
         self._blur: Bilateral | None = None
         if params.interleave:
@@ -318,7 +313,7 @@ class VplSplat:
         grid = self._walls if walls else None
         # Without walls the kernel does not look at the grid: anything will do.
         walls_read = [grid.grid, grid.box] if grid else [self._counts, self._boxes]
-        macros |= grid.macros if grid else {"VPL_GRID": 32, "VPL_STEPS": 1}
+        macros |= grid.macros if grid else {"VPL_GRID": 32}
         macros |= {"VPL_SIGHT": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.form.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(

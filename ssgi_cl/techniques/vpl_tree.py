@@ -65,7 +65,8 @@ class VplTree:
         self._runs = stride // 4 + stride // 16 + -(-stride // 64)
         bounds = LEAF * stride + 6 * BOUNDS * width
         self._records = runtime.empty(segments * (stride + self._runs) * RECORD, np.float32)
-        self._bounds = runtime.empty(segments * bounds, np.float32)
+        # What lies past the last light is read with it, and left out.
+        self._bounds = runtime.array(np.zeros(segments * bounds, np.float32))
         self._found = runtime.empty(SAMPLES, np.float32)
         self.limits = runtime.empty(2, np.float32)
         self._most_groups = LISTED // lights.room
@@ -80,7 +81,7 @@ class VplTree:
         self._rows = ROWS // 2 if walls else ROWS
         macros |= {"SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None)}
         # Without walls the kernel does not look at the grid.
-        macros |= walls.macros if walls else {"VPL_GRID": 32, "VPL_STEPS": 1}
+        macros |= walls.macros if walls else {"VPL_GRID": 32}
         self._shade = [
             runtime.kernel("multires/shade_list.cl", {**macros, "VPL_ADD": add}, (CAMERA, VPL, CUT))
             for add in (0, 1)
@@ -144,7 +145,9 @@ class VplTree:
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         local = (1, 64 if is_gpu else 1)
         pieces = GROUP // (self._rows * lanes)
-        groups, scale = -(-most // GROUP), 1.0 / self.lights.values["gain"]
+        # Light too weak for a float32 is 0, and so is what may be left out of it.
+        groups = -(-most // GROUP)
+        scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
         pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)

@@ -51,7 +51,8 @@ class FurtherViews:
     ) -> Iterator[DeviceGBuffer]:
         """Queue the passes of each camera in turn and give its G-buffer.
 
-        Those of one size are drawn into the same memory: use one before asking for the next.
+        Those of one size are drawn into the same memory: use one before asking for the next. A
+        camera that sees nothing gives none.
         Cameras stay where they are as long as scene, camera and lamps are the same.
         """
         lamps: tuple[AtLight, ...] = tuple(
@@ -63,10 +64,15 @@ class FurtherViews:
             self._made_of = made_of
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
-                self._rasterizers[extra.size] = Rasterizer(self.runtime, extra.size)
+                self._rasterizers[extra.size] = Rasterizer(
+                    self.runtime, extra.size, windows=True
+                )
             target = self._rasterizers[extra.size].render(
                 device_scene(scene, self.runtime), extra
             )
+            if target.window is not None and target.window.empty:
+                self.runtime.skip("further view", "the camera sees no triangle")
+                continue
             target.derive()
             yield target
 

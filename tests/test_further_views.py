@@ -76,3 +76,17 @@ def test_cameras_stay_where_lamps_and_view_have_the_same_values(
     moved = [*lamps()[:2], gi.SpotLight((0.4, 0.5, 0.15), (0, -1, 0.2), 0.7, 1.0)]
     other = cameras(views, box, seen, moved)
     np.testing.assert_allclose(eye(other[1]), (0.4, 0.5, 0.15), atol=1e-6)
+
+
+def test_camera_that_sees_no_triangle_is_skipped_and_the_reason_is_told(
+    runtime: Runtime, box: BuiltinScene, seen: DeviceGBuffer
+) -> None:
+    away = gi.SpotLight((0.278, 3.0, 0.28), (0, 1, 0), 0.7, 1.0)
+    views = FurtherViews(runtime, 2)
+    found = cameras(views, box, seen, [away])
+    assert len(found) == 1
+    assert np.abs(eye(found[0]) - away.position).max() > 1e-3
+    reasons = {each.name: each.skipped for each in runtime.times()}
+    assert reasons["further view"] == "the camera sees no triangle"
+    # The next one is drawn whole, whatever the rasteriser drew before.
+    assert len(cameras(views, box, seen, lamps())) == 2

@@ -21,19 +21,23 @@ from ssgi_cl.techniques.ssdo_views import SsdoViews, ViewsParams
 
 
 class ViewSenders:
-    """Lights what further cameras see and adds it, one camera after the other."""
+    """Lights what further cameras see and adds it, one camera after the other.
+
+    Attributes:
+        views: how their depths are read, as `SsdoParams.view_taps` says.
+    """
 
     def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
         self.runtime = runtime
         self.params = params
         # The nearer the taps, the thinner may surfaces be that none passes unseen.
         finer = math.sqrt(ViewsParams().taps / params.view_taps)
-        views = ViewsParams(
+        self.views = ViewsParams(
             taps=params.view_taps,
             thickness=finer * ViewsParams().thickness,
             bias=finer * ViewsParams().bias,
         )
-        self._technique = SsdoViews(runtime, params.bitmask(), views)
+        self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
 
     def add(

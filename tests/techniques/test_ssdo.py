@@ -19,6 +19,8 @@ from ssgi_cl.techniques.shade import shade
 from ssgi_cl.techniques.ssdo import Ssdo, ssdo
 from ssgi_cl.techniques.ssdo_back import SenderOpenness
 from ssgi_cl.techniques.ssdo_params import METHODS, SsdoParams
+from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.ssdo_views import ViewsParams
 
 from .analytic import camera, scene, tilted, trace
 
@@ -184,6 +186,32 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime) -> None:
         ssdo(gbuffer, [lamp, SKY], views=[blind], **options), alone, strict=True
     ):
         np.testing.assert_array_equal(with_it, without)
+
+
+def test_view_taps_are_how_many_depths_are_read_and_thin_surfaces(runtime: Runtime) -> None:
+    published, finer = (
+        ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16)
+    )
+    assert published == ViewsParams()
+    assert finer == replace(
+        published, taps=16, thickness=0.5 * published.thickness, bias=0.5 * published.bias
+    )
+    with pytest.raises(ValueError, match="view_taps is 65: expected an integer >= 1 and <= 64"):
+        SsdoParams(view_taps=65)
+
+
+@pytest.mark.slow
+def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
+    made = BUILTIN_SCENES["cornell_box"]()
+    lamp = made.lights[0]
+    gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
+    extra = gi.extra_cameras(gbuffer.camera, gbuffer, 1, size=1.0)
+    views = [gi.rasterize.gbuffer(made.scene, each, runtime=runtime) for each in extra]
+    few, more, most = (
+        ssdo(gbuffer, [lamp], radius=1.0, views=views, view_taps=taps, runtime=runtime)[1]
+        for taps in (4, 16, 64)
+    )
+    assert np.abs(more - most).mean() < 0.7 * np.abs(few - most).mean()
 
 
 def test_views_need_the_bitmask_and_gbuffers(runtime: Runtime, corner: GBuffer) -> None:

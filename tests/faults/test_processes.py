@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -18,7 +19,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ssgi_cl import atomic, cli, drivers, exr
+from ssgi_cl import atomic, cli, drivers, exr, probe, sources
 from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo
 from ssgi_cl.errors import DeviceError
@@ -165,10 +166,14 @@ def test_a_driver_that_cannot_be_loaded_is_passed_over(
 
 
 def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    why = "kernels/probe/probe_gather.cl does not compile on this device"
-    speeds: dict[str, float | str] = {**runtime.info.speeds, "16 lanes, buffer": why}
+    flatten, refuse = sources.flatten, "\n#if SSGI_LANES == 16\n#error too wide\n#endif\n"
+    monkeypatch.setattr(sources, "flatten", lambda *given: flatten(*given) + refuse)
+    own = runtime.info
+    probe.time_forms(own.platform, own.device, ["8 lanes, buffer", "16 lanes, buffer"])
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    speeds = {line["form"]: line["speed"] for line in lines}
     info = DeviceInfo("", 0, 0, "Test 1", "cpu", 2, speeds)
     monkeypatch.setattr(drivers, "devices", lambda: (info,))
     assert info.best is not None

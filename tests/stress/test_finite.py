@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import on_device
+from ssgi_cl.errors import DeviceError
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import bilateral_blur
@@ -203,4 +204,9 @@ def test_results_are_finite_and_in_range(runtime: Runtime, name: str, data: Any)
 def test_many_results_are_finite_and_in_range(
     form_runtime: Runtime, name: str, data: Any
 ) -> None:
-    CHECKS[name](data.draw, form_runtime)
+    try:
+        CHECKS[name](data.draw, form_runtime)
+    except DeviceError as refused:
+        # Images have only so many rows; layers and channels lie one below the other in them.
+        if form_runtime.form.storage != "image" or "has images of at most" not in str(refused):
+            raise

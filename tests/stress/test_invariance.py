@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import Environment
+from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.lights import DirectionalLight, Environment
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import bilateral_blur
 from ssgi_cl.techniques.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.gtao import gtao
 from ssgi_cl.techniques.hbao import hbao
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.rsm_gather import rsm_gather
 from ssgi_cl.techniques.ssao import ssao
 from ssgi_cl.techniques.ssdo import ssdo
 from ssgi_cl.techniques.upsample import coarse_size, upsample
@@ -81,7 +82,8 @@ def hills(rng: np.random.Generator, side: int = 64) -> NDArray[np.float64]:
     for _ in range(12):
         away = np.hypot(x - rng.random(), y - rng.random()) / rng.uniform(0.05, 0.2)
         top = rng.uniform(2.0, 3.5)
-        depth = np.where(away < 1.0, np.minimum(depth, top - np.sqrt(1.0 - away**2) * 0.4), depth)
+        ball = top - 0.4 * np.sqrt(np.maximum(1.0 - away**2, 0.0))
+        depth = np.where(away < 1.0, np.minimum(depth, ball), depth)
     return depth
 
 
@@ -178,7 +180,7 @@ def test_an_occluder_in_empty_space_opens_nothing(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("technique", ["vpl_splat", "multires_splat"])
+@pytest.mark.parametrize("technique", ["vpl_splat", "multires_splat", "rsm_gather"])
 @examples(20)
 @given(seed=seeds, near=st.sampled_from(("disk", "clamped")))
 def test_a_plane_gets_no_more_light_than_is_sent(
@@ -193,18 +195,31 @@ def test_a_plane_gets_no_more_light_than_is_sent(
     )
     rng = np.random.default_rng(seed)
     way = rng.standard_normal((20, 3))
-    vpls = Vpls(
-        rng.uniform((-1.0, -1.0, 1 / 16), (1.0, 1.0, 1.0), (20, 3)),
-        way / np.linalg.norm(way, axis=-1, keepdims=True),
-        10.0 ** rng.uniform(-4.0, 4.0, (20, 3)), 10.0 ** rng.uniform(-6.0, 0.0, 20),
-    )
-    made_of: Any
-    if technique == "vpl_splat":
-        made_of = VplSplat(runtime, size, VplSplatParams(vpls=20, cutoff=0.0, near=near))
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    flux = 10.0 ** rng.uniform(-4.0, 4.0, (20, 3))
+    if technique == "rsm_gather":
+        # A map of 4 x 5 texels whose light comes from above.
+        seen = Camera.orthographic((0, 0, 2), (0, 0, 0), view_height=2.0, width=5, height=4)
+        depth = 2.0 - rng.uniform(1 / 16, 1.0, (4, 5))
+        rsm = ReflectiveShadowMap(
+            light=DirectionalLight((0, 0, -1), 1.0), camera=seen, depth=depth,
+            position=seen.unproject(depth), normal=way.reshape(4, 5, 3),
+            flux=flux.reshape(4, 5, 3),
+        )
+        irradiance = rsm_gather(gbuffer, rsm, pattern="all", runtime=runtime)
     else:
-        made_of = MultiresSplat(runtime, size, MultiresSplatParams(vpls=20, near=near))
-    received = made_of.run(gbuffer, vpls).download().sum(axis=(1, 2), dtype=np.float64) / 32**2
-    assert (received <= 1.02 * vpls.flux.sum(axis=0)).all()  # what multires_splat may err, twice
+        vpls = Vpls(
+            rng.uniform((-1.0, -1.0, 1 / 16), (1.0, 1.0, 1.0), (20, 3)), way, flux,
+            10.0 ** rng.uniform(-6.0, 0.0, 20),
+        )
+        made_of: Any
+        if technique == "vpl_splat":
+            made_of = VplSplat(runtime, size, VplSplatParams(vpls=20, cutoff=0.0, near=near))
+        else:
+            made_of = MultiresSplat(runtime, size, MultiresSplatParams(vpls=20, near=near))
+        irradiance = np.moveaxis(made_of.run(gbuffer, vpls).download(), 0, -1)
+    received = irradiance.sum(axis=(0, 1), dtype=np.float64) / 32**2
+    assert (received <= 1.02 * flux.sum(axis=0)).all()  # what multires_splat may err, twice
 
 
 @pytest.mark.slow

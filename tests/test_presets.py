@@ -18,11 +18,12 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
 from ssgi_cl.device_gbuffer import on_device
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.metrics import rmse
 from ssgi_cl.presets import choose as choosing
 from ssgi_cl.presets import pace as pacing
 from ssgi_cl.presets.choose import choose
 from ssgi_cl.presets.pace import Pace, measured, pace_of, predicted_ms, rolling_ground
-from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ssao import SsaoParams, ssao
@@ -31,6 +32,8 @@ SIZE = (600, 800)
 RECORDED = sorted(
     path.stem for path in Path(presets.__file__).parent.iterdir() if path.suffix == ".json"
 )
+SLICES = ("bitmask_ao", "gtao", "hbao")
+"""Techniques that scan slices."""
 PACE = Pace(call_ms=0.1, pixel_ns=20.0)
 """Of a device that is made up."""
 
@@ -117,6 +120,39 @@ def test_presets_are_the_best_of_the_curve_within_their_times(technique: str) ->
 def test_preset_with_the_time_of_the_defaults_has_no_more_error(technique: str) -> None:
     for entry in presets.record(technique)["layers"]:
         assert entry["presets"]["medium"]["error"] <= entry["default"]["error"]
+
+
+@pytest.mark.parametrize("technique", SLICES)
+def test_settings_of_slices_differ_in_sampling_alone(technique: str) -> None:
+    sampling = {"slices", "taps", "resolution", "blur_radius"}
+    models = [
+        {name: value for name, value in point["parameters"].items() if name not in sampling}
+        for entry in presets.record(technique)["layers"]
+        for point in [*entry["presets"].values(), *entry["curve"]]
+    ]
+    assert all(model == models[0] for model in models)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", REPORTED)
+@pytest.mark.parametrize("technique", SLICES)
+def test_dearer_presets_err_no_more_on_scenes_that_nothing_is_tuned_on(
+    technique: str, scene: str, runtime: Runtime
+) -> None:
+    pytest.importorskip("embreex")
+    from ssgi_cl.bench.context import Context, TruthSettings
+
+    context = Context(runtime, BUILTIN_SCENES[scene](), (300, 400), TruthSettings(rays=256))
+    function, truth = TECHNIQUES[technique].function, context.occlusion().mean
+    errors = [
+        rmse(function(context.gbuffer, context.radius, runtime=runtime, preset=name), truth,
+             context.seen)
+        for name in (None, *presets.NAMES)
+    ]
+    usual, *named = errors
+    # What the model errs is in all of them, and more samples may show more of it.
+    assert all(b < 1.02 * a for a, b in pairwise(named)), errors
+    assert named[-1] < usual, errors
 
 
 @pytest.mark.parametrize("technique", RECORDED)
@@ -377,20 +413,37 @@ def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("technique", RECORDED)
-def test_predicted_time_is_near_the_measured_one(technique: str, runtime: Runtime) -> None:
+def test_predicted_time_is_near_the_measured_one(
+    technique: str, runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
     size = (384, 512)
     gbuffer = on_device(rolling_ground(size), runtime)
-    for share in (0.3, 1.0):
-        curve = presets.curve(technique)
-        setting = curve[round(share * (len(curve) - 1))]
-        predicted = predicted_ms(runtime, technique, setting.ms, size)
-        function, times = TECHNIQUES[technique].function, []
-        for _ in range(12):
-            with runtime.frame():
-                function(gbuffer, runtime=runtime, **setting.parameters)
-                times.append(sum(entry.ms for entry in runtime.times()))
+    curve, function = presets.curve(technique), TECHNIQUES[technique].function
+    settings = [curve[round(share * (len(curve) - 1))] for share in (0.3, 1.0)]
+    parameters = presets.record(technique)["pace"]["parameters"]
+    paces: list[Pace] = []
+    least, quiet = [np.inf, np.inf], False
+    monkeypatch.setattr(
+        pacing, "pace_of", lambda *_: min(paces, key=lambda pace: pace.pixel_ns)
+    )
+    # What else the machine does only slows both down, so the least of several turns is its own.
+    for _turn in range(4):
+        pace, alone = measured(runtime, technique, parameters)
+        paces.append(pace)
+        quiet |= alone
+        for index, setting in enumerate(settings):
+            for _ in range(6):
+                with runtime.frame():
+                    function(gbuffer, runtime=runtime, **setting.parameters)
+                    least[index] = min(least[index], sum(entry.ms for entry in runtime.times()))
+        predicted = [predicted_ms(runtime, technique, setting.ms, size) for setting in settings]
         # Recorded on scenes with sky and with other radii in pixels.
-        assert predicted / 1.5 < min(times) < predicted * 1.5
+        near = [p / 1.5 < ms < p * 1.5 for p, ms in zip(predicted, least, strict=True)]
+        if all(near):
+            return
+    if not quiet:
+        pytest.skip("other work kept the device busy")
+    raise AssertionError(f"predicted {predicted} ms, took {least} ms")
 
 
 @pytest.mark.slow

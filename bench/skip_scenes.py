@@ -20,7 +20,7 @@ SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))
 GLOW = Environment(0.3)
 """A little ambient light, so that ambient occlusion has a purpose indoors."""
-LAMPS = 16
+LAMPS = 32
 LEAVES = 20_000
 
 
@@ -67,14 +67,13 @@ def foliage() -> BuiltinScene:
 
 
 def many_lamps() -> BuiltinScene:
-    """Make crates on a floor under a lamp, with 15 more behind the camera that light other things.
-    """
+    """Make crates on a floor under a lamp, with more behind the camera that light other things."""
     crates = [
         box((x - 0.4, 0.0, z - 0.4), (x + 0.4, 0.8, z + 0.4)) for x in (-2, 0, 2) for z in (-2, 0)
     ]
     lamps: list[Light] = [SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.8, 60.0)]
     lamps += [
-        SpotLight((4.0 * (i - 7), 4.0, 14.0), (0.0, -0.5, 1.0), 0.5, 60.0)
+        SpotLight((2.0 * (i - LAMPS // 2 + 1), 4.0, 14.0), (0.0, -0.5, 1.0), 0.5, 60.0)
         for i in range(LAMPS - 1)
     ]
     return _view(

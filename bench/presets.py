@@ -99,7 +99,7 @@ def search(
         TuneError: nothing keeps a budget.
     """
     usual = session.trials.confirm(session.trials.measure({}))
-    budgets = {name: share * usual.ms for name, share in BUDGETS.items()}
+    budgets = {name: _rounded(share * usual.ms) for name, share in BUDGETS.items()}
     for name, number in rounds.items():
         if progress is not None:
             progress(f"preset {name}", 0.0)
@@ -108,14 +108,15 @@ def search(
     # The curve is thinned out: what the search begins with may be better than what it has of that
     # time, which is the defaults', however unsteady the machine is.
     start = session.trials.measure(session.usual)
-    choice = front([*curve, replace(start, ms=usual.ms)])
+    choice = [*curve, replace(start, ms=usual.ms)]
+    choice = front([replace(trial, ms=_rounded(trial.ms)) for trial in choice])
     presets = {}
     for name, budget in budgets.items():
         bound = Bound(budget, None)
         kept = [trial for trial in choice if bound.kept_by(trial)]
         if not kept:
             raise TuneError(bound.unreachable(curve, "error"))
-        presets[name] = {**_written(session, kept[-1]), "budget_ms": _rounded(budget)}
+        presets[name] = {**_written(session, kept[-1]), "budget_ms": budget}
     return {
         "default": {"ms": _rounded(usual.ms), "error": _rounded(usual.error)},
         "presets": presets,

@@ -7,7 +7,6 @@ JSON object a line. Run by `ssgi_cl.drivers` in a process of its own, which a dr
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Callable
 from time import perf_counter, process_time
@@ -62,22 +61,28 @@ def time_forms(platform: int, device: int, names: list[str]) -> None:
     from ssgi_cl.runtime import Runtime
 
     running: dict[str, Callable[[], float]] = {}
+    least: dict[str, float] = {}
     for name in names:
         form = next(form for form in FORMS if str(form) == name)
         try:
             runtime = Runtime(DeviceInfo("", platform, device, "this device", "", 0), form)
             running[name] = _timed(runtime)
-            speed: float | str = round(_READS / running[name]() / 1e6, 1)
+            least[name] = running[name]()
+            speed: float | str = _speed(least[name])
         except SsgiError as error:
             speed = str(error).splitlines()[0]
         print(json.dumps({"form": name, "speed": speed}), flush=True)
-    least = dict.fromkeys(running, math.inf)
     for _ in range(REPEATS):
         for name, run in running.items():
             # The fastest run: what else the machine does only ever slows one down.
             least[name] = min(least[name], run())
     for name, seconds in least.items():
-        print(json.dumps({"form": name, "speed": round(_READS / seconds / 1e6, 1)}), flush=True)
+        print(json.dumps({"form": name, "speed": _speed(seconds)}), flush=True)
+
+
+def _speed(seconds: float) -> float:
+    """Return million reads per second."""
+    return round(_READS / seconds / 1e6, 1)
 
 
 def _timed(runtime: Runtime) -> Callable[[], float]:

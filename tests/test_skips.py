@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.skip_scenes import SKIP_SCENES
+from ssgi_cl.bench.skip_scenes import LAMPS, SKIP_SCENES
 from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
 from ssgi_cl.lights import Environment, Light, PointLight, SpotLight
@@ -147,9 +147,9 @@ def test_lamps_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
     built = next(make() for make in SKIP_SCENES if make.__name__ == "many_lamps")
     ran = [p.name for p in drawn(runtime, built, MOVING, built.lights).passes if not p.skipped]
     every = [p.name for p in drawn(runtime, built, [], built.lights).passes if not p.skipped]
-    assert (ran.count("light spot"), every.count("light spot")) == (1, 16)
+    assert (ran.count("light spot"), every.count("light spot")) == (1, LAMPS)
     assert ran.count("copy") <= 1
-    assert every.count("copy") == 16
+    assert every.count("copy") == LAMPS
 
 
 def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:

@@ -173,7 +173,7 @@ def disagreement(ratios: Sequence[float]) -> str:
     """Return how the first half of some ratios differs from the second; empty if it hardly does."""
     half = len(ratios) // 2
     first, second = statistics.median(ratios[:half]), statistics.median(ratios[half:])
-    apart = abs(first - second) / min(first, second)
+    apart = abs(first - second) / max(min(first, second), 1e-9)  # a kept frame takes no time
     if apart <= STEADY:
         return ""
     return f"its two halves differ by {100.0 * apart:.0f} % in the ratio to the reference"

@@ -81,7 +81,8 @@ TECHNIQUES: dict[str, Entry] = {
         GtaoParams,
         Gtao,
         "ao",
-        tunable=_SLICES,
+        # Leaves reward a wider blur; rooms don't.
+        tunable={**_SLICES, "blur_radius": [1, 2]},
         layers=_LAYERS,
     ),
     "bitmask_ao": Entry(

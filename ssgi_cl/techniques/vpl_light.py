@@ -18,6 +18,8 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.vpls import MOST_VPLS, on_device_rsms
 
 NEARS = ("disk", "clamped")
+LEAST_CUT, MOST_CUT = 1e-30, 1e30
+"""Between these float32 holds what is made of a cut; all lights exceed the one, none the other."""
 
 
 def cutoff_param(default: float) -> Any:
@@ -44,7 +46,8 @@ class VplParams(Params):
 
     def cut(self, unit: float) -> float:
         """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
-        return self.cutoff / (math.pi * self.unit_distance**2) * unit**2
+        own = self.cutoff / (math.pi * self.unit_distance**2) * unit**2
+        return min(max(own, LEAST_CUT), MOST_CUT) if own > 0.0 else 0.0
 
 
 def lit_by_maps(

@@ -20,6 +20,7 @@ def test_a_spread_is_median_and_quartiles() -> None:
 
 
 def test_halves_that_agree_are_steady_and_others_say_by_how_much_they_differ() -> None:
+    assert disagreement([0.0, 0.0, 0.0, 0.0]) == ""  # kept frames
     assert disagreement([1.0, 1.05, 1.1, 1.05]) == ""
     assert "21 %" in disagreement([1.0, 1.0, 1.21, 1.21])
     assert "100 %" in disagreement([2.0, 2.0, 1.0, 1.0])

@@ -161,6 +161,12 @@ def test_tiles_leave_out_only_lights_that_give_them_nothing(
     np.testing.assert_array_equal(culled > 0.0, whole > 0.0)
 
 
+def test_cut_stays_within_what_float32_holds() -> None:
+    assert VplSplatParams().cut(unit=1e26) == 1e30
+    assert VplSplatParams(unit_distance=1e30).cut(unit=1.0) == 1e-30
+    assert VplSplatParams(cutoff=0.0).cut(unit=1e26) == 0.0
+
+
 def test_a_greater_cutoff_leaves_tiles_shorter_lists(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:

@@ -174,9 +174,14 @@ def floats(
         return np.ascontiguousarray(array, dtype=dtype)
 
 
+def limit(value: float) -> str:
+    """Return a limit as text: whole numbers to the last digit."""
+    return f"{value:.0f}" if abs(value) < 1e9 and value == round(value) else f"{value:g}"
+
+
 def _range(low: float, high: float, unit: str, above: bool) -> str:
-    left = f"{'>' if above else '>='} {low:g}" if low > -math.inf else ""
-    right = f"<= {high:g}" if high < math.inf else ""
+    left = f"{'>' if above else '>='} {limit(low)}" if low > -math.inf else ""
+    right = f"<= {limit(high)}" if high < math.inf else ""
     both = " and ".join(part for part in (left, right) if part) or "that is finite"
     return f"{both}{_of(unit)}"
 

@@ -74,7 +74,7 @@ def describe(params: type[Params]) -> list[tuple[str, str, str]]:
 
 def _limits(low: float, high: float) -> str:
     if math.isfinite(low) and math.isfinite(high):
-        return f"{low:g} to {high:g}"
+        return f"{check.limit(low)} to {check.limit(high)}"
     if math.isfinite(low):
-        return f"{low:g} or more"
-    return f"{high:g} or less" if math.isfinite(high) else ""
+        return f"{check.limit(low)} or more"
+    return f"{check.limit(high)} or less" if math.isfinite(high) else ""

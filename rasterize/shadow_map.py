@@ -14,7 +14,7 @@ from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.memory import Plane
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats, rotation_values
+from ssgi_cl.structs import CAMERA, Struct, floats, rotation_values
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
@@ -36,6 +36,7 @@ class RsmRenderer:
         runtime: the device.
         size: texels along the side of a face.
         step: flux is that of every step-th texel along rows and columns; see `every_nth`.
+        flux: whether it is ever asked for.
 
     Attributes:
         depth: 1 image, of the face drawn last, for shadows.
@@ -46,16 +47,19 @@ class RsmRenderer:
             drawn last mirrors, after `render_lobes`.
     """
 
+    target: DeviceGBuffer
+    flux: Plane
     specular_flux: Plane
     gloss: Plane
 
-    def __init__(self, runtime: Runtime, size: int, *, step: int = 1) -> None:
+    def __init__(self, runtime: Runtime, size: int, *, step: int = 1, flux: bool = True) -> None:
         self.runtime = runtime
         self.step = step
         self._rasterizer = Rasterizer(runtime, (size, size), shaded=False)
         self.depth = self._rasterizer.target.depth
-        self.target = DeviceGBuffer(runtime, (-(-size // step),) * 2)
-        self.flux = runtime.plane(3, self.target.size)
+        if flux:
+            self.target = DeviceGBuffer(runtime, (-(-size // step),) * 2)
+            self.flux = runtime.plane(3, self.target.size)
         self._kernel = runtime.kernel("raster/raster_flux.cl", structs=(CAMERA, FLUX))
         self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
         self._bare: tuple[Scene, bool] | None = None
@@ -68,50 +72,47 @@ class RsmRenderer:
         camera: Camera,
         *,
         flux: bool = True,
-    ) -> Plane:
-        """Queue the passes for one face; return the plane of flux."""
+    ) -> Plane | None:
+        """Queue the passes for one face; return the plane of flux, if that is asked for."""
         self._rasterizer.render(scene, camera)
-        if flux:
-            camera = every_nth(camera, self.step)
-            self.target.set_camera(camera)
-            self._rasterizer.write_every(self.step, scene, self.target)
-            self._write_flux(light, camera, self.target.albedo, self.flux)
-            if self._lacks_normals(scene.scene):
-                self.target.derive()
-                turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
-                self._normals.run(
-                    "rsm normals", self.target.size, reads=[self.target.normal],
-                    writes=[self.target.normal_world], values=[turn],
-                )
+        if not flux:
+            return None
+        self.target.set_camera(every_nth(camera, self.step))
+        self._rasterizer.write_every(self.step, scene, self.target)
+        self._write_flux(light, self.target.albedo, self.flux)
+        if self._lacks_normals(scene.scene):
+            self.target.derive()
+            turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
+            self._normals.run(
+                "rsm normals", self.target.size, reads=[self.target.normal],
+                writes=[self.target.normal_world], values=[turn],
+            )
         return self.flux
 
     def render_lobes(
         self,
         scene: DeviceScene,
         light: SpotLight | PointLight | DirectionalLight,
-        camera: Camera,
     ) -> None:
         """Queue the passes that fill `specular_flux` and `gloss` for the face drawn last."""
         if self._specular is None:
             planes = [self.runtime.plane(n, self.target.size) for n in (3, 3, 1)]
             self._specular, self.specular_flux, self.gloss = planes
         self._rasterizer.write_gloss(self.step, scene, self._specular, self.gloss)
-        camera = every_nth(camera, self.step)
-        self._write_flux(light, camera, self._specular, self.specular_flux)
+        self._write_flux(light, self._specular, self.specular_flux)
 
     def _write_flux(
         self,
         light: SpotLight | PointLight | DirectionalLight,
-        camera: Camera,
         reflectance: Plane,
         flux: Plane,
     ) -> None:
+        camera = self.target.camera
+        assert camera is not None  # noqa: S101  a face was drawn
         self._kernel.run(
             "rsm flux", self.target.size,
             reads=[self.target.depth, reflectance], writes=[flux],
-            values=[
-                CAMERA.pack(camera_values(camera)), FLUX.pack(_flux_values(light, camera))
-            ],
+            values=[self.target.camera_struct, FLUX.pack(_flux_values(light, camera))],
         )
 
     def _lacks_normals(self, scene: Scene) -> bool:
@@ -204,15 +205,15 @@ def rsm(
     faces: list[list[NDArray[np.float32]]] = []
     with runtime.frame():
         for camera in cameras:
-            flux = renderer.render(kept, light, camera)
+            renderer.render(kept, light, camera)
             depth = renderer.target.depth.download()[0]
             normal = np.moveaxis(renderer.target.normal_world.download(), 0, -1)
             seen = np.isfinite(depth)
             points = camera.unproject(np.where(seen, depth, np.float32(1.0)))
             position = np.where(seen[..., None], points, 0.0).astype(np.float32)
-            face = [depth, position, normal, np.moveaxis(flux.download(), 0, -1)]
+            face = [depth, position, normal, np.moveaxis(renderer.flux.download(), 0, -1)]
             if kept.glossy:
-                renderer.render_lobes(kept, light, camera)
+                renderer.render_lobes(kept, light)
                 mirrored = np.moveaxis(renderer.specular_flux.download(), 0, -1)
                 face += [mirrored, renderer.gloss.download()[0]]
             faces.append(face)

@@ -43,7 +43,7 @@ class LightMaps:
         self._flux = flux
         self._glossy = glossy
         self._step = -(-size // rsm_size) if flux else 1
-        self._renderer = RsmRenderer(runtime, size, step=self._step)
+        self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux)
         self._depths: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
@@ -107,15 +107,16 @@ class LightMaps:
         self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
     ) -> None:
         """Queue the passes of one lamp."""
-        kept, target = device_scene(scene, self.runtime), self._renderer.target
+        kept, renderer = device_scene(scene, self.runtime), self._renderer
         for face, camera in enumerate(shadow.cameras):
-            flux = self._renderer.render(kept, light, camera, flux=rsm is not None)
-            shadow.depth.copy_image(face, self._renderer.depth)
-            if rsm is not None:
-                rsm.write_face(first + face, target.depth, target.normal_world, flux)
-            if rsm is not None and rsm.lobes is not None:
-                renderer = self._renderer
-                renderer.render_lobes(kept, light, camera)
+            renderer.render(kept, light, camera, flux=rsm is not None)
+            shadow.depth.copy_image(face, renderer.depth)
+            if rsm is None:
+                continue
+            target = renderer.target
+            rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)
+            if rsm.lobes is not None:
+                renderer.render_lobes(kept, light)
                 rsm.write_lobes(
                     target.depth, target.normal_world, renderer.specular_flux, renderer.gloss
                 )

@@ -17,7 +17,7 @@ from ssgi_cl.vpls import PARTS, SHARPEST, Vpls
 Doubles = NDArray[np.float64]
 
 Sight = Callable[[Doubles, Doubles, Doubles, Doubles], NDArray[np.bool_]]
-"""Points and normals [n, 3] of receivers, a light's, a phase -> where the light is hidden [n]."""
+"""Points and normals [n, 3] of receivers, and a light's -> where the light is hidden [n]."""
 
 
 def receivers(gbuffer: GBuffer) -> tuple[NDArray[np.bool_], Doubles, Doubles]:

@@ -13,7 +13,7 @@ import ssgi_cl as gi
 from ssgi_cl.device_gbuffer import on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.shade import shade
 from ssgi_cl.techniques.ssdo import Ssdo, ssdo
@@ -167,12 +167,18 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
 # ---- further cameras
 
 
-def test_further_cameras_hide_and_send_more(runtime: Runtime) -> None:
+def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer, list[GBuffer]]:
+    """Return the Cornell box, what its camera sees of it, and what further ones do."""
     made = BUILTIN_SCENES["cornell_box"]()
-    lamp = made.lights[0]
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
-    extra = gi.extra_cameras(gbuffer.camera, gbuffer, 2, size=1.0)
+    extra = gi.extra_cameras(gbuffer.camera, gbuffer, count, size=1.0)
     views = [gi.rasterize.gbuffer(made.scene, each, runtime=runtime) for each in extra]
+    return made, gbuffer, views
+
+
+def test_further_cameras_hide_and_send_more(runtime: Runtime) -> None:
+    made, gbuffer, views = box_with_views(runtime, 2)
+    lamp = made.lights[0]
     options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, **QUICK}
     alone = ssdo(gbuffer, [lamp, SKY], **options)
     one, two = (ssdo(gbuffer, [lamp, SKY], views=views[:n], **options) for n in (1, 2))
@@ -202,13 +208,9 @@ def test_view_taps_are_how_many_depths_are_read_and_thin_surfaces(runtime: Runti
 
 @pytest.mark.slow
 def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    lamp = made.lights[0]
-    gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
-    extra = gi.extra_cameras(gbuffer.camera, gbuffer, 1, size=1.0)
-    views = [gi.rasterize.gbuffer(made.scene, each, runtime=runtime) for each in extra]
+    made, gbuffer, views = box_with_views(runtime, 1)
     few, more, most = (
-        ssdo(gbuffer, [lamp], radius=1.0, views=views, view_taps=taps, runtime=runtime)[1]
+        ssdo(gbuffer, [made.lights[0]], radius=1.0, views=views, view_taps=taps, runtime=runtime)[1]
         for taps in (4, 16, 64)
     )
     assert np.abs(more - most).mean() < 0.7 * np.abs(few - most).mean()

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 // vpl_occupy: marks the cells of the grid in which the camera or a light sees a surface.
 //
+// Surfaces that are seen at a slant have less than a pixel for each cell. So cells between a pixel and
+// the next of its row and column are marked too if these lie on one surface: in a line with the pixel
+// before or behind, from which a silhouette departs.
+//
 // Reads:   points    VPL_LAYERS x [rows, columns] depth, scene units; or 3 x [rows, columns] position
 //          normal    3 x [rows, columns], 0 where no position is (not read with depths)
 //          grid_box  see vpl/grid.clh
@@ -17,6 +21,9 @@
 #error "VPL_GRID and VPL_LAYERS must be defined"
 #endif
 
+#define VPL_MOST_APART 16.0f // cells between two pixels that are filled; farther apart, they stay two
+#define VPL_BEND 0.5f       // of the step to the next pixel: what one surface's steps differ by at most
+
 static inline void vpl_set(volatile __global int *restrict grid, const int word, const int bit)
 {
     if (word >= 0 && (grid[word] & bit) == 0) { // most are set already
@@ -24,20 +31,23 @@ static inline void vpl_set(volatile __global int *restrict grid, const int word,
     }
 }
 
+// Where pixels are, in cells, and which of them are surfaces.
+typedef struct {
+    vfloat x, y, z;
+    vmask there;
+} VplAt;
+
 // Marks the cells of the lanes in `there`.
-static inline void vpl_mark(__global int *restrict grid, __global const float *restrict grid_box,
-                            const vfloat x, const vfloat y, const vfloat z, const vmask there)
+static inline void vpl_mark(__global int *restrict grid, const vfloat x, const vfloat y,
+                            const vfloat z, const vmask there)
 {
     const vfloat side = v_splat((float)VPL_GRID);
     const vfloat zero = v_splat(0.0f);
-    const vfloat cx = (x - grid_box[0]) * grid_box[3];
-    const vfloat cy = (y - grid_box[1]) * grid_box[3];
-    const vfloat cz = (z - grid_box[2]) * grid_box[3];
-    const vmask inside = there & v_ge(cx, zero) & v_lt(cx, side) & v_ge(cy, zero) &
-                         v_lt(cy, side) & v_ge(cz, zero) & v_lt(cz, side);
-    const vint column = v_to_int(v_select(zero, cx, inside));
-    const vint row = v_to_int(v_select(zero, cy, inside));
-    const vint slice = v_to_int(v_select(zero, cz, inside));
+    const vmask inside = there & v_ge(x, zero) & v_lt(x, side) & v_ge(y, zero) & v_lt(y, side) &
+                         v_ge(z, zero) & v_lt(z, side);
+    const vint column = v_to_int(v_select(zero, x, inside));
+    const vint row = v_to_int(v_select(zero, y, inside));
+    const vint slice = v_to_int(v_select(zero, z, inside));
     const vint block = ((slice >> 2) * VPL_BLOCKS + (row >> 2)) * VPL_BLOCKS + (column >> 2);
     const vint word = v_iselect(v_splat_int(-1), block * 2 + ((slice >> 1) & 1), inside);
     const vint bit = v_splat_int(1) << (((slice & 1) << 4) | ((row & 3) << 2) | (column & 3));
@@ -50,6 +60,86 @@ static inline void vpl_mark(__global int *restrict grid, __global const float *r
 #endif
 }
 
+#if VPL_LAYERS
+#define VPL_SOURCE points, size, layer, grid_box, camera, params
+static inline VplAt vpl_at(ssgi_plane points, const int2 size, const int layer,
+                           __global const float *restrict grid_box, const SsgiCamera camera,
+                           const VplParams params, const int x, const int y)
+{
+    const vfloat seen = ssgi_load(points, size, layer, x, y);
+    const vfloat per = v_splat(grid_box[3]);
+    VplAt at;
+    at.there = v_lt(seen, v_splat(INFINITY)) & v_ilt(v_iota() + x, v_splat_int(size.x));
+    const vfloat z = v_select(v_splat(1.0f), seen, at.there);
+    const vfloat k = ssgi_k(camera, z) * params.per_unit;
+    const vfloat sx = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
+    const vfloat sy = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
+    at.x = (sx * k - grid_box[0]) * per;
+    at.y = (sy * k - grid_box[1]) * per;
+    at.z = (z * -params.per_unit - grid_box[2]) * per;
+    return at;
+}
+#else
+#define VPL_SOURCE points, normal, size, grid_box, turn, params
+static inline VplAt vpl_at(ssgi_plane points, ssgi_plane normal, const int2 size,
+                           __global const float *restrict grid_box, const VplTurn turn,
+                           const VplParams params, const int x, const int y)
+{
+    const vfloat zero = v_splat(0.0f);
+    const vfloat per = v_splat(grid_box[3]);
+    const vfloat px = ssgi_load(points, size, 0, x, y);
+    const vfloat py = ssgi_load(points, size, 1, x, y);
+    const vfloat pz = ssgi_load(points, size, 2, x, y);
+    VplAt at;
+    at.there = v_ilt(v_iota() + x, v_splat_int(size.x)) &
+               (v_ne(ssgi_load(normal, size, 0, x, y), zero) |
+                v_ne(ssgi_load(normal, size, 1, x, y), zero) |
+                v_ne(ssgi_load(normal, size, 2, x, y), zero));
+    const float unit = params.per_unit;
+    at.x = ((px * turn.xx + py * turn.xy + pz * turn.xz + turn.x) * unit - grid_box[0]) * per;
+    at.y = ((px * turn.yx + py * turn.yy + pz * turn.yz + turn.y) * unit - grid_box[1]) * per;
+    at.z = ((px * turn.zx + py * turn.zy + pz * turn.zz + turn.z) * unit - grid_box[2]) * per;
+    return at;
+}
+#endif
+
+// How far three pixels are from a line with even steps, squared; infinite where one is missing.
+static inline vfloat vpl_bend(const VplAt a, const VplAt b, const VplAt c)
+{
+    const vfloat x = a.x - b.x - b.x + c.x;
+    const vfloat y = a.y - b.y - b.y + c.y;
+    const vfloat z = a.z - b.z - b.z + c.z;
+    return v_select(v_splat(INFINITY), v_fma(x, x, v_fma(y, y, z * z)), a.there & b.there & c.there);
+}
+
+// Cells from one pixel to the next, where there are more than one and few enough to be filled.
+static inline vmask vpl_apart(const VplAt b, const VplAt c, vfloat *cells)
+{
+    const vfloat apart = v_max(v_abs(c.x - b.x), v_max(v_abs(c.y - b.y), v_abs(c.z - b.z)));
+    *cells = v_select(v_splat(0.0f), apart, b.there & c.there);
+    return v_gt(*cells, v_splat(1.0f)) & v_lt(*cells, v_splat(VPL_MOST_APART));
+}
+
+// Marks what lies between b and c, if it is on one surface with a, before b, or d, behind c.
+static inline void vpl_fill(__global int *restrict grid, const VplAt a, const VplAt b,
+                            const VplAt c, const VplAt d, const vmask apart, const vfloat cells)
+{
+    const vfloat x = c.x - b.x;
+    const vfloat y = c.y - b.y;
+    const vfloat z = c.z - b.z;
+    const vfloat squared = v_fma(x, x, v_fma(y, y, z * z));
+    const vmask joined =
+        apart & v_lt(v_min(vpl_bend(a, b, c), vpl_bend(b, c, d)), VPL_BEND * VPL_BEND * squared);
+    for (float i = 1.0f; i < VPL_MOST_APART; i += 1.0f) {
+        const vmask between = joined & v_lt(v_splat(i), cells);
+        if (!v_any(between)) {
+            break;
+        }
+        const vfloat t = i / v_max(v_to_float(v_to_int(cells)) + 1.0f, v_splat(1.0f));
+        vpl_mark(grid, v_fma(x, t, b.x), v_fma(y, t, b.y), v_fma(z, t, b.z), between);
+    }
+}
+
 __kernel void vpl_occupy(ssgi_plane points, ssgi_plane normal,
                          __global const float *restrict grid_box, __global int *restrict grid,
                          const int2 size, const SsgiCamera camera, const VplParams params,
@@ -60,33 +150,27 @@ __kernel void vpl_occupy(ssgi_plane points, ssgi_plane normal,
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const vmask image = v_ilt(v_iota() + x, v_splat_int(size.x));
-    const float per = params.per_unit;
 #if VPL_LAYERS
-    const vfloat sx = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
-    const vfloat sy = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
-    for (int layer = 0; layer < VPL_LAYERS; ++layer) {
-        const vfloat seen = ssgi_load(points, size, layer, x, y);
-        const vmask there = image & v_lt(seen, v_splat(INFINITY));
-        if (v_any(there)) {
-            const vfloat z = v_select(v_splat(1.0f), seen, there);
-            const vfloat k = ssgi_k(camera, z) * per;
-            vpl_mark(grid, grid_box, sx * k, sy * k, z * -per, there);
+    for (int layer = 0; layer < VPL_LAYERS; ++layer)
+#endif
+    {
+        const VplAt here = vpl_at(VPL_SOURCE, x, y);
+        if (v_any(here.there)) {
+            vpl_mark(grid, here.x, here.y, here.z, here.there);
+            vfloat cells;
+            const VplAt right = vpl_at(VPL_SOURCE, x + 1, y);
+            vmask apart = vpl_apart(here, right, &cells);
+            if (v_any(apart)) {
+                vpl_fill(grid, vpl_at(VPL_SOURCE, x - 1, y), here, right,
+                         vpl_at(VPL_SOURCE, x + 2, y), apart, cells);
+            }
+            const VplAt below = vpl_at(VPL_SOURCE, x, min(y + 1, size.y - 1));
+            apart = vpl_apart(here, below, &cells);
+            if (v_any(apart)) {
+                // At the image's borders the row is its own neighbour, which bends.
+                vpl_fill(grid, vpl_at(VPL_SOURCE, x, max(y - 1, 0)), here, below,
+                         vpl_at(VPL_SOURCE, x, min(y + 2, size.y - 1)), apart, cells);
+            }
         }
     }
-#else
-    const vfloat zero = v_splat(0.0f);
-    const vfloat nx = ssgi_load(normal, size, 0, x, y);
-    const vfloat ny = ssgi_load(normal, size, 1, x, y);
-    const vfloat nz = ssgi_load(normal, size, 2, x, y);
-    const vmask there = image & (v_ne(nx, zero) | v_ne(ny, zero) | v_ne(nz, zero));
-    if (v_any(there)) {
-        const vfloat px = ssgi_load(points, size, 0, x, y);
-        const vfloat py = ssgi_load(points, size, 1, x, y);
-        const vfloat pz = ssgi_load(points, size, 2, x, y);
-        vpl_mark(grid, grid_box, (px * turn.xx + py * turn.xy + pz * turn.xz + turn.x) * per,
-                 (px * turn.yx + py * turn.yy + pz * turn.yz + turn.y) * per,
-                 (px * turn.zx + py * turn.zy + pz * turn.zz + turn.z) * per, there);
-    }
-#endif
 }

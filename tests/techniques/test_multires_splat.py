@@ -18,7 +18,7 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.multires_splat import multires_splat_reference
-from ssgi_cl.reference.sight_grid import SightGridReference
+from ssgi_cl.reference.sight_grid import SightGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference
 from ssgi_cl.runtime import Runtime
@@ -295,18 +295,14 @@ def test_lines_of_sight_agree_with_numpy_twin(
     technique = MultiresSplat(form_runtime, gbuffer.size, params)
     device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
     e = np.moveaxis(technique.run(device, vpls, [map_]).download(), 0, -1)
-    view, depth = gbuffer.camera.view, np.asarray(gbuffer.depth)
+    view = gbuffer.camera.view
     there, point, normal = receivers(gbuffer)
-    surfaces = [
-        gbuffer.camera.unproject(np.where(np.isfinite(layer), layer, 1.0))[np.isfinite(layer)]
-        for layer in depth
-    ]
-    surfaces.append(np.asarray(seen.position, np.float64)[np.isfinite(np.asarray(seen.depth))])
-    point, lights_at, held = (
-        points @ view[:3, :3].T + view[:3, 3]
-        for points in (point, vpls.position, np.concatenate(surfaces))
+    point, lights_at = (
+        points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
     )
-    walls = SightGridReference(np.concatenate([point, lights_at]), held, params.grid)
+    walls = SightGridReference(
+        np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), params.grid
+    )
     tree = VplTreeReference(vpls, gbuffer.camera)
     every = np.arange(tree.count)
     wanted = np.zeros_like(e, np.float64)

@@ -163,7 +163,8 @@ class _Geometry:
     def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return `values` of an attribute as numbers; normalised integers come to [-1, 1]."""
         accessor = self._document["accessors"][attributes[key]]
-        numbers = np.asarray(values, dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN, which is refused later
+            numbers = np.asarray(values, dtype=np.float64)
         if accessor.get("normalized"):
             numbers = np.maximum(numbers / _LARGEST[accessor["componentType"]], -1.0)
         return numbers

@@ -12,6 +12,9 @@ from ssgi_cl.runtime import Runtime
 from .scene import Scene
 from .textures import srgb_to_linear
 
+BOXED = 256
+"""Triangles, one after the other, that share a box."""
+
 
 class DeviceScene:
     """The arrays of a scene as the rasteriser's kernels read them; see kernels/raster/.
@@ -21,6 +24,7 @@ class DeviceScene:
         vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
         shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
             [triangles, 4] vertices and material; see kernels/raster/records.clh.
+        boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
     """
@@ -39,6 +43,7 @@ class DeviceScene:
         parts = [scene.positions, none, scene.normals, u, scene.colors, v]
         self.shading = runtime.array(np.column_stack(parts))
         self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
+        self.boxes = runtime.array(_boxes(scene))
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission]
@@ -72,6 +77,15 @@ _LINEAR_TO_SRGB = np.searchsorted(
     (SRGB_TO_LINEAR[1:] + SRGB_TO_LINEAR[:-1]) / 2,
     np.linspace(0.0, 1.0, _LINEAR_TO_SRGB_STEPS + 1),
 ).astype(np.uint8)
+
+
+def _boxes(scene: Scene) -> NDArray[np.float32]:
+    """Return middle and half size of a box round each run of triangles, [runs, 6]."""
+    firsts = np.arange(0, len(scene.triangles), BOXED)
+    points = scene.positions[scene.triangles].astype(np.float64)
+    low = np.minimum.reduceat(points.min(axis=1), firsts)
+    high = np.maximum.reduceat(points.max(axis=1), firsts)
+    return np.column_stack([(low + high) / 2, (high - low) / 2]).astype(np.float32)
 
 
 def _rounded(count: int) -> int:

@@ -15,7 +15,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.window import Window
 
-from .device_scene import DeviceScene
+from .device_scene import BOXED, DeviceScene
 
 TILE = 32
 RECORD = 12  # ints, kernels/raster/records.clh
@@ -83,29 +83,34 @@ class Rasterizer:
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
         count = self._tiles[0] * self._tiles[1]
-        self._counts = runtime.empty(count, np.int32)
+        self._counts = runtime.empty(2 * count, np.int32)
         self._starts = runtime.empty(count + 1, np.int32)
-        self._cursors = runtime.empty(count, np.int32)
+        self._cursors = runtime.empty(2 * count, np.int32)
         self._counters = runtime.array(np.zeros(2, np.int32))
         self._depths = [runtime.empty(count * TILE * TILE, np.float32) for _ in range(2)]
         self._seen = runtime.empty(count * TILE * TILE, np.int32)
         self._room = 0
         self._pair_room = 0
         self._records: DeviceArray
+        self._places: DeviceArray
         self._list: DeviceArray
         self._grow(1 << 15, 1 << 16)
         self._vertex_room = 0
         self._view: DeviceArray
         self._screen: DeviceArray
-        kernel = runtime.kernel
-        self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
-        self._setup = kernel("raster/raster_setup.cl", structs=STRUCTS)
-        self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
-        self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
         self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)
         self._group = (8, 8) if parallel else (1, 1)
+        # Likewise all triangles of a box, of which few are left to make records of.
+        self._run = runtime.form.lanes if parallel else BOXED
+        kernel = runtime.kernel
+        self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
+        self._setup = kernel(
+            "raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run}, STRUCTS
+        )
+        self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
+        self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
 
     def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
@@ -173,6 +178,7 @@ class Rasterizer:
         if room > self._room:
             self._room = room
             self._records = self.runtime.empty(room * RECORD, np.int32)
+            self._places = self.runtime.empty(room * 2, np.int32)
         if pair_room > self._pair_room:
             self._pair_room = pair_room
             self._list = self.runtime.empty(pair_room, np.int32)
@@ -190,9 +196,10 @@ class Rasterizer:
         )
         self._setup.run(
             "raster setup", (1, scene.triangles),
-            reads=[scene.corners, scene.shading, self._view, self._screen],
-            writes=[self._records, self._counts, self._counters],
-            values=view,
+            reads=[scene.boxes, scene.corners, scene.shading, self._view, self._screen],
+            writes=[self._records, self._places, self._counts, self._counters],
+            values=view, grid=(1, -(-scene.triangles // self._run)),
+            local=None if self._run < BOXED else (1, 1),
         )
         self._scan.run(
             "raster scan", (1, tile_count), reads=[self._counts],
@@ -200,7 +207,7 @@ class Rasterizer:
         )
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
-            "raster fill", (1, workers), reads=[self._records],
+            "raster fill", (1, workers), reads=[self._records, self._places],
             writes=[self._cursors, self._list, self._counters], values=view[1:],
             grid=(1, workers),
         )

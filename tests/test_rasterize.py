@@ -595,6 +595,23 @@ def many_squares(rng: np.random.Generator) -> tuple[Scene, float]:
     return scene_of(points, triangles.reshape(-1, 3)), float(depth.min())
 
 
+def test_triangles_left_out_by_boxes_are_not_missed(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # Specks all around the camera; shuffled, each run of triangles is seen in part.
+    centres = rng.uniform(-4.0, 4.0, (4000, 3))
+    corners = centres[:, None] + rng.uniform(-0.2, 0.2, (4000, 3, 3))
+    sorted_ones = corners[np.argsort(centres[:, 0] // 1 * 64 + centres[:, 1] // 1 * 8)]
+    camera = ahead(96, 64, near=0.5, far=3.5)
+    scenes = [
+        scene_of(triangles.reshape(-1, 3), np.arange(12000).reshape(-1, 3))
+        for triangles in (sorted_ones, rng.permutation(sorted_ones))
+    ]
+    results = [gbuffer(scene, camera, layers=2, runtime=runtime) for scene in scenes]
+    np.testing.assert_array_equal(results[0].depth, results[1].depth)
+    assert np.isfinite(depth_of(results[0])[0]).mean() > 0.2
+
+
 def test_lists_that_are_too_short_grow(runtime: Runtime, rng: np.random.Generator) -> None:
     scene, nearest = many_squares(rng)
     kept = DeviceScene(runtime, scene)

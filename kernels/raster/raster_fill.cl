@@ -4,16 +4,18 @@
 // The order within a list depends on scheduling; the picture doesn't, since raster_tiles decides
 // every tie by the triangle's number.
 //
-// Reads:   records   see records.clh
-// Writes:  cursors   [tile count] moved to the ends of the lists
+// Reads:   records, places  see records.clh, raster_setup
+// Writes:  cursors   [2][tile count] the first moved on; see raster_scan
 //          list      record numbers; at most params.pair_room
 //          counters  read only
 // Params:  size = (work-items, 1)
 // Launch:  any number of work-items; each takes a run of records, which lie close together
 
+#include "raster/covered.clh"
 #include "raster/records.clh"
 
-__kernel void raster_fill(__global const int *restrict records, __global int *restrict cursors,
+__kernel void raster_fill(__global const int *restrict records,
+                          __global const int2 *restrict places, __global int *restrict cursors,
                           __global int *restrict list, __global int *restrict counters,
                           const int2 size, const RasterView view)
 {
@@ -25,23 +27,34 @@ __kernel void raster_fill(__global const int *restrict records, __global int *re
     const int share = (count + size.x - 1) / size.x;
     const int end = min(first * share + share, count);
     for (int i = first * share; i < end; ++i) {
+        const int2 place = places[i];
+        if (place.x >= 0) {
+            const int at = cursors[view.tiles_x * view.tiles_y + place.x] + place.y;
+            if (at < view.pair_room) {
+                list[at] = i;
+            }
+            continue;
+        }
         const RasterRecord record = raster_load(records, i);
         const int4 bounds = raster_bounds(record, (int2)((int)view.columns, (int)view.rows));
         if (bounds.x > bounds.z || bounds.y > bounds.w) {
             continue;
         }
         const int4 range = bounds / RASTER_TILE;
-        const bool many = (range.z - range.x) * (range.w - range.y) > 0;
+        const bool block = raster_is_block(range);
+        RasterCorners corners = raster_corners(record, range.xy);
         for (int y = range.y; y <= range.w; ++y) {
+            long3 here = corners.at;
             for (int x = range.x; x <= range.z; ++x) {
-                if (many && raster_misses_tile(record, (int2)(x, y))) {
-                    continue;
+                if (!(block && raster_misses(here))) {
+                    const int at = atomic_inc(cursors + y * view.tiles_x + x);
+                    if (at < view.pair_room) {
+                        list[at] = i;
+                    }
                 }
-                const int at = atomic_inc(cursors + y * view.tiles_x + x);
-                if (at < view.pair_room) {
-                    list[at] = i;
-                }
+                here += corners.right;
             }
+            corners.at += corners.below;
         }
     }
 }

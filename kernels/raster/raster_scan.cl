@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 // raster_scan: where each tile's list of records begins.
 //
-// Reads:   tiles     [tile count] records of each tile
+// A list has the records that may cover other tiles too first.
+//
+// Reads:   tiles     [2][tile count] such records of each tile, and those of this tile alone
 // Writes:  starts    [tile count + 1] sums of the tiles before
-//          cursors   [tile count] the same, for raster_fill to move on
+//          cursors   [2][tile count] where either kind begins, the first for raster_fill to move on
 //          counters  RASTER_PAIRS
 // Params:  size = (tile count, 1)
 // Launch:  one work-item
@@ -22,6 +24,8 @@ __kernel void raster_scan(__global const int *restrict tiles, __global int *rest
         starts[i] = sum;
         cursors[i] = sum;
         sum += tiles[i];
+        cursors[size.x + i] = sum;
+        sum += tiles[size.x + i];
     }
     starts[size.x] = sum;
     counters[RASTER_PAIRS] = sum;

@@ -7,7 +7,7 @@
 //                     the code forbids it; code; the bits of z in view space. The code's bits: left
 //                     1, right 2, above 4, below 8, nearer than the near plane 16, beyond the far
 //                     plane 32, must be clipped before snapping 64
-//          counters   set to 0, and `tiles` [tile count] too
+//          counters   set to 0, and `tiles` [2][tile count] too
 // Params:  size = (vertices, 1); view matrix, camera, near and far plane
 // Launch:  SSGI_LANES vertices per work-item
 
@@ -29,7 +29,7 @@ __kernel void raster_vertices(__global const float *restrict positions,
         for (int j = 0; j < RASTER_COUNTERS; ++j) {
             counters[j] = 0;
         }
-        for (int j = 0; j < to_view.tiles_x * to_view.tiles_y; ++j) {
+        for (int j = 0; j < 2 * to_view.tiles_x * to_view.tiles_y; ++j) {
             tiles[j] = 0;
         }
     }

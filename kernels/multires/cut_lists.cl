@@ -9,7 +9,8 @@
 //          list     how many samples there are, and so many times row << 16 | column
 //          bounds   of all segments, see cluster.clh
 //          limits   [1] is the tolerance, W/m^2
-// Writes:  lists    [groups][params.room] numbers of records, in an order that depends on no lane
+// Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
+//          lists    [groups][params.room] numbers of records, in an order that depends on no lane
 //          counts   [groups]
 // Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit
 // Launch:  any number of work-items, each of which takes every so-many-th group
@@ -20,21 +21,28 @@
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
 
-// What bounds the samples of a group.
+// What bounds the samples of a group, which are kept.
 static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
                                  __global const int *restrict list, const int start,
-                                 const int2 size, const SsgiCamera camera, const VplParams params)
+                                 const int2 size, const SsgiCamera camera, const VplParams params,
+                                 __global float *restrict kept)
 {
     vfloat most[14];
+#pragma unroll
     for (int j = 0; j < 14; ++j) {
         most[j] = v_splat(-INFINITY);
     }
-    const int end = min(start + CUT_GROUP, list[0]);
-    for (int i = start; i < end; i += SSGI_LANES) {
+    for (int i = 0; i < CUT_GROUP; i += SSGI_LANES) {
         const VplReceiver at =
-            cut_receiver(depth, normal, list, v_iota() + i, size, camera, params);
+            cut_receiver(depth, normal, cut_pixels(list, start + i), size, camera, params);
+        const vfloat sample[CUT_SAMPLE] = {at.x, at.y, at.z, at.nx, at.ny, at.nz};
+#pragma unroll
+        for (int j = 0; j < CUT_SAMPLE; ++j) {
+            v_store(sample[j], kept + j * CUT_GROUP + i);
+        }
         const vfloat height = v_fma(at.nx, at.x, v_fma(at.ny, at.y, at.nz * at.z));
         const vfloat values[7] = {at.x, at.y, at.z, at.nx, at.ny, at.nz, height};
+#pragma unroll
         for (int j = 0; j < 7; ++j) {
             most[2 * j] = v_max(most[2 * j], -values[j]);
             most[2 * j + 1] = v_max(most[2 * j + 1], values[j]);
@@ -42,6 +50,7 @@ static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
     }
     CutGroup group;
     group.at[14] = 0.0f;
+#pragma unroll
     for (int j = 0; j < 3; ++j) {
         group.at[j] = -v_largest(most[2 * j]);
         group.at[3 + j] = v_largest(most[2 * j + 1]);
@@ -102,9 +111,10 @@ static inline int cut_append(__global const float *restrict bounds, const int st
 
 __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
                         __global const float *restrict bounds,
-                        __global const float *restrict limits, __global int *restrict lists,
-                        __global int *restrict counts, const int2 size, const SsgiCamera camera,
-                        const VplParams params, const CutParams cut)
+                        __global const float *restrict limits, __global float *restrict kept,
+                        __global int *restrict lists, __global int *restrict counts,
+                        const int2 size, const SsgiCamera camera, const VplParams params,
+                        const CutParams cut)
 {
     const int stride = params.stride;
     const int runs = stride / 16;
@@ -118,7 +128,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
     for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
         const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
-                                         camera, params);
+                                         camera, params, kept + own * (CUT_SAMPLE * CUT_GROUP));
         __global int *restrict to = lists + own * params.room;
         // Of runs of 64 and 16.
         int states[TREE_MOST_RUNS];

@@ -34,7 +34,8 @@ __kernel void cut_mean(ssgi_plane depth, ssgi_plane normal, __global const int *
     }
     const float spacing = (float)samples / (float)wanted;
     const vint n = v_to_int(v_to_float(v_iota() + start) * spacing);
-    const VplReceiver at = cut_receiver(depth, normal, list, n, size, camera, params);
+    const vint pixel = v_igather(list + 1, v_imin(n, v_splat_int(samples - 1)));
+    const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
     const int stride = params.stride;
     vfloat sum = v_splat(0.0f);
     for (int segment = 0; segment * stride < total; ++segment) {

@@ -44,12 +44,16 @@ __kernel void multires_list(__global const int *restrict masks, __global const i
         for (int block = 0; block < 16; ++block) {
             const int x = (block & 1) * 4 + (block >> 2 & 1) * 8;
             const int y = (block >> 1 & 1) * 4 + (block >> 3 & 1) * 8;
+            // All rows of a block at once: an end of a loop that is guessed wrong costs as much as
+            // several points.
+            int bits = 0;
             for (int r = 0; r < 4; ++r) {
-                for (int bits = rows[y + r] >> x & 15; bits != 0; bits &= bits - 1) {
-                    const int lowest = 31 - (int)clz(bits & -bits);
-                    list[at] = corner + ((y + r) << 16 | (x + lowest));
-                    at += 1;
-                }
+                bits |= (rows[y + r] >> x & 15) << 4 * r;
+            }
+            for (; bits != 0; bits &= bits - 1) {
+                const int lowest = 31 - (int)clz(bits & -bits);
+                list[at] = corner + ((y + (lowest >> 2)) << 16 | (x + (lowest & 3)));
+                at += 1;
             }
         }
     }

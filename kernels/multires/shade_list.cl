@@ -2,19 +2,20 @@
 // shade_list: irradiance at samples by the lights and runs of lights that their group listed.
 //
 // Method:  as vpl/vpl_splat.cl: E = sum over the list of flux * w, w = cos cos / (pi d^2 + A).
-// Reads:   depth, normal  of the samples' G-buffer, with margin; view space
-//          list     how many samples there are, and so many times row << 16 | column
+// Reads:   list     how many samples there are, and so many times row << 16 | column
+//          samples  as cut_lists keeps them
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          grid, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
 // Writes:  values   3 x [rows, columns], W/m^2, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), VPL_ADD (1: to what is there), SHADE_ROWS (times SSGI_LANES
 //          samples of a work-item, so that each light is read once for all of them; 1 to 4),
-//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side)
+//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
+//          SHADE_LINE (a line of sight for each run of 16: 2, or of 64: 3)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
 // Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, some 20
-//          reads per sample and run of 16 on it
+//          reads per sample and line of sight
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
@@ -23,8 +24,8 @@
 #include "vpl/light.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(SHADE_ROWS) ||        \
-    !defined(VPL_SIGHT) || !defined(VPL_GRID)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID and SHADE_ROWS must be defined"
+    !defined(VPL_SIGHT) || !defined(VPL_GRID) || !defined(SHADE_LINE)
+#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID, SHADE_ROWS and _LINE must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -32,53 +33,56 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_SIGHT
-// Run of 16 that a record belongs to; the first of its four for a run of 64.
+#define SHADE_SHARE (1 << 2 * SHADE_LINE) // lights of a run that shares a line
+
+// Run that a record shares a line of sight with; the first of its four where a run of 64 has four.
 static inline int shade_run(const int record, const int stride)
 {
     const int fours = tree_first(stride, 1), sixteens = tree_first(stride, 2);
     const int most = tree_first(stride, 3);
-    return record < fours       ? record / 16
-           : record < sixteens ? (record - fours) / 4
-           : record < most     ? record - sixteens
-                               : (record - most) * 4;
+    return record < fours       ? record / SHADE_SHARE
+           : record < sixteens ? (record - fours) / (SHADE_SHARE / 4)
+           : record < most     ? (record - sixteens) / (SHADE_SHARE / 16)
+                               : (record - most) * 64 / SHADE_SHARE;
 }
 
-// Where a line of sight to a run of 16 ends: at the light nearest to the mean of all, lifted off its
+// Where a line of sight to a run ends: at the light nearest to the mean of all, lifted off its
 // surface. The mean itself may be inside of something.
 static inline VplCell shade_end(__global const float *restrict records, const int run,
                                 __global const float *restrict grid_box, const VplParams params)
 {
-    const int sixteen = tree_first(params.stride, 2) + run;
+    const int mean = tree_first(params.stride, SHADE_LINE) + run;
     __global const float *restrict light =
-        records + (int)records[sixteen * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
+        records + (int)records[mean * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
     return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                     v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
 }
 #endif
 
-__kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
+__kernel void shade_list(__global const int *restrict list, __global const float *restrict samples,
                          __global const float *restrict records,
                          __global const int *restrict lists, __global const int *restrict counts,
 #if VPL_SIGHT
                          __global const int *restrict grid, __global const float *restrict grid_box,
 #endif
-                         __global float *restrict values, const int2 size, const SsgiCamera camera,
-                         const VplParams params, const CutParams cut)
+                         __global float *restrict values, const int2 size, const VplParams params,
+                         const CutParams cut)
 {
-    const int samples = list[0];
+    const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
     records += params.segment * tree_first(params.stride, 4) * TREE_RECORD;
     const int pieces = min(cut.groups * SHADE_PIECES,
-                           (samples + SHADE_PIECE - 1) / SHADE_PIECE - cut.first * SHADE_PIECES);
+                           (listed + SHADE_PIECE - 1) / SHADE_PIECE - cut.first * SHADE_PIECES);
     for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
         const int group = own / SHADE_PIECES;
         const int start = cut.first * CUT_GROUP + own * SHADE_PIECE;
+        __global const float *restrict kept = samples + group * (CUT_SAMPLE * CUT_GROUP) +
+                                              own % SHADE_PIECES * SHADE_PIECE;
         VplReceiver at[SHADE_ROWS];
         vfloat sum[SHADE_ROWS][3];
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
-            at[r] = cut_receiver(depth, normal, list, v_iota() + (start + r * SSGI_LANES), size,
-                                 camera, params);
+            at[r] = cut_kept(kept, r * SSGI_LANES);
             sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
 #if VPL_SIGHT
@@ -90,8 +94,9 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
                               params);
             open[r] = v_splat_int(-1);
         }
-        int latest = -1; // run of 16 that `open` is about
+        int latest = -1; // run that `open` is about
 #endif
+        cut_ask_values(values, list, start, start + SHADE_PIECE, size);
         const int count = counts[group];
         __global const int *restrict lights = lists + group * params.room;
         for (int block = 0; block < count; block += SHADE_BLOCK) {
@@ -137,13 +142,11 @@ __kernel void shade_list(ssgi_plane depth, ssgi_plane normal, __global const int
         }
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
-            if (start + r * SSGI_LANES >= samples) {
+            if (start + r * SSGI_LANES >= listed) {
                 break;
             }
             // Past the list's end the last sample comes again, with the same value.
-            const int last = samples - 1;
-            const vint n = v_imin(v_iota() + (start + r * SSGI_LANES), v_splat_int(last));
-            const vint pixel = v_igather(list + 1, n);
+            const vint pixel = cut_pixels(list, start + r * SSGI_LANES);
             const vint to = (pixel >> 16) * ssgi_pitch(size) + (pixel & 0xffff);
 #pragma unroll
             for (int j = 0; j < 3; ++j) {

@@ -138,12 +138,13 @@ class VplTreeReference:
 
     def irradiance(
         self, records: Numbers, point: Doubles, normal: Doubles,
-        walls: SightGridReference | None = None,
+        walls: SightGridReference | None = None, share: int = 16,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
-        What belongs to a run of 16 shares a line of sight to its light nearest to the mean, which
-        may be inside of something; of a run of 64, to that of its first 16.
+        What belongs to a run of `share` lights, 16 or 64, shares a line of sight to its light
+        nearest to the mean, which may be inside of something; of a longer run, to that of its
+        first.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -152,9 +153,10 @@ class VplTreeReference:
         weight = received * emitted / (squared * (math.pi * squared + self.area[records]))
         if walls is not None:
             level = np.searchsorted(self.first, records, side="right") - 1
-            runs = (records - np.array(self.first)[level]) * 4**level // 16
+            runs = (records - np.array(self.first)[level]) * 4**level // share
+            first = self.first[2 if share == 16 else 3]
             for run in np.unique(runs):
-                end = self.nearest[self.first[2] + run]
+                end = self.nearest[first + run]
                 hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
                 weight[np.ix_(hidden, runs == run)] = 0.0
         result: Doubles = weight @ self.flux[records]

@@ -27,6 +27,8 @@ MULTIRES = Struct(
 TILE = 16
 """Points along a tile's side; MULTIRES_TILE in kernels/multires/list.clh, as is the next."""
 CHUNK = 16
+SPARE = 64
+"""Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)
 MOST_CHANNELS = 16
 
@@ -141,7 +143,7 @@ class Level:
         self.size = size
         self.most = size[0] * size[1]
         self.values = runtime.plane(channels, size)
-        self.list = runtime.array(np.zeros(1 + self.most, np.int32))
+        self.list = runtime.array(np.zeros(1 + self.most + SPARE, np.int32))
         order = tile_order(size)
         self._tiles = runtime.array(order)
         self._tile_count = len(order)

@@ -24,6 +24,7 @@ from ssgi_cl.reference.vpl_tree import VplTreeReference
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams, multires_splat
 from ssgi_cl.techniques.vpl_splat import VplSplatParams
+from ssgi_cl.techniques.vpl_tree import SHARED
 from ssgi_cl.truth import one_bounce
 from ssgi_cl.vpls import Vpls, choose_vpls
 
@@ -285,12 +286,15 @@ def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
     return gbuffer, seen, choose_vpls(seen, 500, runtime=runtime)
 
 
+@pytest.mark.parametrize(
+    ("most", "share"), [pytest.param(500, 16, marks=pytest.mark.slow), (SHARED, 64)]
+)
 def test_lines_of_sight_agree_with_numpy_twin(
-    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls]
+    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], most: int, share: int
 ) -> None:
     gbuffer, seen, vpls = walled
     params = MultiresSplatParams(
-        vpls=500, coarsest=1, light_error=0.0, visibility=True, grid=32
+        vpls=most, coarsest=1, light_error=0.0, visibility=True, grid=32
     )
     technique = MultiresSplat(form_runtime, gbuffer.size, params)
     device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
@@ -306,7 +310,7 @@ def test_lines_of_sight_agree_with_numpy_twin(
     tree = VplTreeReference(vpls, gbuffer.camera)
     every = np.arange(tree.count)
     wanted = np.zeros_like(e, np.float64)
-    wanted[there] = tree.irradiance(every, point, normal @ view[:3, :3].T, walls)
+    wanted[there] = tree.irradiance(every, point, normal @ view[:3, :3].T, walls, share)
     # A point on the side of a cell may be in either: 1 of some 30 lines of a pixel then differs.
     assert np.mean(np.abs(e - wanted).max(axis=-1) > 1e-3 * wanted.mean()) < 0.03
     assert e.mean() == pytest.approx(wanted.mean(), rel=1e-3)
@@ -321,7 +325,7 @@ def test_walls_take_light_away_alone_and_in_the_same_bits_again(
     made = []
     for visibility in (False, True, True):
         params = MultiresSplatParams(
-            vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32
+            vpls=SHARED, coarsest=1, light_error=0.01, visibility=visibility, grid=32
         )
         technique = MultiresSplat(form_runtime, gbuffer.size, params)
         made.append(technique.run(device, vpls, [map_]).download())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import Lamp, ShadowMap, kind_name, power
+from ssgi_cl.techniques.shadow_blocks import ShadowBlocks
 
 
 class LightMaps:
@@ -24,7 +25,8 @@ class LightMaps:
 
     The faces of all lamps make one reflective shadow map, so that one bounce costs the same
     however many lamps there are, and what reflects more is looked at more. A lamp's maps are kept
-    as long as it and the scene stay the same.
+    as long as it and the scene stay the same; once they are, what their blocks of texels show is
+    found too, so that shading needs fewer of them.
 
     Args:
         runtime: the device.
@@ -45,10 +47,13 @@ class LightMaps:
         self._step = -(-size // rsm_size) if flux else 1
         self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux)
         self._depths: dict[int, Plane] = {}
+        self._blocks = ShadowBlocks(runtime, size)
+        self._block_planes: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: Scene | None = None
         self._lamps: dict[int, Lamp] = {}
+        self._shadows: dict[int, ShadowMap] = {}
 
     def draw(
         self, scene: Scene, lights: Sequence[Light], *, idle: Collection[int] = (),
@@ -68,22 +73,27 @@ class LightMaps:
             if index not in idle and not isinstance(light, Environment) and power(light).any()
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
+        kept = self._kept(scene, lamps) if keep else set()
         for index, light in lamps.items():
+            if index in kept:
+                shadows[index] = self._shadows[index]
+                continue
             cameras = light_cameras(light, scene.bounds, self.size)
             shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
-        kept = self._kept(scene, lamps) if keep else set()
         rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
         # Should drawing fail, nothing is taken for drawn.
-        self._scene, self._lamps = None, {}
+        self._scene, self._lamps, self._shadows = None, {}, {}
         first = 0
         for index, light in lamps.items():
             shadow = shadows[index]
             assert shadow is not None  # noqa: S101  just made
             if index in kept:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
+                shadow = shadows[index] = self._with_blocks(index, shadow)
             else:
                 with self.runtime.part(f"map {kind_name(light)}"):
                     self._draw(scene, light, shadow, rsm, first)
+            self._shadows[index] = shadow
             first += len(shadow.cameras)
         if rsm is not None and len(kept) < len(lamps):
             self._lit = rsm.lit()
@@ -102,6 +112,14 @@ class LightMaps:
         # All faces are in one map whose positions count from the first lamp.
         kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (lamps, before))
         return same if kinds == old_kinds and min(lamps, default=0) in same else set()
+
+    def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
+        """Return a kept map with its blocks, queueing their pass if it was not looked at yet."""
+        if shadow.blocks is not None:
+            return shadow
+        perspective = not shadow.cameras[0].is_orthographic
+        self._blocks.find(shadow.depth, self._block_planes[index], perspective=perspective)
+        return replace(shadow, blocks=self._block_planes[index])
 
     def _draw(
         self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
@@ -141,6 +159,7 @@ class LightMaps:
         if plane is None or plane.count != faces:
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
             self._depths[index] = plane
+            self._block_planes[index] = self._blocks.plane(faces)
         return plane
 
     def _begin(

@@ -96,7 +96,9 @@ def copy_window(
     target[0] = source[beyond]
     target[1:] = target[0]
     part = slice(window.row, window.end[0]), slice(window.column, window.end[1])
-    np.copyto(target[part], source[part])
+    # One channel by one: numpy is slow where strides are in different order.
+    for channel in range(target.shape[2]):
+        np.copyto(target[(*part, channel)], source[(*part, channel)])
 
 
 class Trace:

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.light_maps import LightMaps
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.lamps import Lamps
 
 SPOT = SpotLight((0.28, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2)
 LAMP = PointLight((0.15, 0.3, 0.25), 0.1)
@@ -52,7 +55,9 @@ def test_maps_are_kept_while_nothing_changes(runtime: Runtime, scene: Scene, flu
     assert drawn(maps, scene, LIGHTS)[0] == []
     # Equal lamps are the same lamps.
     again = (replace(SPOT), *LIGHTS[1:])
-    assert drawn(maps, scene, again) == (["map spot", "map point", "map directional"], [])
+    names = ["map spot", "map point", "map directional"]
+    assert drawn(maps, scene, again) == (names, ["shadow blocks"] * 3)
+    assert drawn(maps, scene, again) == (names, [])
 
 
 @pytest.mark.parametrize("flux", [False, True])
@@ -82,6 +87,60 @@ def test_a_lamp_that_moves_leaves_the_others_maps(runtime: Runtime, scene: Scene
     assert drawn(maps, scene, moved)[0] == ["map spot", "map directional"]
     # Positions count from the first lamp: with it all of them change.
     assert drawn(maps, scene, (replace(SPOT, cone_angle=0.7), *moved[1:]))[0] == []
+
+
+def test_blocks_lie_between_their_planes(form_runtime: Runtime, scene: Scene) -> None:
+    # Neither whole blocks nor whole lanes; beyond the front of the box is nothing.
+    size = 27
+    maps = LightMaps(form_runtime, size, flux=False)
+    lamps = (SPOT, PointLight((0.278, 0.3, -0.5), 1.0), SUN)
+    for number in range(2):
+        shadows, _ = maps.draw(scene, lamps)
+        assert [s is not None and s.blocks is not None for s in shadows] == [number > 0] * 3
+    for lamp, shadow in zip(lamps, shadows, strict=True):
+        assert shadow is not None
+        assert shadow.blocks is not None
+        depth = shadow.depth.download().astype(np.float64)
+        measure = -depth if isinstance(lamp, DirectionalLight) else 1.0 / depth
+        blocks = shadow.blocks.download().reshape(len(depth), 4, *shadow.blocks.size)
+        for face, row, column in np.ndindex(len(depth), *shadow.blocks.size):
+            span = measure[face, 8 * row : 8 * row + 13, 8 * column : 8 * column + 13]
+            highest, lowest, b, c = blocks[face, :, row, column].astype(np.float64)
+            dy, dx = np.indices(span.shape)
+            off = span - b * dx - c * dy
+            # A few roundings of float32, of the terms that are summed.
+            most = np.abs(span[np.isfinite(span)]).max(initial=0.0)
+            room = 1e-6 * (most + 13.0 * (abs(b) + abs(c)))
+            for found, expected in ((highest, off.max()), (lowest, off.min())):
+                assert found == expected or abs(found - expected) <= room
+
+
+@pytest.mark.slow  # frames with and without skips are compared in test_skips.py
+def test_blocks_give_the_light_that_all_taps_give(form_runtime: Runtime, scene: Scene) -> None:
+    camera = BUILTIN_SCENES["cornell_box"]().camera(96, 70)
+    device = Rasterizer(form_runtime, camera.size).render(
+        device_scene(scene, form_runtime), camera
+    )
+    device.derive()
+    shading = Lamps(form_runtime, camera.size)
+    maps = LightMaps(form_runtime, 100, flux=False)
+    # Flat, steep, nearly along walls, and from outside.
+    lamps = (
+        SPOT, LAMP, SUN, DirectionalLight((1.0, -0.02, 0.3), 2.0),
+        PointLight((0.278, 0.01, 0.28), 0.1),
+        SpotLight((0.27, 0.3, -0.9), (0.1, -0.2, 1.0), 0.4, 1.0),
+    )
+    maps.draw(scene, lamps)
+    shadows, _ = maps.draw(scene, lamps)
+    for lamp, shadow in zip(lamps, shadows, strict=True):
+        assert shadow is not None
+        lit = []
+        for blocks in (None, shadow.blocks):
+            plane = shading.run(device, [lamp], [replace(shadow, blocks=blocks)])
+            assert plane is not None
+            lit.append(plane.download())
+        assert lit[0].any()
+        np.testing.assert_array_equal(lit[1], lit[0])
 
 
 def test_another_scene_or_number_of_lamps_is_drawn_anew(runtime: Runtime, scene: Scene) -> None:

@@ -2,8 +2,9 @@
 // shade_combine: radiance of each pixel from direct, ambient and indirect irradiance.
 //
 // L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
-// light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by colour, by the albedo (Jimenez et al.
-// 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion").
+// light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by colour,
+// by the albedo (Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect
+// Occlusion").
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          openness  [rows, columns] A (SHADE_AO 1)

@@ -11,7 +11,8 @@
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    36 scattered reads per lit pixel with a shadow map
+// Cost:    36 scattered reads per lit pixel with a shadow map, 4 where its blocks tell what they
+//          would find
 
 #include "shade/lamp.clh"
 #include "shade/shadow.clh"
@@ -21,7 +22,7 @@
 #endif
 
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
-                          __global float *restrict irradiance, const int2 size,
+                          ssgi_plane blocks, __global float *restrict irradiance, const int2 size,
                           const SsgiCamera camera, const SsgiCamera light_camera,
                           const LightParams light)
 {
@@ -75,13 +76,13 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal, ssgi_plane map,
                                     v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
         const vfloat share =
-            ssgi_shadow(map, (int2)(light.map_size, light.map_size), light_camera, face,
-                        v_select(side, -side, minus), up, v_abs(main),
+            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
+                        light_camera, lit, face, v_select(side, -side, minus), up, v_abs(main),
                         v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus));
 #else
         const vfloat share =
-            ssgi_shadow(map, (int2)(light.map_size, light.map_size), light_camera,
-                        v_splat_int(0), qx, qy, -qz, mx, my, mz);
+            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
+                        light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz);
 #endif
         strength = strength * share;
     }

@@ -28,17 +28,22 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
     ),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """The depth that a light sees, in device memory: one image for each of its cameras."""
+    """The depth that a light sees, in device memory: one image for each of its cameras.
+
+    Attributes:
+        blocks: what `ShadowBlocks` found in it, None if it was not looked at.
+    """
 
     depth: Plane
     cameras: tuple[Camera, ...]
+    blocks: Plane | None = None
 
 
 class Lamps:
@@ -99,15 +104,22 @@ class Lamps:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         light_camera = shadow.cameras[0] if shadow else camera
+        blocks = shadow.blocks if shadow else None
         kernel.run(
             f"light {kind_name(light)}",
             self.size,
-            reads=[gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing],
+            reads=[
+                gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing,
+                blocks or self._nothing,
+            ],
             writes=[self.irradiance],
             values=[
                 gbuffer.camera_struct,
                 CAMERA.pack(camera_values(light_camera)),
-                LIGHT.pack(light_values(light, camera, light_camera, gbuffer)),
+                LIGHT.pack({
+                    **light_values(light, camera, light_camera, gbuffer),
+                    "blocks": int(blocks is not None),
+                }),
             ],
             window=window,
         )
@@ -156,4 +168,5 @@ def light_values(
         "margin_columns": gbuffer.margin[1],
         "margin_rows": gbuffer.margin[0],
         "layer": gbuffer.front,
+        "blocks": 0,
     }

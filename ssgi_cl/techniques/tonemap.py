@@ -51,19 +51,38 @@ class Tonemap:
         return picture
 
 
-def auto_exposure(radiance: NDArray[np.float32]) -> float:
+def auto_exposure(radiance: NDArray[np.float32], window: Window | None = None) -> float:
     """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
 
     Args:
         radiance: [rows, columns, 3], linear, any strides. Pixels of luminance 0 don't count; 1 if
             all are 0.
+        window: pixels outside of which all are the same; this changes no bit.
     """
     # Every third row and column: the mean of a log changes by less than the eye can tell.
-    luminance = radiance[::3, ::3].astype(np.float64) @ np.array([0.2126, 0.7152, 0.0722])
-    lit = luminance[luminance > 0.0]
+    picked = radiance[::3, ::3]
+    beyond = None if window is None else window.beyond(radiance.shape[:2])
+    if window is None or beyond is None:
+        logs = _log_luminance(picked)
+    else:
+        logs = np.full(picked.shape[:2], _log_luminance(radiance[beyond][None, None])[0, 0])
+        part = window.reduced(3)
+        places = slice(part.row, part.end[0]), slice(part.column, part.end[1])
+        logs[places] = _log_luminance(picked[places])
+    lit = logs[logs > -np.inf]
     if lit.size == 0:
         return 1.0
-    return float(np.clip(MIDDLE_GREY / np.exp(np.log(lit).mean()), 1e-12, 1e12))
+    return float(np.clip(MIDDLE_GREY / np.exp(lit.mean()), 1e-12, 1e12))
+
+
+def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the logarithm of each pixel's luminance, -inf of 0, by itself: no bit depends on what
+    else is there."""
+    luminance = np.zeros(radiance.shape[:2])
+    for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
+        luminance += radiance[..., channel] * np.float64(weight)
+    with np.errstate(divide="ignore"):
+        return np.log(luminance)
 
 
 def tonemap(

@@ -18,15 +18,16 @@
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
-// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), BITMASK_ANGLE, BITMASK_JOINED,
-//          SLICES_THICKNESS, SLICES_NEXT (0, 1)
+// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_DEEPER (1..SLICES_TAPS),
+//          BITMASK_ANGLE, BITMASK_JOINED, SLICES_THICKNESS, SLICES_NEXT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
-// Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
+// Cost:    2 * SLICES_COUNT * (SLICES_TAPS + SLICES_DEEPER * (SLICES_LAYERS - 1)) reads per pixel,
+//          fewer where several taps lie in one pixel
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(BITMASK_ANGLE) || !defined(BITMASK_JOINED) || !defined(SLICES_THICKNESS) ||           \
-    !defined(SLICES_NEXT)
-#error "SLICES_COUNT, _TAPS, _LAYERS, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED must be defined"
+    !defined(SLICES_NEXT) || !defined(SLICES_DEEPER)
+#error "SLICES_COUNT, _TAPS, _LAYERS, _DEEPER, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED needed"
 #endif
 
 #define SSGI_SCAN_BY_LAYER

@@ -22,7 +22,8 @@ def bitmask_reference(
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
     params = params or BitmaskParams()
     return finished(
-        gbuffer, params, lambda scan: openness(scan, params), params.thickness, params.end
+        gbuffer, params.in_front_of(gbuffer.layers), lambda scan: openness(scan, params),
+        params.thickness, params.end,
     )
 
 
@@ -53,7 +54,7 @@ def hidden_by(
     scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
 ) -> Iterator[tuple[NDArray[np.bool_], Doubles, Doubles]]:
     """Give what one layer hides on a side, from near to far: where, between which cotangents."""
-    taps = list(scan.taps(plane, side, layer))
+    taps = scan.distinct_taps(plane, side, layer, params.deeper(len(scan.depths)))
     if not params.joined:
         for tap in taps:
             yield tap.counts, tap.back, tap.cot

@@ -23,6 +23,9 @@ from ssgi_cl.techniques.slices import (
     pattern,
 )
 
+FAR = 1e9
+"""Offset of a tap that is not there, px."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tap:
@@ -250,6 +253,30 @@ class Scan:
         """Give what the taps see in a layer from near to far; `side` is 1 or -1."""
         for columns, rows in plane.offset[side]:
             yield self._tap(plane, side, layer, columns, rows)
+
+    def distinct_taps(self, plane: Slice, side: int, layer: int, deeper: int) -> list[Tap]:
+        """Return taps from near to far, no two of a pixel, of deeper layers every so-many-th.
+
+        Args:
+            plane, side, layer: see `taps`.
+            deeper: the most taps in layers behind the first one.
+
+        Where a pixel has fewer taps than others, its last ones are not there.
+        """
+        offsets = np.array(plane.offset[side])  # [taps, 2, rows, columns]
+        again = np.zeros((len(offsets), *offsets.shape[2:]), bool)
+        again[1:] = (offsets[1:] == offsets[:-1]).all(axis=1)
+        offsets[np.broadcast_to(again[:, None], offsets.shape)] = FAR
+        order = np.argsort(again, axis=0, kind="stable")
+        offsets = np.take_along_axis(offsets, order[:, None], axis=0)
+        every = -(-(~again).sum(axis=0) // deeper) if layer > 0 else np.ones(again.shape[1:], int)
+        offsets = np.concatenate([offsets, np.full_like(offsets[:1], FAR)])
+        taps = []
+        for t in range(min(deeper, len(again)) if layer > 0 else len(again)):
+            index = np.minimum((t + 1) * every - 1, len(again))
+            columns, rows = np.take_along_axis(offsets, index[None, None], axis=0)[0]
+            taps.append(self._tap(plane, side, layer, columns, rows))
+        return taps
 
     def taps_of_all_layers(self, plane: Slice, side: int) -> Iterator[tuple[Tap, ...]]:
         """Give what all layers show at each tap, from near to far."""

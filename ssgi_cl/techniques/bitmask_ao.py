@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
+MOST_TAPS = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,10 +26,18 @@ class BitmaskParams(SliceParams):
     """Parameters of the visibility bitmask (Therrien et al. 2023).
 
     Joined taps find less between them than a horizon does: 14 a side come within a tenth of what
-    rays find in the same depth layers.
+    rays find in one depth layer. More layers make the first one's gaps tell: joined, it is read at
+    `taps` times the root of their number, each of the others at a third of that. Four layers then
+    take as long as with 14 taps in all of them, and err 6 % less.
     """
 
-    taps: int = param(14, "depths read on either side of a slice", low=1, high=64)
+    taps: int = param(
+        14, "depths read on either side of a slice; of several layers' first one more, see above",
+        low=1, high=MOST_TAPS,
+    )
+    tap_power: float = param(
+        1.5, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
+    )
     thickness: float = param(
         0.1, "of surfaces, along the line of sight; joined, of those that a single tap meets",
         low=0.0, high=1e3, unit="radii"
@@ -45,6 +55,17 @@ class BitmaskParams(SliceParams):
         "cosine", "the 32 sectors of a slice are equal parts of the cosine-weighted measure, or "
         "equal angles as published, all directions of a slice weighing the same", choices=SECTORS
     )
+
+    def in_front_of(self, layers: int) -> Self:
+        """Return them as the first of so many depth layers is read."""
+        if not self.joined:
+            return self
+        return replace(self, taps=min(round(self.taps * math.sqrt(layers)), MOST_TAPS))
+
+    def deeper(self, layers: int) -> int:
+        """Return the most taps of a side in each of so many layers but the first."""
+        front = self.in_front_of(layers).taps
+        return -(-front // 3) if self.joined and layers > 1 else front
 
     @property
     def overshoot(self) -> float:
@@ -64,6 +85,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
         return {
             "BITMASK_ANGLE": SECTORS.index(params.sectors),
             "BITMASK_JOINED": int(params.joined),
+            "SLICES_DEEPER": params.deeper(self.layers),
             "SLICES_NEXT": int(params.end == "layer"),
         }
 

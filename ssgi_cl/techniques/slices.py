@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,10 @@ class SliceParams(OcclusionParams):
         unit="radii",
     )
     contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
+
+    def in_front_of(self, layers: int) -> Self:
+        """Return them as the first of so many depth layers is read."""
+        return self
 
     @property
     def overshoot(self) -> float:
@@ -368,7 +372,7 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         super().__init__(runtime, size, margin, chosen)
         self.params: P = chosen
         self.layers = layers
-        self._scan = SliceScan(runtime, size, chosen, margin, layers)
+        self._scan = SliceScan(runtime, size, chosen.in_front_of(layers), margin, layers)
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
 

@@ -31,7 +31,8 @@ def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, ki
     gbuffer = scene("bumpy", camera(kind), rng)
     a = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime)
     b = bitmask_ao(
-        gbuffer, 0.6, taps=9, thickness=1e3, joined=False, blur_radius=0, runtime=runtime
+        gbuffer, 0.6, taps=9, tap_power=1.2, thickness=1e3, joined=False, blur_radius=0,
+        runtime=runtime,
     )
     # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
     # (the polynomial's error is 1/500 of a sector).

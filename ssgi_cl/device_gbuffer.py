@@ -104,7 +104,7 @@ class DeviceGBuffer:
         self.traces = [Trace() for _ in range(self.layers)]
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
-        if gbuffer.normal is not None:
+        if gbuffer.normal is not None or self.attributes > 1:  # else it is never read
             self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
         self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
         self.emits = gbuffer.emission is not None

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 GUARD = 16
 """Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
 
+IMAGE_ROWS = 16384
+"""Rows of an image that holds a plane, at most; SSGI_IMAGE_ROWS there."""
+
 Size = tuple[int, int]
 """(rows, columns)"""
 
@@ -187,22 +190,28 @@ class Plane:
             return self.buffer
         cl = opencl()
 
-        shape = (self.pitch, self._rows)
+        # Rows that are too many for an image lie to the right of the first.
+        firsts = range(0, self._rows, IMAGE_ROWS)
+        shape = (len(firsts) * self.pitch, min(self._rows, IMAGE_ROWS))
         if self._image is None:
-            largest = self.runtime.device.image2d_max_height
-            if self._rows > largest:
+            device = self.runtime.device
+            largest = device.image2d_max_width, device.image2d_max_height
+            if shape[0] > largest[0] or shape[1] > largest[1]:
                 raise DeviceError(
-                    f"{self.runtime.info.label} has images of at most {largest} rows: "
-                    f"{self._rows} are needed; use storage 'buffer'"
+                    f"{self.runtime.info.label} has images of at most {largest[0]} x {largest[1]} "
+                    f"elements: {shape[0]} x {shape[1]} are needed; use storage 'buffer'"
                 )
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
-            self.runtime.take(self.pitch * self._rows * 4, self)
+            self.runtime.take(shape[0] * shape[1] * 4, self)
             self._image = cl.create_image(self.runtime.context, flags, layout, shape)
         if not self._image_is_current:
-            event = cl.enqueue_copy(
-                self.runtime.queue, self._image, self.buffer, offset=0, origin=(0, 0), region=shape
-            )
-            self.runtime.record("copy to image", event)
+            for number, first in enumerate(firsts):
+                event = cl.enqueue_copy(
+                    self.runtime.queue, self._image, self.buffer, offset=first * self.pitch * 4,
+                    origin=(number * self.pitch, 0),
+                    region=(self.pitch, min(self._rows - first, IMAGE_ROWS)),
+                )
+                self.runtime.record("copy to image", event)
             self._image_is_current = True
         return self._image

@@ -9,10 +9,52 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.render_params import ao_technique
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.occlusion import OcclusionParams
-from ssgi_cl.tiles import OpenTiles, TileFacts, Tiles
+from ssgi_cl.tiles import OpenTiles, Reach, TileFacts, Tiles
 
 WORTH = 0.125
 """Share of open tiles that saves what it costs to find them."""
+
+
+class Opener:
+    """Finds the open tiles of frames for a technique, and notes what they save.
+
+    Args:
+        runtime: the device.
+        name, cost: of the technique, and of its pass that open tiles save.
+
+    Attributes:
+        pays: whether the latest frame had enough of them.
+    """
+
+    def __init__(self, runtime: Runtime, name: str, cost: str) -> None:
+        self.runtime = runtime
+        self.name = name
+        self.pays = False
+        self._cost = cost
+        self._busy = 0  # tiles that the latest frame computed
+        self._pace = (0, 0.0)  # of the frame with the most: their number, ms for each
+
+    def find(
+        self, seen: DeviceGBuffer, tiles: Tiles | None, reach: Reach | None
+    ) -> OpenTiles | None:
+        """Queue the passes that find open tiles; None if none is, or nothing is known of tiles or
+        of how far the technique looks."""
+        self._busy = 0
+        self.pays = False
+        if tiles is None or reach is None:
+            return None
+        known = tiles.open(seen, reach)
+        self._busy = known.total - known.open
+        self.pays = known.open >= WORTH * known.total
+        if not known.open:
+            return None  # so that kernels need not look at the tiles
+        self.runtime.skip(f"{self.name} tiles", known.why, known.open * self._pace[1])
+        return known
+
+    def learn(self, costs: Mapping[str, float]) -> None:
+        """Take from what the passes of a frame took, in ms by name, what a tile takes."""
+        if self._busy and self._busy >= self._pace[0] and self._cost in costs:
+            self._pace = self._busy, costs[self._cost] / self._busy
 
 
 class Occluder:
@@ -39,42 +81,25 @@ class Occluder:
         self._skips = skips
         self._all_open = runtime.plane(1, size, 1.0) if params.channels == 1 else None
         self.pays = False
-        self._busy = 0  # tiles that the latest run computed
-        self._pace = (0, 0.0)  # of the run with the most: their number, ms for each
+        self._opener = Opener(runtime, self.name, self.name)
 
     def run(self, seen: DeviceGBuffer, tiles: Tiles | None, facts: TileFacts | None) -> Plane:
         """Queue the passes; return the plane of A.
 
         `facts` are what `tiles` found in the G-buffer, both None if nothing is to be left out.
         """
-        known = layers = None
-        self._busy = 0
-        self.pays = False
+        layers = None
         if facts is not None and "layers" in self._skips and facts.layers < self._layers:
             layers = facts.layers
-            self.pays = True
             missing = f"{self._layers - layers} of {self._layers} have no pixel"
             self.runtime.skip(f"{self.name} layers", missing)
-        if tiles is not None and facts is not None and "tiles" in self._skips:
-            known = self._known(seen, tiles)
+        look = facts is not None and "tiles" in self._skips
+        known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
+        self.pays = layers is not None or self._opener.pays
         if known is not None and known.open == known.total and self._all_open is not None:
             return self._all_open
         return self._technique.run(seen, known, layers)
 
-    def _known(self, seen: DeviceGBuffer, tiles: Tiles) -> OpenTiles | None:
-        """Queue the passes that find open tiles, and note what they save."""
-        reach = self._technique.reach(seen)
-        if reach is None:
-            return None
-        known = tiles.open(seen, reach)
-        self._busy = known.total - known.open
-        self.pays = self.pays or known.open >= WORTH * known.total
-        if not known.open:
-            return None  # so that kernels need not look at the tiles
-        self.runtime.skip(f"{self.name} tiles", known.why, known.open * self._pace[1])
-        return known
-
     def learn(self, costs: Mapping[str, float]) -> None:
         """Take from what the passes of a frame took, in ms by name, what a tile takes."""
-        if self._busy and self._busy >= self._pace[0] and self.name in costs:
-            self._pace = self._busy, costs[self.name] / self._busy
+        self._opener.learn(costs)

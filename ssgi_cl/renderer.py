@@ -13,10 +13,11 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.frame import Frame
 from ssgi_cl.further_views import FurtherViews
+from ssgi_cl.lamp_reach import reaching
 from ssgi_cl.light_maps import LightMaps
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane, Size
-from ssgi_cl.occluder import Occluder
+from ssgi_cl.occluder import Occluder, Opener
 from ssgi_cl.plan import Needs, Stages, chosen_skips
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
@@ -104,8 +105,9 @@ class Renderer:
         elif indirect is not None:
             self._bounce = RsmGather(runtime, size, indirect, margin)
         self._tiles: Tiles | None = None
-        if self.skips & {"tiles", "lights", "layers"} and not near:
-            self._tiles = Tiles(runtime, size, margin, layers)
+        if self.skips & ({"tiles"} if near else {"tiles", "lights", "layers"}):
+            self._tiles = Tiles(runtime, size, margin, layers, pieces=near)
+        self._near = Opener(runtime, "ssdo", "ssdo_bitmask")
         self._indirect_ao = indirect_ao and self._bounce is not None
         self._shade = Shade(runtime, size)
         self._tonemap = Tonemap(runtime, size, curve)
@@ -137,7 +139,9 @@ class Renderer:
             openness = self._openness(seen, facts, lights, needs)
             direct = bounced = None
             if self._ssdo is not None and (needs.light or needs.bounce):
-                direct, bounced = self._near_light(self._ssdo, scene, camera, lights, seen)
+                direct, bounced = self._near_light(
+                    self._ssdo, scene, camera, lights, seen, facts
+                )
             elif needs.light or needs.bounce:
                 direct, bounced = self._light(scene, camera, lights, seen, facts, needs)
             if needs.light:
@@ -159,7 +163,7 @@ class Renderer:
                     factor = self._stages.make(
                         "exposure", summed,
                         lambda: auto_exposure(
-                            _pixels(radiance, window) if values is None else values
+                            _pixels(radiance, window) if values is None else values, window
                         ),
                     )
                 if needs.picture:
@@ -177,8 +181,11 @@ class Renderer:
                 levels = self._bounce.grid.computed()
         if self._ao is not None:
             self._ao.learn(self._costs)
+        self._near.learn(self._costs)
         if facts is not None:
-            pays = self._found_idle or (self._ao is not None and self._ao.pays)
+            pays = self._found_idle or self._near.pays or (
+                self._ao is not None and self._ao.pays
+            )
             self._rest = 0 if pays else REST
         return Frame(
             ao=ao if "ao" in needs.given else None,
@@ -215,6 +222,8 @@ class Renderer:
         occlusion = self._ao is not None and self._dims(lights, needs)
         lamps = "lights" in self.skips and any(not isinstance(x, Environment) for x in lights)
         useful = (occlusion and self.skips & {"tiles", "layers"}) or (needs.light and lamps)
+        if self._ssdo is not None:
+            useful = (needs.light or needs.bounce) and self._ssdo.reach(seen) is not None
         if tiles is None or not useful:
             return None
         facts: TileFacts = self._stages.make(
@@ -249,7 +258,7 @@ class Renderer:
 
     def _near_light(
         self, ssdo: Ssdo, scene: Scene, camera: Camera, lights: Sequence[Light],
-        seen: DeviceGBuffer,
+        seen: DeviceGBuffer, facts: TileFacts | None,
     ) -> tuple[Plane | None, Plane | None]:
         """Queue the passes of SSDO; return the planes of direct and reflected irradiance."""
         self.runtime.skip("ambient occlusion", "ssdo hides ambient light by itself")
@@ -257,7 +266,10 @@ class Renderer:
         def gathered() -> tuple[Plane | None, Plane | None]:
             shadows, _ = self._maps.draw(scene, lights, keep="maps" in self.skips)
             views = self._views.drawn(scene, camera, seen, lights) if self._views else ()
-            found = ssdo.run(seen, lights, shadows=shadows, views=views)
+            tiles = None
+            if facts is not None and self._tiles is not None:
+                tiles = self._near.find(seen, self._tiles, ssdo.reach(seen))
+            found = ssdo.run(seen, lights, shadows=shadows, views=views, tiles=tiles)
             return found.direct, found.bounce
 
         planes: tuple[Plane | None, Plane | None] = self._stages.make(
@@ -302,10 +314,14 @@ class Renderer:
         """Return which lamps light nothing that is seen."""
         if facts is None or "lights" not in self.skips:
             return set()
-        idle = {
+        lamps = {
             index: light for index, light in enumerate(lights)
             if not isinstance(light, Environment) and power(light).any()
-            and not facts.lights(light, camera)
+        }
+        reach = reaching(list(lamps.values()), facts.boxes, camera)
+        idle = {
+            index: light for (index, light), reaches in zip(lamps.items(), reach, strict=True)
+            if not reaches
         }
         for light in idle.values():
             kind = kind_name(light)

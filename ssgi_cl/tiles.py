@@ -7,14 +7,13 @@ lamp is left out only if it is proven to light none.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
+from ssgi_cl.lamp_reach import Boxes
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
@@ -29,17 +28,11 @@ FACTS = 17
 _NEAREST, _FARTHEST, _LEAST, _GREATEST, _LAYER, _OFFSET = 7, 8, 9, 12, 15, 16
 _OPEN, _FAR, _FLAT = 1, 4, 8
 
-AWAY = 1e-5
-"""Cosine by which normals must be turned away from a lamp: more than roundings of float32."""
-
-FLAT = 2e-5
-"""Distance of a flat tile's points from its plane, relative to that of the eye: twice TILES_FLAT of
-kernels/tiles/tiles_facts.cl, for roundings."""
-
 TILES = Struct(
     "TileParams",
     (
         *floats("reach_px", "far_px", "more_px", "most_px", "bulge", "slack", "perspective"),
+        *floats("beyond", "beyond_px", "to_x", "to_y", "at_x", "at_y"),
         *((n, "int") for n in ("group", "lead_columns", "lead_rows", "columns", "rows")),
     ),
 )
@@ -51,13 +44,15 @@ class Reach:
 
     Attributes:
         radius: scene units.
-        stretch: distance in the image up to which it looks, over that of the radius.
+        stretch: distance in the image up to which it looks, over that of the radius there.
         more_px: pixels of the full size that come on top.
         most_px: limit of the projected radius, pixels of the full size.
         step: pixels from one that is computed to the next.
         group: pixels of a row that look as far as the nearest of them, of the full size.
         bulge: 1 if what lies before the receiver is projected from there, else 0.
         slack: part of the bias against roundings that a proof may use up, relative to depth.
+        beyond, beyond_px: how far surfaces are taken to go on beyond a pixel, in parts of that
+            distance and in pixels of the full size on top; see `Tiles.pieces`.
     """
 
     radius: float
@@ -68,6 +63,8 @@ class Reach:
     group: int = TILE
     bulge: float = 0.0
     slack: float = 2e-6
+    beyond: float = 0.0
+    beyond_px: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,76 +109,12 @@ class TileFacts:
     """What is known of the tiles that show anything, on the host.
 
     Attributes:
-        least, greatest: [n, 3] corners of boxes round what each holds, view space, scene units.
-        normal_least, normal_greatest: [n, 3] likewise of its normals, view space.
-        offset: [n] n . p of the planes of flat tiles, scene units; -inf of others.
+        boxes: round what each tile holds; planes of flat tiles alone.
         layers: of depth, that have any pixel.
     """
 
-    least: NDArray[np.float64]
-    greatest: NDArray[np.float64]
-    normal_least: NDArray[np.float64]
-    normal_greatest: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    boxes: Boxes
     layers: int
-    _centre: NDArray[np.float64] = field(init=False, repr=False)
-    _extent: NDArray[np.float64] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_centre", 0.5 * (self.least + self.greatest))
-        half = 0.5 * (self.greatest - self.least)
-        object.__setattr__(self, "_extent", np.linalg.norm(half, axis=1))
-
-    def lights(self, light: Light, camera: Camera) -> bool:
-        """Return False if a light is proven to bring nothing to any pixel."""
-        if isinstance(light, Environment):
-            return True
-        turn, shift = camera.view[:3, :3], camera.view[:3, 3]
-        if isinstance(light, DirectionalLight):
-            towards = -(turn @ np.asarray(light.direction))
-            low = high = np.broadcast_to(towards, self.least.shape)
-            length = np.ones(len(self.least))
-        else:
-            position = turn @ np.asarray(light.position) + shift
-            low = position - self.greatest - light.radius
-            high = position - self.least + light.radius
-            length = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=1)
-        ends = [n * offset for n in (self.normal_least, self.normal_greatest)
-                for offset in (low, high)]
-        height = np.maximum.reduce(ends).sum(axis=1)
-        if not isinstance(light, DirectionalLight):
-            height = np.minimum(height, self._above_plane(position) + light.radius)
-        lit = height > -AWAY * length
-        if isinstance(light, SpotLight) and lit.any():
-            axis = turn @ np.asarray(light.direction)
-            lit &= self._in_cone(position, axis, light.cone_angle, light.radius)
-        return bool(lit.any())
-
-    def _above_plane(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how high a point may lie above any tangent plane of each flat tile; inf of others.
-
-        A box round a slanted plane is much larger than the plane.
-        """
-        most = np.maximum(self.normal_least * position, self.normal_greatest * position)
-        farthest = np.linalg.norm(np.maximum(np.abs(self.least), np.abs(self.greatest)), axis=1)
-        spread = np.linalg.norm(self.normal_greatest - self.normal_least, axis=1)
-        height: NDArray[np.float64] = (
-            most.sum(axis=1) - self.offset + (spread + FLAT) * farthest
-        )
-        return height
-
-    def _in_cone(
-        self, apex: NDArray[np.float64], axis: NDArray[np.float64], angle: float, radius: float
-    ) -> NDArray[np.bool_]:
-        """Return which boxes a cone may meet that begins in a ball: those whose balls it meets."""
-        offset = self._centre - apex
-        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
-        off_axis = np.arccos(np.clip(offset @ axis / distance, -1.0, 1.0))
-        extent = self._extent + radius
-        widened = np.arcsin(np.clip(extent / distance, 0.0, 1.0))
-        met: NDArray[np.bool_] = off_axis <= angle + widened + 1e-3
-        met |= distance <= extent
-        return met
 
 
 class Tiles:
@@ -192,10 +125,13 @@ class Tiles:
         size: (rows, columns) of the camera's image.
         margin: (rows, columns) by which the G-buffers exceed it on every side.
         layers: depth layers of the G-buffers.
+        pieces: whether tiles are to be open for SSDO's bitmask, whose taps stand for pieces of
+            planes, rather than for points in them.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, margin: Size = (0, 0), layers: int = 1
+        self, runtime: Runtime, size: Size, margin: Size = (0, 0), layers: int = 1, *,
+        pieces: bool = False,
     ) -> None:
         self.runtime = runtime
         self.margin = margin
@@ -211,8 +147,11 @@ class Tiles:
         self._open, self._calm = (
             runtime.array(np.zeros(self.size[0] * self.size[1], np.int32)) for _ in range(2)
         )
-        self._look = runtime.kernel("tiles/tiles_facts.cl", {"TILES_LAYERS": layers}, (CAMERA,))
-        self._prove = runtime.kernel("tiles/tiles_open.cl", {}, (TILES,))
+        own = {"TILES_PIECES": int(pieces)}
+        self._look = runtime.kernel(
+            "tiles/tiles_facts.cl", {"TILES_LAYERS": layers, **own}, (CAMERA,)
+        )
+        self._prove = runtime.kernel("tiles/tiles_open.cl", own, (TILES,))
         self._settle = runtime.kernel("tiles/tiles_calm.cl")
 
     def look(self, gbuffer: DeviceGBuffer) -> TileFacts:
@@ -237,10 +176,8 @@ class Tiles:
         ].astype(np.float64)
         there = inner[_NEAREST] > -math.inf
         boxes = self._boxes(gbuffer.camera_struct, inner[_NEAREST], inner[_FARTHEST], there)
-        return TileFacts(
-            *boxes, inner[_LEAST : _LEAST + 3, there].T, inner[_GREATEST : _GREATEST + 3, there].T,
-            inner[_OFFSET, there], layers,
-        )
+        normals = inner[_LEAST : _LEAST + 3, there].T, inner[_GREATEST : _GREATEST + 3, there].T
+        return TileFacts(Boxes(*boxes, *normals, inner[_OFFSET, there]), layers)
 
     def _boxes(
         self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64],
@@ -277,6 +214,10 @@ class Tiles:
         camera = gbuffer.camera_struct
         pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
         rows, columns = self._facts.size
+        slopes: dict[str, float] = {}
+        for name, margin in (("x", self.margin[1]), ("y", self.margin[0])):
+            to = float(camera[f"to_{name}"])
+            slopes |= {f"to_{name}": to, f"at_{name}": float(camera[f"at_{name}"]) + to * margin}
         self._prove.run(
             "tiles open", self.size, reads=[self._facts], writes=[self._open], grid=self.size,
             values=[TILES.pack({
@@ -286,6 +227,9 @@ class Tiles:
                 "most_px": reach.most_px * reach.stretch,
                 "bulge": reach.bulge * reach.radius,
                 "slack": reach.slack,
+                **slopes,
+                "beyond": reach.beyond,
+                "beyond_px": reach.beyond_px,
                 "perspective": float(camera["perspective"]),
                 "group": -(-reach.group // TILE),
                 "lead_columns": self._lead[1],

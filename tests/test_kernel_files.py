@@ -101,8 +101,11 @@ USES = {
     ),
     "bitmask_ao/bitmask_ao.cl": Use(
         (CAMERA, SLICES), [
-            slices(layers, BITMASK_ANGLE=a, BITMASK_JOINED=b, SLICES_THICKNESS=c, SLICES_NEXT=d)
-            for layers, a, b, c, d in ((1, 0, 1, 0, 0), (2, 1, 0, 1, 1))
+            slices(
+                layers, SLICES_DEEPER=n, BITMASK_ANGLE=a, BITMASK_JOINED=b, SLICES_THICKNESS=c,
+                SLICES_NEXT=d,
+            )
+            for layers, n, a, b, c, d in ((1, 6, 0, 1, 0, 0), (2, 2, 1, 1, 1, 1))
         ],
     ),
     "calibrate/calibrate_copy.cl": Use(),
@@ -162,7 +165,8 @@ USES = {
     "multires/shade_list.cl": Use(
         (CAMERA, VPL, CUT),
         [
-            {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "VPL_SIGHT": n, "SHADE_ROWS": 2}
+            {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
+             "SHADE_LINE": 2 + n}
             for n in (0, 1)
         ],
     ),
@@ -176,7 +180,9 @@ USES = {
     "raster/raster_flux.cl": Use((CAMERA, shadow_map.FLUX)),
     "raster/raster_gloss.cl": Use((), [{"RASTER_STEP": step} for step in (1, 3)]),
     "raster/raster_scan.cl": Use(rasterizer.STRUCTS),
-    "raster/raster_setup.cl": Use(rasterizer.STRUCTS),
+    "raster/raster_setup.cl": Use(
+        rasterizer.STRUCTS, [{"RASTER_BOXED": 256, "RASTER_RUN": run} for run in (16, 256)]
+    ),
     "raster/raster_tiles.cl": Use(
         rasterizer.STRUCTS, [tiles(0, 0, 32, 32), tiles(1, 1, 16, 1)]
     ),
@@ -201,6 +207,7 @@ USES = {
     "shade/shade_light.cl": Use(
         (CAMERA, LIGHT), [light(0, 0, 0), light(0, 1, 1), light(1, 1, 0), light(2, 1, 1)]
     ),
+    "shade/shadow_blocks.cl": Use((), [{}]),
     "slices/slices_slopes.cl": Use(
         (CAMERA,), [{"SLOPES_LAYERS": 2, "SLOPES_NORMALS": n} for n in (1, 2)]
     ),
@@ -210,7 +217,8 @@ USES = {
         [
             slices(
                 layers, SLICES_THICKNESS=a, SLICES_NEXT=b, BITMASK_THICK=a, BITMASK_BOUNCE=c,
-                BITMASK_BACKS=d, BITMASK_CONES=e, BITMASK_KEPT=f, SKY_SIZE=32,
+                BITMASK_BACKS=d, BITMASK_CONES=e, BITMASK_KEPT=f, BITMASK_SIDES=d,
+                SKY_SIZE=32,
             )
             for layers, a, b, c, d, e, f in ((1, 0, 0, 1, 0, 8, 1), (2, 1, 1, 1, 1, 0, 0))
         ],
@@ -219,12 +227,13 @@ USES = {
         (CAMERA,), [{"NEAR_LAYERS": 2, "NEAR_THICKNESS": thick} for thick in (0, 1)]
     ),
     "ssao/ssao.cl": Use((CAMERA, SSAO), [ssao(1, 0, 0, 0), ssao(4, 1, 1, 1), ssao(2, 1, 2, 0)]),
+    "ssdo/ssdo_sides.cl": Use((VIEW_ROTATION,), [{"SIDES_LAYERS": 3}]),
     "ssdo/ssdo_split.cl": Use(
         (SPLIT,),
         [
             {"SPLIT_GATHERED": gathered, "SPLIT_SKY": sky, "SPLIT_BOUNCE": bounce,
              "SPLIT_LAMPS": lamps}
-            for gathered, sky, bounce, lamps in ((0, 0, 0, 1), (1, 0, 0, 0), (1, 1, 1, 1))
+            for gathered, sky, bounce, lamps in ((0, 0, 1, 1), (1, 0, 0, 0), (1, 1, 1, 1))
         ],
     ),
     "ssdo_points/ssdo_points.cl": Use(
@@ -247,8 +256,10 @@ USES = {
         ],
     ),
     "tiles/tiles_calm.cl": Use(),
-    "tiles/tiles_facts.cl": Use((CAMERA,), [{"TILES_LAYERS": layers} for layers in (1, 2)]),
-    "tiles/tiles_open.cl": Use((TILES,)),
+    "tiles/tiles_facts.cl": Use(
+        (CAMERA,), [{"TILES_LAYERS": n, "TILES_PIECES": n - 1} for n in (1, 2)]
+    ),
+    "tiles/tiles_open.cl": Use((TILES,), [{"TILES_PIECES": pieces} for pieces in (0, 1)]),
     "tonemap/tonemap.cl": Use((), [{"TONEMAP_CURVE": curve} for curve in (0, 1)]),
     "upsample/upsample_blur_columns.cl": Use(
         (CAMERA, UPSAMPLE), [{"UPSAMPLE_STEP": step, "BLUR_RADIUS": 7} for step in (2, 4)]

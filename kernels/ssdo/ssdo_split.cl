@@ -8,8 +8,8 @@
 //          lamps     3 images, W/m^2, with a margin of its own (SPLIT_LAMPS 1)
 // Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
 //          SPLIT_BOUNCE 1
-// Macros:  SPLIT_GATHERED (whether there is `gathered` at all), SPLIT_SKY, SPLIT_BOUNCE,
-//          SPLIT_LAMPS: 0 or 1
+// Macros:  SPLIT_GATHERED (whether there is `gathered` at all: else A is 1 and the bounce 0),
+//          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LAMPS: 0 or 1
 // Params:  irradiance of constant environments where A is 1; margins
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    memory: up to 11 planes read, 6 written
@@ -37,18 +37,17 @@ __kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps
              v_splat(INFINITY));
 #if SPLIT_GATHERED
     const vfloat a = ssgi_load(gathered, size, 0, x, y);
+#else
+    const vfloat a = v_splat(1.0f);
 #endif
 #if SPLIT_LAMPS
     const int2 lamps_size =
         (int2)(size.x + 2 * params.lamps_columns, size.y + 2 * params.lamps_rows);
 #endif
     for (int c = 0; c < 3; ++c) {
-        vfloat sum = zero;
-#if SPLIT_GATHERED
-        sum = a * (c == 0 ? params.red : c == 1 ? params.green : params.blue);
+        vfloat sum = a * (c == 0 ? params.red : c == 1 ? params.green : params.blue);
 #if SPLIT_SKY
         sum = sum + ssgi_load(gathered, size, 1 + c, x, y);
-#endif
 #endif
 #if SPLIT_LAMPS
         sum = sum +
@@ -56,7 +55,11 @@ __kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps
 #endif
         ssgi_store(v_select(zero, sum, there), direct, size, c, x, y, 0.0f);
 #if SPLIT_BOUNCE
+#if SPLIT_GATHERED
         const vfloat sent = ssgi_load(gathered, size, 1 + 3 * SPLIT_SKY + c, x, y);
+#else
+        const vfloat sent = zero;
+#endif
         ssgi_store(v_select(zero, sent, there), bounce, size, c, x, y, 0.0f);
 #endif
     }

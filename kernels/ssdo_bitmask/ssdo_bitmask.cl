@@ -21,14 +21,16 @@
 //          sky     [SKY_SIZE][SKY_SIZE][3] radiance by octahedral direction, see sky.clh
 //          sent    3 SLICES_LAYERS x [rows, 4 stride] from slices_sorted: senders' radiance,
 //                  W m^-2 sr^-1; with BITMASK_BACKS as many more for their backs
+//          sides   SLICES_LAYERS x likewise, see ssdo/ssdo_sides.cl (BITMASK_SIDES 1)
+//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  light   images [rows, columns] without margin: A in [0, 1], 1 where nothing is; with
 //                  BITMASK_CONES 3 of irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of
 //                  irradiance by the bounce; 0 where nothing is
 //          kept    SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for each
 //                  sector that is covered; 0 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
-//          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT (0, 1), BITMASK_CONES
-//          (0 to 16), SKY_SIZE (>= 1)
+//          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT, BITMASK_SIDES (0, 1),
+//          BITMASK_CONES (0 to 16), SKY_SIZE (>= 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS times 3 reads per pixel, with
 //          BITMASK_BOUNCE 3 to 6 more where a tap covers something
@@ -36,7 +38,7 @@
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_THICK) ||              \
     !defined(BITMASK_BOUNCE) || !defined(BITMASK_BACKS) || !defined(BITMASK_KEPT) ||               \
-    !defined(BITMASK_CONES) || !defined(SKY_SIZE)
+    !defined(BITMASK_SIDES) || !defined(BITMASK_CONES) || !defined(SKY_SIZE)
 #error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
 #endif
 
@@ -45,6 +47,7 @@
 typedef struct {
     __global const float *slopes;
     __global const float *sent;
+    __global const float *sides;
     __global const float *sky;
     __global int *kept;
     SsdoBitmaskParams params;
@@ -56,6 +59,7 @@ typedef struct {
 #define SSGI_SCAN_KEPT BITMASK_KEPT
 #define SSGI_SCAN_FAR (BITMASK_CONES > 0)
 #define SSGI_SCAN_WITHIN 1
+#define SSGI_SCAN_TILES 1
 #define SSGI_SCAN_PIECES
 #define SSGI_SCAN_GIVEN SsdoGiven
 #include "common/slices.clh"
@@ -92,6 +96,8 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                            __global const float *restrict slopes,
                            __global const float *restrict sky, __global const float *restrict sent,
+                           __global const float *restrict sides,
+                           __global const int *restrict tiles,
                            __global float *restrict light, __global int *restrict kept,
                            const int2 size, const SsgiCamera camera, const SliceParams params,
                            const SsdoBitmaskParams own)
@@ -99,8 +105,9 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
     SsdoGiven given;
     given.slopes = slopes;
     given.sent = sent;
+    given.sides = sides;
     given.sky = sky;
     given.kept = kept;
     given.params = own;
-    ssgi_occlude(near, normal, table, light, size, given, camera, params);
+    ssgi_occlude(near, normal, table, tiles, light, size, given, camera, params);
 }

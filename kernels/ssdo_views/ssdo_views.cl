@@ -8,7 +8,9 @@
 //          has come behind a surface of the other camera, no farther than its thickness or the
 //          way from tap to tap, covers all free sectors of the part. So each sector is covered
 //          once, whatever number of cameras follow one another, and its measure is that of
-//          ssdo_bitmask.
+//          ssdo_bitmask. Distances of taps from a place two pixels of the other camera before
+//          the receiver grow by a constant factor up to the radius: what is near is met at the
+//          other camera's resolution, and what is far in as few taps as its size needs.
 // Reads:   linear   [rows, columns] with margin: 1 / depth (orthographic: depth), or INFINITY
 //          normal   3 x likewise, view space, unit length
 //          table    [4 rows][VIEWS_SLICES][3][16 columns]: cosine and sine of a slice's angle from
@@ -35,7 +37,9 @@
 #endif
 
 #define VIEWS_GOLDEN 0.618033989f
-#define VIEWS_ONSET 0.02f // radii that a surface must lie before the receiver to be in front of it
+#define VIEWS_ONSET 1.0f // px that a surface must lie before the receiver to be in front of it
+#define VIEWS_BEFORE 2.0f // px from the receiver to where distances of taps grow from
+#define VIEWS_FINEST 0.0009765625f // radii: a pixel that is less wide counts as one that wide
 
 // x - floor(x) for x >= 0.
 static inline vfloat views_fraction(const vfloat x) { return x - v_floor(x); }
@@ -171,9 +175,17 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     at.nx = v_fma(nx, v_splat(params.xx), v_fma(ny, v_splat(params.xy), nz * params.xz));
     at.ny = v_fma(nx, v_splat(params.yx), v_fma(ny, v_splat(params.yy), nz * params.yz));
     at.nz = v_fma(nx, v_splat(params.zx), v_fma(ny, v_splat(params.zy), nz * params.zz));
+    // A pixel of the other camera at the receiver, and what distances grow by from tap to tap.
+    const vfloat pixel = v_max(radius * VIEWS_FINEST,
+                               ssgi_k(other, v_max(-oz, v_splat(params.nearest))) *
+                                   max(fabs(other.to_x), fabs(other.to_y)));
+    const vfloat apart = pixel * VIEWS_BEFORE;
+    const vfloat octaves = v_log2(one + radius / apart) * (1.0f / (float)VIEWS_TAPS);
+    const vfloat growth = v_exp2(octaves);
+    const vfloat last_way = one - one / growth;
     at.floor = v_fma(at.nx, ox, v_fma(at.ny, oy, at.nz * oz)) +
-               v_fma(z, v_splat(params.depth_bias), radius * params.bias);
-    at.thick = radius * params.thickness;
+               v_fma(z, v_splat(params.depth_bias), pixel * params.bias);
+    at.thick = params.thickness * v_fma(apart, last_way, pixel);
     const ViewsSight sight = views_sight(camera, slope_x, slope_y);
     // Surfaces in front of the receiver, which ways from it begin behind.
     const int2 others = (int2)(params.columns, params.rows);
@@ -182,7 +194,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vmask here =
         near & views_pixel(other, others, params.nearest, ox, oy, -oz, &column, &row);
     const vint passed_here = views_before(depth, others, other, &at, column, row,
-                                          v_fma(radius, v_splat(-VIEWS_ONSET), -oz),
+                                          v_fma(pixel, v_splat(-VIEWS_ONSET), -oz),
                                           v_splat_int(0), &met) & here;
 
     __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);
@@ -238,9 +250,10 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 vmask open = v_ine(bits, v_splat_int(0));
                 vint passed = passed_here;
                 vfloat before = -oz;
-                for (int t = 0; t < VIEWS_TAPS && v_any(open); ++t) {
-                    const vfloat q = ((float)t + shift) * (1.0f / (float)VIEWS_TAPS);
-                    const vfloat reach = radius * (q * q); // denser near the receiver
+                vfloat grown = apart * v_exp2(shift * octaves);
+                for (int t = 0; t < VIEWS_TAPS && v_any(open); ++t, grown = grown * growth) {
+                    const vfloat reach = grown - apart;
+                    at.thick = params.thickness * v_fma(grown, last_way, pixel);
                     const vfloat qz = -v_fma(reach, dz, oz);
                     const vmask inside =
                         open & views_pixel(other, others, params.nearest, v_fma(reach, dx, ox),

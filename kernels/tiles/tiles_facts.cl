@@ -7,7 +7,8 @@
 //          normal  3 x [rows, columns] with margin, view space
 //          depth   TILES_LAYERS x [rows, columns] with margin; INFINITY where nothing is
 // Writes:  facts   TILES_COUNT x [rows of tiles, columns of tiles], with those of the margin
-// Macros:  TILES_LAYERS (>= 1)
+// Macros:  TILES_LAYERS (>= 1), TILES_PIECES (0, 1): whether normals are relied on as far as
+//          slices/slices_slopes.cl does, beyond which its planes are not theirs
 // Params:  (left, top) pixel of the first tile in the arrays, <= 0
 // Launch:  a tile per work-item
 // Cost:    4 + TILES_LAYERS - 1 floats read per pixel, 30 operations, twice as many in flat tiles
@@ -16,11 +17,12 @@
 #include "common/gbuffer.clh"
 #include "tiles/facts.clh"
 
-#ifndef TILES_LAYERS
-#error "TILES_LAYERS must be defined by the host"
+#if !defined(TILES_LAYERS) || !defined(TILES_PIECES)
+#error "TILES_LAYERS and TILES_PIECES must be defined by the host"
 #endif
 
-#define TILES_FACING 0.003f // least cosine to the line of sight of a normal that is relied on
+// Least cosine to the line of sight of a normal that is relied on.
+#define TILES_FACING (TILES_PIECES ? 0.051f : 0.003f)
 #define TILES_FLAT 1e-5f    // of v: what is less flat is of no use to tiles_open
 
 static inline float tiles_first(const vfloat x) { return as_float(v_first(v_bits(x))); }

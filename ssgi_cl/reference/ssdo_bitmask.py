@@ -13,6 +13,7 @@ from ssgi_cl.reference.bitmask_ao import SECTORS, sector_of, sorted_pair, whole_
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.sky import looked_up
 from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
+from ssgi_cl.reference.ssdo_sides import sides_of
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
 
 FIRST = 0.0625
@@ -65,7 +66,9 @@ def ssdo_bitmask_reference(
         for i in (0, 1)
     )
     sent = None if radiance is None else np.asarray(radiance)[:, rows[:, None], columns]
-    slopes = slopes_of(gbuffer, full)[..., rows[:, None], columns]
+    slopes, sides = (
+        found(gbuffer, full)[..., rows[:, None], columns] for found in (slopes_of, sides_of)
+    )
     layers = len(scan.depths)
     thick = params.thickness > 0.0 or scan.given is not None
     shape = scan.depth.shape
@@ -76,7 +79,7 @@ def ssdo_bitmask_reference(
         covered = np.zeros((*shape, sectors), bool)
         light = np.zeros((*shape, 3))
         for side in (1, -1):
-            for piece in pieces(scan, plane, side, slopes, sectors, thick=thick):
+            for piece in pieces(scan, plane, side, slopes, sides, sectors, thick=thick):
                 least, most = piece.least[..., None], piece.most[..., None]
                 now = piece.where[..., None] & (number >= least) & (number < most)
                 fresh = (now & ~covered).mean(axis=-1)[..., None]
@@ -113,12 +116,14 @@ def _irradiance(total: Doubles, whole: Doubles, there: NDArray[np.bool_]) -> Dou
 
 
 def pieces(
-    scan: Scan, plane: Slice, side: int, slopes: Doubles, sectors: int, *, thick: bool
+    scan: Scan, plane: Slice, side: int, slopes: Doubles, sides: Doubles, sectors: int, *,
+    thick: bool,
 ) -> Iterator[Piece]:
     """Give what the taps of a side stand for, from near to far, of each the layers front to back.
 
     Args:
         slopes: [layers, 2, rows, columns] of the scan's arrays, see `slopes_of`.
+        sides: [layers, rows, columns] likewise, see `sides_of`.
         thick: whether surfaces go on behind their front.
     """
     taps = list(scan.taps_of_all_layers(plane, side))
@@ -160,7 +165,8 @@ def pieces(
                 back = sector_of(tap.back, plane, side, count=sectors)
                 least = np.where(inside, np.minimum(least, back), least)
                 most = np.where(inside, np.maximum(most, back), most)
-            within = tap.there & ((near_out <= 0.0) | (far_out <= 0.0))
+            outer = own * _at_tap(sides[layer][..., None], scan, tap)[..., 0] >= 0.0
+            within = tap.there & outer & ((near_out <= 0.0) | (far_out <= 0.0))
             yield Piece(layer, tap, within, least, most, own >= 0.0)
 
 

@@ -14,8 +14,12 @@ from ssgi_cl.techniques.slices import SliceParams, pattern
 from ssgi_cl.techniques.ssdo_views import DEPTH_BIAS, ViewsParams
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-IN_FRONT = 0.02
-"""Radii that a surface must lie before the receiver to be in front of it."""
+IN_FRONT = 1.0
+"""Pixels that a surface must lie before the receiver to be in front of it."""
+BEFORE = 2.0
+"""Pixels from the receiver to where distances of taps grow from."""
+FINEST = 2.0**-10
+"""Radii: a pixel that is less wide counts as one that wide."""
 LEAST_FACING = 0.0017
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
 
@@ -47,7 +51,7 @@ class _Other:
     receiver_normal: Doubles
     floor: Doubles
     radius: Doubles
-    thickness: Doubles
+    pixel: Doubles  # width of one at the receivers
 
 
 def ssdo_views_reference(
@@ -83,7 +87,9 @@ def ssdo_views_reference(
     shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
     active = there & (wanted_px * shrink >= 1.0)
     radius = slices.radius * shrink
-    further = _other(gbuffer, other, radiance, position, normal, depth, radius, params)
+    further = _other(
+        gbuffer, other, radiance, position, normal, depth, radius, slices, params
+    )
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
     tile_row, tile_column = np.indices(depth.shape)
     made = pattern(slices)
@@ -188,6 +194,7 @@ def _other(
     normal: Doubles,
     depth: Doubles,
     radius: Doubles,
+    slices: SliceParams,
     params: ViewsParams,
 ) -> _Other:
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
@@ -200,16 +207,22 @@ def _other(
         SurfaceView.of(GBuffer(camera=other.camera, depth=layer.astype(np.float32), normal=facing))
         for layer, facing in zip(layers, given, strict=False)
     ]
+    place = position @ turn.T + shift
+    to_x, to_y, _, _ = other.camera.pixel_to_view
+    ahead = 1.0 if other.camera.is_orthographic else np.maximum(
+        -place[..., 2], 1e-3 * slices.radius
+    )
+    pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
     return _Other(
         view=views[0],
         depth=layers,
         normal=np.stack([view.normal for view in views])[: len(radiance)],
         radiance=np.asarray(radiance, np.float64),
-        position=position @ turn.T + shift,
+        position=place,
         receiver_normal=normal @ turn.T,
-        floor=params.bias * radius + DEPTH_BIAS * depth,
+        floor=params.bias * pixel + DEPTH_BIAS * depth,
         radius=radius,
-        thickness=params.thickness * radius,
+        pixel=pixel,
     )
 
 
@@ -227,7 +240,8 @@ def _pixel(
 
 
 def _in_front(
-    other: _Other, row: NDArray[np.int_], column: NDArray[np.int_], depth: Doubles
+    other: _Other, row: NDArray[np.int_], column: NDArray[np.int_], depth: Doubles,
+    thickness: Doubles,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Doubles]:
     """Return for each layer whether it is passed, whether it also can be met, and its place."""
     layers = other.depth[:, row, column]
@@ -237,7 +251,7 @@ def _in_front(
     surface = np.stack([other.view.position(at_row, at_column, each) for each in front])
     height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
     rises = nearer & (height > other.floor)
-    return rises | (nearer & (depth - front > other.thickness)), rises, surface
+    return rises | (nearer & (depth - front > thickness)), rises, surface
 
 
 def _march(
@@ -252,17 +266,24 @@ def _march(
     met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
     before = -other.position[..., 2]
     inside, row, column = _pixel(other, other.position, slices.radius)
-    passed = _in_front(other, row, column, before - IN_FRONT * other.radius)[0] & inside
+    apart = BEFORE * other.pixel
+    growth = (1.0 + other.radius / apart) ** (1.0 / params.taps)
+    last_way = 1.0 - 1.0 / growth
+    thick = params.thickness * (apart * last_way + other.pixel)
+    passed = inside & _in_front(
+        other, row, column, before - IN_FRONT * other.pixel, thick
+    )[0]
     for tap in range(params.taps):
-        reach = other.radius * ((tap + shift) / params.taps) ** 2
-        point = other.position + reach[..., None] * way
+        grown = apart * growth ** (tap + shift)
+        point = other.position + (grown - apart)[..., None] * way
         depth = -point[..., 2]
         inside, row, column = _pixel(other, point, slices.radius)
-        now, rises, surfaces = _in_front(other, row, column, depth)
+        thick = params.thickness * (grown * last_way + other.pixel)
+        now, rises, surfaces = _in_front(other, row, column, depth, thick)
         new = rises & ~passed
         layer = np.argmax(new, axis=0)
         surface = np.take_along_axis(surfaces, layer[None, ..., None], axis=0)[0]
-        deep = np.maximum(other.thickness, np.abs(depth - before))
+        deep = np.maximum(thick, np.abs(depth - before))
         hit = open_ & ~met & inside & new.any(axis=0) & (depth + surface[..., 2] < deep)
         sends = hit & (layer < len(other.radiance))
         layer = np.where(sends, layer, 0)

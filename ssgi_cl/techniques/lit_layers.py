@@ -112,6 +112,15 @@ class LitLayers:
             self._light(layer, lamps, openness, step, gbuffer.margin)
         return self._radiance
 
+    def front(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> bool:
+        """Queue what makes `lamps` alone; return whether `run` would find any light."""
+        self._ambient.set(lights)
+        self.lamps = self._lamps[0].run(gbuffer.layer(0), lights, shadows)
+        return self.lamps is not None or self._ambient.shines or self._emits(gbuffer)
+
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:
         return gbuffer.emits and self._emission
 

@@ -25,7 +25,9 @@ from ssgi_cl.techniques.ssdo_finish import Finish
 from ssgi_cl.techniques.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.ssdo_lamps import LampBlur, lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
+from ssgi_cl.tiles import OpenTiles, Reach
 from ssgi_cl.window import Trace
 
 SPLIT = Struct(
@@ -107,6 +109,7 @@ class Ssdo:
         shadows: Sequence[ShadowMap | None] | None = None,
         radiance: Plane | None = None,
         views: Iterable[DeviceGBuffer] = (),
+        tiles: OpenTiles | None = None,
     ) -> SsdoPlanes:
         """Queue the passes. Nothing is allocated after the first call with such arguments.
 
@@ -120,6 +123,7 @@ class Ssdo:
             views: what further cameras see, of any size, margin and layers; surfaces that they see
                 hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for. Only with the method "bitmask".
+            tiles: proven open, as far as `reach` says: nothing within reach is looked for in these.
         """
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
         if given != self._shape:
@@ -129,35 +133,55 @@ class Ssdo:
             )
         self._sky.set([light for light in lights if isinstance(light, Environment)])
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
-        source = self._finish.source(gbuffer)
+        # Then lamps and the whole sky are all there is.
+        open_ = (
+            tiles is not None and tiles.open == tiles.total and not views
+            and self._sky.image is None
+        )
+        sends = radiance is not None
         lamps: Plane | None
-        if self._senders is not None and radiance is None:
-            openness = self._sender_openness(gbuffer) if ambient else None
-            radiance = self._senders.run(
-                gbuffer, lights, shadows, openness, SenderOpenness.step
-            )
+        if self._senders is not None and not sends:
+            if open_:
+                sends = self._senders.front(gbuffer, lights, shadows)
+            else:
+                openness = self._sender_openness(gbuffer, tiles) if ambient else None
+                radiance = self._senders.run(
+                    gbuffer, lights, shadows, openness, SenderOpenness.step
+                )
+                sends = radiance is not None
             lamps, lamps_margin = self._senders.lamps, gbuffer.margin
         else:
             self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
             lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
         if lamps is not None:
             lamps = self._lamp_blur.run(lamps, gbuffer, lights, shadows)
-        sent = radiance if self.params.bounce else None
+        sends = sends and self.params.bounce
         gathered = None
-        if sent is None and not ambient:
+        if not sends and not ambient:
             self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
-        else:
+        elif not open_:
             sky = self._sky if self._sky.image is not None else None
-            light = self._gathered(gbuffer, source, sent, sky, lights, shadows, views)
-            gathered = self._finish.run(light, source, gbuffer)
-        self._split(gbuffer, gathered, sent is not None, lamps, lamps_margin)
-        return SsdoPlanes(self._direct, None if sent is None else self._bounce, gathered)
+            source = self._finish.source(gbuffer)
+            light = self._gathered(
+                gbuffer, source, radiance if sends else None, sky, lights, shadows, views, tiles
+            )
+            plain = sky is None and not views
+            gathered = self._finish.run(light, source, gbuffer, tiles if plain else None)
+        self._split(gbuffer, gathered, sends, lamps, lamps_margin)
+        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered)
 
-    def _sender_openness(self, gbuffer: DeviceGBuffer) -> Plane:
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
+        """
+        if isinstance(self._back, SsdoPoints):
+            return None
+        return self._back.reach(gbuffer, SenderOpenness.step)
+
+    def _sender_openness(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None) -> Plane:
         if self._openness is None:
             size, margin, layers, _ = self._shape
             self._openness = SenderOpenness(self.runtime, size, self.params, margin, layers)
-        return self._openness.run(gbuffer)
+        return self._openness.run(gbuffer, tiles)
 
     def _gathered(
         self,
@@ -168,19 +192,20 @@ class Ssdo:
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
         views: Iterable[DeviceGBuffer],
+        tiles: OpenTiles | None,
     ) -> Plane:
         """Queue the back end, and what further cameras add to it."""
         views = iter(views)
         first = next(views, None)
         if first is None:
-            return self._back.gather(gbuffer, source, sent, sky)
+            return self._back.gather(gbuffer, source, sent, sky, tiles)
         if self._views is None:
             if self.params.method != "bitmask":
                 raise ValueError("there are views: expected none without the method 'bitmask'")
             self._views = ViewSenders(self.runtime, self.params)
             size, margin, layers, _ = self._shape
             self._back = back_end(self.runtime, size, self.params, margin, layers, masks=True)
-        light = self._back.gather(gbuffer, source, sent, sky)
+        light = self._back.gather(gbuffer, source, sent, sky, tiles)
         masks = getattr(self._back, "masks", None)
         assert masks is not None  # noqa: S101  they were asked for
         for view in chain((first,), views):

@@ -12,6 +12,7 @@ from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.upsample import ReducedGBuffer
+from ssgi_cl.tiles import OpenTiles
 
 BackEnd = SsdoBitmask | SsdoPoints
 
@@ -62,9 +63,12 @@ class SenderOpenness:
         self._back = back_end(runtime, size, low, margin, layers)
         self._reduced: ReducedGBuffer | None = None
 
-    def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return a plane whose first image is A."""
+    def run(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None) -> Plane:
+        """Queue the passes; return a plane whose first image is A.
+
+        `tiles` are open as far as a back end of this step looks; see `SsdoBitmask.gather`.
+        """
         if self._reduced is None:
             self._reduced = ReducedGBuffer(gbuffer, self.step)
         self._reduced.update(gbuffer)
-        return self._back.gather(gbuffer, self._reduced, None, None)
+        return self._back.gather(gbuffer, self._reduced, None, None, tiles)

@@ -14,7 +14,18 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.bitmask_ao import ENDS
 from ssgi_cl.techniques.sky import SKY_SIZE, Sky
-from ssgi_cl.techniques.slices import SLICES, SliceParams, SliceScan, check_shape
+from ssgi_cl.techniques.slices import (
+    GROUP,
+    NEAREST_TAP,
+    SLICES,
+    TILE,
+    SliceParams,
+    SliceScan,
+    check_shape,
+    pattern,
+)
+from ssgi_cl.techniques.ssdo_sides import Sides
+from ssgi_cl.tiles import OpenTiles, Reach, tile_values
 from ssgi_cl.window import Trace
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
@@ -79,6 +90,8 @@ class SsdoBitmask:
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
         self._nothing = runtime.array(np.zeros(1, np.float32))
+        self._no_tiles = runtime.array(np.zeros(1, np.int32))
+        self._sides = Sides(runtime)
         self._light: dict[int, Plane] = {}
         self._trace = Trace()
         self.masks: DeviceArray | None = None
@@ -93,6 +106,7 @@ class SsdoBitmask:
         source: Any,
         radiance: Plane | None = None,
         sky: Sky | None = None,
+        tiles: OpenTiles | None = None,
     ) -> Plane:
         """Queue the passes; return A and irradiance, of `size`.
 
@@ -105,6 +119,7 @@ class SsdoBitmask:
                 parameters counts without.
             sky: whose image lights what is open; None for none. Its `constant` is left to the
                 caller: A tells all about it.
+            tiles: proven open, as far as `reach` says; nothing is looked for in these.
 
         Returns:
             A, 1 where nothing is; 3 images of the sky's irradiance, W/m^2, if it has an image; 3 of
@@ -126,6 +141,8 @@ class SsdoBitmask:
         lookup = None if sky is None else sky.map
         near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
+        facing = self._sides.run(gbuffer)
+        sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.window)
         light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None))
         macros = {
             **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
@@ -135,13 +152,14 @@ class SsdoBitmask:
             "BITMASK_BACKS": int(radiance is not None and radiance.count == counts[1]),
             "BITMASK_CONES": 0 if lookup is None else self.params.cones,
             "BITMASK_KEPT": int(self.masks is not None),
+            "BITMASK_SIDES": int(sides is not None),
             "SKY_SIZE": SKY_SIZE,
         }
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
-        values = {"thickness": self.params.thickness}
         window = gbuffer.seen_every(scan.step)
+        values = {"thickness": self.params.thickness, **tile_values(tiles, scan.step)}
         packed = scan.packed(source, values), OWN.pack(own)
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
@@ -152,13 +170,33 @@ class SsdoBitmask:
                 self.size,
                 reads=[
                     near, source.normal, scan.table, slopes, lookup or self._nothing,
-                    sent or self._nothing,
+                    sent or self._nothing, sides or self._nothing,
+                    self._no_tiles if tiles is None else tiles.bits,
                 ],
                 writes=[light, self.masks or self._nothing],
                 values=[source.camera_struct, *packed],
                 grid=scan.grid, window=strip, cell=(1, 1),
             )
         return light
+
+    def reach(self, gbuffer: DeviceGBuffer, coarsest: int = 1) -> Reach | None:
+        """Return how far it looks, for `Tiles` of pieces, and how far one with up to `coarsest`
+        pixels from one receiver to the next does.
+
+        None if planes are thick: they go on behind themselves, without a bias against roundings.
+        """
+        params, step = self.params, max(self._scan.step, coarsest)
+        if gbuffer.thickness is not None or params.thickness > 0.0:
+            return None
+        share = pattern(params).share
+        apart = max(share[..., 0].max(), np.diff(share, axis=-1).max(initial=0.0))
+        return Reach(
+            radius=params.radius, stretch=1.01 * max(self._scan.longest, 1.0),
+            more_px=(NEAREST_TAP + 2.0) * step, most_px=params.max_radius_px,
+            step=self._scan.step, group=TILE * GROUP * step,
+            # Taps lie at whole pixels: pieces are longer, and begin beside a slice's line.
+            beyond=float(apart), beyond_px=3.0 * step,
+        )
 
     def _result(self, count: int) -> Plane:
         if count not in self._light:

@@ -11,6 +11,7 @@ from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
+from ssgi_cl.tiles import OpenTiles
 
 
 class Finish:
@@ -41,19 +42,26 @@ class Finish:
         self._reduced.update(gbuffer)
         return self._reduced
 
-    def run(self, plane: Plane, source: Any, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the blur and the upsampling of all images at once."""
+    def run(
+        self, plane: Plane, source: Any, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None
+    ) -> Plane:
+        """Queue the blur and the upsampling of all images at once.
+
+        In open `tiles` each has the same value in every pixel.
+        """
         count = plane.count
         if count not in self._blurs:
             size = self.size if self._late else plane.size
             self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count)
         if not self._late:
             window = gbuffer.seen_every(self._step)
-            plane = self._blurs[count].run(plane, source, window=window)
+            plane = self._blurs[count].run(
+                plane, source, tiles=tiles, step=self._step, window=window
+            )
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(self.runtime, self.size, self._step, count)
             plane = self._upsamples[count].run(plane, source, gbuffer)
         if self._late:
-            plane = self._blurs[count].run(plane, gbuffer, window=gbuffer.seen)
+            plane = self._blurs[count].run(plane, gbuffer, tiles=tiles, window=gbuffer.seen)
         return plane

@@ -89,7 +89,8 @@ class SsdoPoints:
         self._taps = runtime.empty(4 * self.params.samples * fields * 16, np.float32)
 
     def gather(
-        self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | None, sky: Any
+        self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | None, sky: Any,
+        tiles: Any = None,
     ) -> Plane:
         """Queue the pass; return A, the sky's irradiance if it is an image, and the bounce's.
 
@@ -99,6 +100,7 @@ class SsdoPoints:
             radiance: that of the layers' visible sides, 3 images for each, W m^-2 sr^-1; None for
                 no bounce. Layers send light as far as there are normals and radiance.
             sky: an `ssgi_cl.techniques.sky.Sky`, of which the image counts, or None.
+            tiles: not looked at; taps find what is behind planes too.
 
         Returns:
             A plane of ceil(size / step): A in [0, 1], 1 where nothing is; with an image of the sky,

@@ -30,12 +30,9 @@ class ViewSenders:
     def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
         self.runtime = runtime
         self.params = params
-        # The nearer the taps, the thinner may surfaces be that none passes unseen.
-        finer = math.sqrt(ViewsParams().taps / params.view_taps)
+        # Four taps in two directions, 16 in four, 64 in eight.
         self.views = ViewsParams(
-            taps=params.view_taps,
-            thickness=finer * ViewsParams().thickness,
-            bias=finer * ViewsParams().bias,
+            strata=max(ViewsParams().strata, math.isqrt(params.view_taps)), taps=params.view_taps
         )
         self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}

@@ -46,12 +46,12 @@ class ViewsParams(Params):
     strata: int = param(2, "directions that are tried in each slice", low=1, high=16)
     taps: int = param(4, "depths read on the way in each direction", low=1, high=64)
     thickness: float = param(
-        0.25, "of surfaces along the other camera's line of sight; the next depth layer ends them "
-        "if it is nearer", low=0.0, high=1e30, unit="radii",
+        1.0, "of surfaces along the other camera's line of sight; the next depth layer ends them "
+        "if it is nearer", low=0.0, high=1e30, unit="ways from tap to tap, and pixels",
     )
     bias: float = param(
-        0.01, "height above the tangent plane up to which nothing hides", low=0.0, high=1.0,
-        unit="radii",
+        0.2, "height above the tangent plane up to which nothing hides", low=0.0, high=100.0,
+        unit="px of the other camera",
     )
 
 

@@ -13,6 +13,8 @@ from .expression import run_expression
 
 PLANES = "common/gbuffer.clh"
 SIZES = [(1, 1), (3, 15), (2, 16), (2, 17), (17, 31), (5, 64)]
+TALL = (9000, 5)
+"""More rows than an image has, if there is more than one."""
 OUTSIDE = -7.5
 
 LOAD = """
@@ -81,7 +83,7 @@ def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
     )
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [*SIZES, TALL])
 def test_gathers_read_any_pixel_of_any_image(
     every_form: Runtime, size: Size, rng: np.random.Generator
 ) -> None:
@@ -96,7 +98,7 @@ def test_gathers_read_any_pixel_of_any_image(
         np.testing.assert_array_equal(read, values[image, y, x])
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [*SIZES, TALL])
 def test_stores_leave_the_guard_as_it_is(every_form: Runtime, size: Size) -> None:
     plane, values = filled(every_form, 2, size)
     result = every_form.plane(2, size, OUTSIDE)

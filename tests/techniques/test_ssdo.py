@@ -194,14 +194,12 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime) -> None:
         np.testing.assert_array_equal(with_it, without)
 
 
-def test_view_taps_are_how_many_depths_are_read_and_thin_surfaces(runtime: Runtime) -> None:
+def test_view_taps_are_how_many_depths_are_read_in_how_many_directions(runtime: Runtime) -> None:
     published, finer = (
         ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16)
     )
     assert published == ViewsParams()
-    assert finer == replace(
-        published, taps=16, thickness=0.5 * published.thickness, bias=0.5 * published.bias
-    )
+    assert finer == replace(published, taps=16, strata=4)
     with pytest.raises(ValueError, match="view_taps is 65: expected an integer >= 1 and <= 64"):
         SsdoParams(view_taps=65)
 

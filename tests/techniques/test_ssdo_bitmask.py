@@ -64,7 +64,10 @@ def gathered(
 ) -> tuple[Floats, SsdoBitmask]:
     """Return what the back end gathers, and itself."""
     chosen = SsdoBitmaskParams(**params)
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
+    device = DeviceGBuffer(
+        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+        attributes=gbuffer.layers if np.ndim(gbuffer.normal) == 4 else 1,
+    )
     device.upload(gbuffer)
     sent = None
     if radiance is not None:
@@ -103,10 +106,13 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 ) -> None:
     gbuffer, sky = with_layers(rng, kind), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
-    if "back" not in choice:  # backs with radiance of their own, thickness by pixel
+    if "back" not in choice:  # backs with radiance of their own, thickness and sides by pixel
         radiance = np.concatenate([radiance, 0.5 * radiance_of(gbuffer, rng)])
         thickness = rng.uniform(0.0, 0.2, np.shape(gbuffer.depth)[1:])
-        gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32))
+        front = np.asarray(gbuffer.normal)
+        turned = np.where(rng.random(thickness.shape) < 0.7, -1.0, 1.0)[..., None]
+        normal = np.stack([front, front * turned]).astype(np.float32)
+        gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32), normal=normal)
     params = {"radius": 0.6, **choice}
     found, _ = gathered(form_runtime, gbuffer, radiance, (sky,), **params)
     look_up = filtered(np.asarray(sky.radiance)).astype(np.float32).astype(np.float64)

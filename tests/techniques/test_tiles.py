@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.lamp_reach import reaching
+from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.reference.tiles import by_tile, nearness, rises_reference, too_far
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.lamps import Lamps
+from ssgi_cl.techniques.lamps import Lamp, Lamps
 from ssgi_cl.techniques.slices import SliceTechnique
 from ssgi_cl.tiles import TILE, Reach, Tiles
 
@@ -70,10 +71,10 @@ def test_boxes_and_normals_hold_every_pixel_of_their_tiles(
     normals = device.normal.download()[inner]
     there = np.isfinite(depth)
     shown = by_tile(there, np.logical_or).astype(bool)
-    assert len(facts.least) == np.count_nonzero(shown)
+    assert len(facts.boxes.least) == np.count_nonzero(shown)
     for values, least, greatest in (
-        (points, facts.least, facts.greatest),
-        (normals, facts.normal_least, facts.normal_greatest),
+        (points, facts.boxes.least, facts.boxes.greatest),
+        (normals, facts.boxes.normal_least, facts.boxes.normal_greatest),
     ):
         for axis in range(3):
             low = by_tile(np.where(there, values[axis], np.inf), np.minimum)[shown]
@@ -202,6 +203,29 @@ def test_open_tiles_change_no_bit_of_the_result(
     assert max(opened) > 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gtao", "hbao", "bitmask_ao"])
+def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
+    runtime: Runtime, name: str
+) -> None:
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=2.0, width=1200, height=640)
+    across = np.array([np.cos(0.2), np.sin(0.2), 0.0])
+    wall = analytic.Plane((0.0, 0.0, -5.0), (0.0, 0.0, 1.0))
+    entry = TECHNIQUES[name]
+    make: Any = entry.technique
+    params = entry.params(radius=0.95, blur_passes=0)  # type: ignore[call-arg]
+    technique = make(runtime, (640, 1200), params, (0, 0), 1)
+    for begins in (11.9, 12.2, 12.4):
+        step = analytic.Plane((0, 0, -4.58), (0, 0, 1), (across, begins))
+        device = uploaded(runtime, analytic.trace(camera, [wall, step]))
+        tiles = Tiles(runtime, (640, 1200))
+        expected = technique.run(device).download()
+        tiles.look(device)
+        known = tiles.open(device, technique.reach(device))
+        assert 0 < known.flat < known.total
+        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+
+
 def test_techniques_that_plain_surfaces_occlude_have_no_reach(runtime: Runtime) -> None:
     gbuffer = uploaded(runtime, corner(analytic.camera("perspective", SIZE)))
     for choice in ({"hemisphere": False}, {"outside": "open"}, {"outside": 3.0}):
@@ -219,20 +243,20 @@ def test_lamps_that_are_left_out_light_nothing(runtime: Runtime, rng: np.random.
     left_out = 0
     for _ in range(25):
         place, aim = rng.uniform(-3.0, 3.0, 3), rng.standard_normal(3)
-        lamps: list[Light] = [
+        lamps: list[Lamp] = [
             PointLight(place, 1.0), SpotLight(place, aim, rng.uniform(0.1, 1.2), 1.0),
             DirectionalLight(aim, 1.0),
         ]
-        for lamp in lamps:
+        reach = reaching(lamps, facts.boxes, camera)
+        for lamp, reaches in zip(lamps, reach, strict=True):
             with runtime.frame():
                 plane = shading.run(device, [lamp])
                 assert plane is not None
                 dark = not plane.download().any()
-            if not facts.lights(lamp, camera):
+            if not reaches:
                 assert dark, lamp
                 left_out += 1
     assert left_out >= 5
-    assert facts.lights(Environment(1.0), camera)
 
 
 def test_a_lamp_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> None:
@@ -240,10 +264,13 @@ def test_a_lamp_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> N
     floor = analytic.Plane((0.0, -0.3, 0.0), (0.0, 1.0, 0.0), ((0.0, 0.0, 1.0), -4.0))
     device = uploaded(runtime, analytic.trace(camera, [floor]))
     facts = Tiles(runtime, SIZE).look(device)
-    assert not facts.lights(PointLight((0.0, -3.0, 0.0), 1.0), camera)
-    assert not facts.lights(DirectionalLight((0.0, 1.0, 0.0), 1.0), camera)
-    assert facts.lights(PointLight((0.0, 1.0, 0.0), 1.0), camera)
-    assert facts.lights(SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.1, 1.0), camera)
-    assert math.isfinite(facts.greatest.max())
+    lamps: list[Lamp] = [
+        PointLight((0.0, -3.0, 0.0), 1.0), DirectionalLight((0.0, 1.0, 0.0), 1.0),
+        PointLight((0.0, 1.0, 0.0), 1.0),
+        SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.1, 1.0),
+    ]
+    assert reaching(lamps, facts.boxes, camera).tolist() == [False, False, True, True]
+    assert math.isfinite(facts.boxes.greatest.max())
     near = Tiles(runtime, SIZE).look(uploaded(runtime, corner(camera)))
-    assert not near.lights(SpotLight((0.0, 5.0, 0.0), (0.0, 1.0, 0.0), 1.0, 1.0), camera)
+    away = SpotLight((0.0, 5.0, 0.0), (0.0, 1.0, 0.0), 1.0, 1.0)
+    assert not reaching([away], near.boxes, camera)[0]

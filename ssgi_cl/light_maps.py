@@ -74,15 +74,16 @@ class LightMaps:
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
         kept = self._kept(scene, lamps) if keep else set()
+        before = self._shadows
+        # Should anything fail, nothing is taken for drawn.
+        self._scene, self._lamps, self._shadows = None, {}, {}
         for index, light in lamps.items():
             if index in kept:
-                shadows[index] = self._shadows[index]
+                shadows[index] = before[index]
                 continue
             cameras = light_cameras(light, scene.bounds, self.size)
             shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
         rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
-        # Should drawing fail, nothing is taken for drawn.
-        self._scene, self._lamps, self._shadows = None, {}, {}
         first = 0
         for index, light in lamps.items():
             shadow = shadows[index]
@@ -158,8 +159,8 @@ class LightMaps:
         plane = self._depths.get(index)
         if plane is None or plane.count != faces:
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
-            self._depths[index] = plane
-            self._block_planes[index] = self._blocks.plane(faces)
+            blocks = self._blocks.plane(faces)
+            self._depths[index], self._block_planes[index] = plane, blocks
         return plane
 
     def _begin(

@@ -266,9 +266,8 @@ class Renderer:
         def gathered() -> tuple[Plane | None, Plane | None]:
             shadows, _ = self._maps.draw(scene, lights, keep="maps" in self.skips)
             views = self._views.drawn(scene, camera, seen, lights) if self._views else ()
-            tiles = None
-            if facts is not None and self._tiles is not None:
-                tiles = self._near.find(seen, self._tiles, ssdo.reach(seen))
+            looked_at = None if facts is None else self._tiles
+            tiles = self._near.find(seen, looked_at, ssdo.reach(seen))
             found = ssdo.run(seen, lights, shadows=shadows, views=views, tiles=tiles)
             return found.direct, found.bounce
 

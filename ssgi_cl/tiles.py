@@ -52,7 +52,7 @@ class Reach:
         bulge: 1 if what lies before the receiver is projected from there, else 0.
         slack: part of the bias against roundings that a proof may use up, relative to depth.
         beyond, beyond_px: how far surfaces are taken to go on beyond a pixel, in parts of that
-            distance and in pixels of the full size on top; see `Tiles.pieces`.
+            distance and in pixels of the full size on top; see `pieces` of `Tiles`.
     """
 
     radius: float

@@ -105,7 +105,8 @@ USES = {
                 layers, SLICES_DEEPER=n, BITMASK_ANGLE=a, BITMASK_JOINED=b, SLICES_THICKNESS=c,
                 SLICES_NEXT=d,
             )
-            for layers, n, a, b, c, d in ((1, 6, 0, 1, 0, 0), (2, 2, 1, 1, 1, 1))
+            for layers, n, a, b, c, d in
+            ((1, 6, 0, 1, 0, 0), (2, 2, 1, 1, 1, 1), (2, 6, 1, 0, 1, 1))
         ],
     ),
     "calibrate/calibrate_copy.cl": Use(),
@@ -166,8 +167,8 @@ USES = {
         (CAMERA, VPL, CUT),
         [
             {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
-             "SHADE_LINE": 2 + n}
-            for n in (0, 1)
+             "SHADE_LINE": line}
+            for n, line in ((0, 2), (1, 2), (1, 3))
         ],
     ),
     "probe/probe_gather.cl": Use(),

@@ -91,7 +91,7 @@ def test_a_lamp_that_moves_leaves_the_others_maps(runtime: Runtime, scene: Scene
 
 def test_blocks_lie_between_their_planes(form_runtime: Runtime, scene: Scene) -> None:
     # Neither whole blocks nor whole lanes; beyond the front of the box is nothing.
-    size = 27
+    size = 75
     maps = LightMaps(form_runtime, size, flux=False)
     lamps = (SPOT, PointLight((0.278, 0.3, -0.5), 1.0), SUN)
     for number in range(2):

@@ -6,13 +6,14 @@
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
 //          map     depth that the light sees: 1 image, or 6 of a point light, in the order
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
+//          blocks  of the map, see shade/blocks.clh, if light.blocks is not 0
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
 // Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW (0, 1), SHADE_ADD (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    36 scattered reads per lit pixel with a shadow map, 4 where its blocks tell what they
-//          would find
+// Cost:    36 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
+//          those would find, 40 elsewhere
 
 #include "shade/lamp.clh"
 #include "shade/shadow.clh"

@@ -33,7 +33,7 @@
 //          BITMASK_CONES (0 to 16), SKY_SIZE (>= 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS times 3 reads per pixel, with
-//          BITMASK_BOUNCE 3 to 6 more where a tap covers something
+//          BITMASK_BOUNCE 3 to 6 more where a tap covers something, with BITMASK_SIDES 1 more
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_THICK) ||              \

@@ -12,6 +12,8 @@
 // Macros:  VPL_GRID, VPL_LAYERS (0: positions; 1 or more of depth)
 // Params:  camera; from the space of positions to view space
 // Launch:  SSGI_LANES pixels of a row per work-item
+// Cost:    3 reads per pixel and layer of depths, 18 per pixel of positions; 2 neighbours more in each
+//          direction in which pixels lie cells apart
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"

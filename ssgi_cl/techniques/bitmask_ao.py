@@ -27,8 +27,8 @@ class BitmaskParams(SliceParams):
 
     Joined taps find less between them than a horizon does: 14 a side come within a tenth of what
     rays find in one depth layer. More layers make the first one's gaps tell: joined, it is read at
-    `taps` times the root of their number, each of the others at a third of that. Four layers then
-    take as long as with 14 taps in all of them, and err 6 % less.
+    `taps` times the root of their number, at most 64, each of the others at a third of that. Four
+    layers then take as long as with 14 taps in all of them, and err 6 % less.
     """
 
     taps: int = param(
@@ -112,7 +112,7 @@ def bitmask_ao(
             sectors with every depth layer.
         radius: distance up to which surfaces occlude, scene units, > 0.
         slices: planes through the line of sight, 1 to 32.
-        taps: depths read on either side of a slice, 1 to 64.
+        taps: depths read on either side of a slice, 1 to 64; of several layers see `BitmaskParams`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
             from; see `ssgi_cl.choose`. By default the defaults of `BitmaskParams`.
         runtime: the device; by default the fastest found.

@@ -37,6 +37,8 @@ class ShadowBlocks:
         rows, columns = self.size
         self._kernel.run(
             "shadow blocks", depth.size, reads=[depth], writes=[blocks],
-            values=[np.array([columns, rows], np.int32), np.float32(perspective)],
+            values=[
+                np.array([columns, rows], np.int32), np.int32(depth.count), np.float32(perspective)
+            ],
             grid=(depth.count * rows, columns),
         )

@@ -123,7 +123,8 @@ class Ssdo:
             views: what further cameras see, of any size, margin and layers; surfaces that they see
                 hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for. Only with the method "bitmask".
-            tiles: proven open, as far as `reach` says: nothing within reach is looked for in these.
+            tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
+                in these.
         """
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
         if given != self._shape:

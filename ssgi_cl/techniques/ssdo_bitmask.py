@@ -119,7 +119,8 @@ class SsdoBitmask:
                 parameters counts without.
             sky: whose image lights what is open; None for none. Its `constant` is left to the
                 caller: A tells all about it.
-            tiles: proven open, as far as `reach` says; nothing is looked for in these.
+            tiles: proven open by `Tiles` of pieces, as far as `reach` says; nothing is looked for
+                in these.
 
         Returns:
             A, 1 where nothing is; 3 images of the sky's irradiance, W/m^2, if it has an image; 3 of

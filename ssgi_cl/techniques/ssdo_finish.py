@@ -11,7 +11,7 @@ from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
-from ssgi_cl.tiles import OpenTiles
+from ssgi_cl.tiles import TILE, OpenTiles
 
 
 class Finish:
@@ -63,5 +63,8 @@ class Finish:
                 self._upsamples[count] = Upsample(self.runtime, self.size, self._step, count)
             plane = self._upsamples[count].run(plane, source, gbuffer)
         if self._late:
-            plane = self._blurs[count].run(plane, gbuffer, tiles=tiles, window=gbuffer.seen)
+            # At a tile's end upsampling has read a pixel of the next tile.
+            reach = self._smooth.passes * self._smooth.radius + self._step
+            known = tiles if reach <= TILE else None
+            plane = self._blurs[count].run(plane, gbuffer, tiles=known, window=gbuffer.seen)
         return plane

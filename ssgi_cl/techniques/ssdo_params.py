@@ -49,8 +49,9 @@ class SsdoParams(OcclusionParams):
         low=0.0, high=1e3, unit="radii",
     )
     view_taps: int = param(
-        4, "bitmask: depths of a further camera read on the way in each direction that is open; "
-        "more where the radius is as large as the scene", low=1, high=64,
+        4, "bitmask: depths of a further camera read on the way in each direction that is open, of "
+        "which a slice has the root of as many, at least 2; more where the radius is as large as "
+        "the scene", low=1, high=64,
     )
     lamp_taps: int = param(
         12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",

@@ -76,12 +76,12 @@ def auto_exposure(radiance: NDArray[np.float32], window: Window | None = None) -
 
 
 def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the logarithm of each pixel's luminance, -inf of 0, by itself: no bit depends on what
-    else is there."""
+    """Return the logarithm of each pixel's luminance, -inf of 0 and nan below, by itself: no bit
+    depends on what else is there."""
     luminance = np.zeros(radiance.shape[:2])
     for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
-        luminance += radiance[..., channel] * np.float64(weight)
-    with np.errstate(divide="ignore"):
+        luminance += np.multiply(radiance[..., channel], weight, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(luminance)
 
 

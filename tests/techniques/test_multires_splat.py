@@ -287,7 +287,7 @@ def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
 
 
 @pytest.mark.parametrize(
-    ("most", "share"), [pytest.param(500, 16, marks=pytest.mark.slow), (SHARED, 64)]
+    ("most", "share"), [(500, 16), pytest.param(SHARED, 64, marks=pytest.mark.slow)]
 )
 def test_lines_of_sight_agree_with_numpy_twin(
     form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], most: int, share: int

@@ -18,7 +18,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
 
 SIZE = 0.5
-"""Rows and columns of each camera, in parts of the first one's."""
+"""Rows and columns of each camera, in parts of the first one's, by default."""
 AT_LAMPS = 0.5
 """Share of the cameras, at most, that stand at lamps."""
 
@@ -37,11 +37,13 @@ class FurtherViews:
     Args:
         runtime: the device.
         count: of cameras.
+        size: of each, in parts of the first one's; > 0, at most 1.
     """
 
-    def __init__(self, runtime: Runtime, count: int) -> None:
+    def __init__(self, runtime: Runtime, count: int, size: float = SIZE) -> None:
         self.runtime = runtime
         self.count = count
+        self.size = size
         self._rasterizers: dict[Size, Rasterizer] = {}
         self._made_of: tuple[object, ...] | None = None
         self._cameras: list[Camera] = []
@@ -79,6 +81,6 @@ class FurtherViews:
     def _places(
         self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lamps: Sequence[AtLight]
     ) -> list[Camera]:
-        side = max(1, round(SIZE * math.sqrt(camera.height * camera.width)))
+        side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
         at_lamps = [each for lamp in lamps for each in light_cameras(lamp, scene.bounds, side)]
-        return at_lamps + extra_cameras(camera, seen, self.count - len(at_lamps), size=SIZE)
+        return at_lamps + extra_cameras(camera, seen, self.count - len(at_lamps), size=self.size)

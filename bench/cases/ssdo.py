@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.further_views import FurtherViews
+from ssgi_cl.further_views import SIZE, FurtherViews
 from ssgi_cl.lights import Environment
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.rasterizer import Rasterizer
@@ -33,9 +33,14 @@ MAP_SIZE = 1024
 EXTRA_CAMERAS = 4
 """As many as published."""
 
-FAR = {"taps": 64, "view_taps": 16}
+FAR = {"taps": 64, "view_taps": 64}
 """Where surfaces send light however far away they are: with 20 taps a side, what four layers and
 overscan add to the Cornell box is lost between them (an RMSE of .39 of the mean, of .17 with 64).
+"""
+
+FAR_VIEWS = 1.0
+"""Size of further cameras there, in parts of the first one's: what they are to find in the hall is
+light from next door, less than a pixel of smaller ones away.
 """
 
 EVEN_SKY = (0.2, 0.2, 0.2)
@@ -100,7 +105,7 @@ class SsdoFamily(Own):
         lamps = context.lamps
         maps = [rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime) for lamp in lamps]
         shadows = uploaded_maps(lamps, maps, runtime)
-        further = FurtherViews(runtime, self.views)
+        further = FurtherViews(runtime, self.views, FAR_VIEWS if self.far else SIZE)
 
         def run() -> SsdoPlanes:
             views = further.drawn(context.view.scene, context.camera, gbuffer, lamps)
@@ -195,7 +200,7 @@ FAMILIES: Mapping[str, Family] = {
         "bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")
     ),
     **{
-        f"ssdo-far{name}": SsdoFamily("bitmask", far=True, SETTINGS=("2", "4"), **corrections)
+        f"ssdo-far{name}": SsdoFamily("bitmask", far=True, SETTINGS=("2", "8"), **corrections)
         for name, corrections in CORRECTIONS.items()
     },
     "ssdo-frame": Frames(),

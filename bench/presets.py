@@ -23,7 +23,7 @@ from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from .context import Progress as Report
 from .trials import Trial
 from .tunables import entry_of, views_of
-from .tune import Session
+from .tune import Session, error_of
 from .tuning import Bound, TuneError, front
 
 BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
@@ -130,8 +130,8 @@ def search(
 def _blurred_no_wider(session: Session, trial: Trial, cheaper: Trial | None) -> Trial:
     """Return a dearer preset's trial, with a cheaper one's blur if that is narrower.
 
-    More samples need less blur. Where the errors of two widths hardly differ on what is tuned on,
-    the wider one errs more on other scenes, where edges are thin.
+    More samples need less blur. Where the errors of two widths hardly differ on what is tuned on
+    (`presets.AS_GOOD`), the wider one errs more on other scenes, where edges are thin.
     """
     if cheaper is None or "blur_radius" not in trial.parameters:
         return trial
@@ -144,6 +144,8 @@ def _blurred_no_wider(session: Session, trial: Trial, cheaper: Trial | None) -> 
     step = RESOLUTIONS[trial.parameters.get("resolution", "full")]
     narrower = {**trial.parameters, "blur_radius": max(pixels[0] // step, 1)}
     found = session.trials.confirm(session.trials.measure(narrower))
+    if error_of(found) > presets.AS_GOOD * error_of(trial):
+        return trial
     return replace(found, ms=min(found.ms, trial.ms))  # it takes no longer, however unsteady
 
 

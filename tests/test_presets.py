@@ -113,7 +113,8 @@ def test_presets_are_the_best_of_the_curve_within_their_times(technique: str) ->
             limit = preset["budget_ms"] * 1.001  # both are rounded to 4 digits
             assert preset["ms"] <= limit
             within = [p["error"] for p in entry["curve"] if p["ms"] <= preset["budget_ms"]]
-            assert preset["error"] <= min(within)
+            # A narrower blur may err a little more on what is tuned on.
+            assert preset["error"] <= presets.AS_GOOD * min(within)
 
 
 @pytest.mark.parametrize("technique", RECORDED)

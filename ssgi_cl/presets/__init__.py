@@ -18,6 +18,8 @@ from ssgi_cl import check
 
 NAMES = ("low", "medium", "high", "ultra")
 """From the fastest to the best."""
+AS_GOOD = 1.005
+"""Factor by which errors may differ that count as the same where a preset's blur is chosen."""
 
 
 @dataclass(frozen=True)

@@ -135,14 +135,13 @@ def _blurred_no_wider(session: Session, trial: Trial, cheaper: Trial | None) -> 
     """
     if cheaper is None or "blur_radius" not in trial.parameters:
         return trial
-    pixels = [
-        each.parameters["blur_radius"] * RESOLUTIONS[each.parameters.get("resolution", "full")]
-        for each in (cheaper, trial)
-    ]
-    if pixels[1] <= pixels[0]:
+    before, step = (
+        RESOLUTIONS[each.parameters.get("resolution", "full")] for each in (cheaper, trial)
+    )
+    pixels = before * cheaper.parameters["blur_radius"]
+    if step * trial.parameters["blur_radius"] <= pixels:
         return trial
-    step = RESOLUTIONS[trial.parameters.get("resolution", "full")]
-    narrower = {**trial.parameters, "blur_radius": max(pixels[0] // step, 1)}
+    narrower = {**trial.parameters, "blur_radius": max(pixels // step, 1)}
     found = session.trials.confirm(session.trials.measure(narrower))
     if error_of(found) > presets.AS_GOOD * error_of(trial):
         return trial

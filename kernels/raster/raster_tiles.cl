@@ -101,11 +101,10 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
         const vint least_x = v_imin(v_imin(ax, bx), cx), most_x = v_imax(v_imax(ax, bx), cx);
         const vint least_y = v_imin(v_imin(ay, by), cy), most_y = v_imax(v_imax(ay, by), cy);
         // Pixels that the record may cover, as raster_bounds.
-        const int before = RASTER_SUBPIXELS / 2 - 1, middle = RASTER_SUBPIXELS / 2;
-        const vint first_x = v_imax((least_x + before) >> 8, v_splat_int(left));
-        const vint first_y = v_imax((least_y + before) >> 8, v_splat_int(top));
-        const vint last_x = v_imin((most_x - middle) >> 8, v_splat_int(right));
-        const vint last_y = v_imin((most_y - middle) >> 8, v_splat_int(bottom));
+        const vint first_x = v_imax(raster_firsts(least_x), v_splat_int(left));
+        const vint first_y = v_imax(raster_firsts(least_y), v_splat_int(top));
+        const vint last_x = v_imin(raster_lasts(most_x), v_splat_int(right));
+        const vint last_y = v_imin(raster_lasts(most_y), v_splat_int(bottom));
         int use[SSGI_LANES], kept[SSGI_LANES];
         v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y),
                 use);

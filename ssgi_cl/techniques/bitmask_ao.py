@@ -19,6 +19,7 @@ from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
 MOST_TAPS = 64
+"""Of a side of a slice."""
 
 
 @dataclass(frozen=True, kw_only=True)

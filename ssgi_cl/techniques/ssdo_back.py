@@ -7,6 +7,7 @@ from dataclasses import replace
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bitmask_ao import MOST_TAPS
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask
 from ssgi_cl.techniques.ssdo_params import SsdoParams
@@ -15,9 +16,6 @@ from ssgi_cl.techniques.upsample import ReducedGBuffer
 from ssgi_cl.tiles import OpenTiles
 
 BackEnd = SsdoBitmask | SsdoPoints
-
-MOST_TAPS = 64
-"""Of a side of a slice."""
 
 
 def back_end(

@@ -144,8 +144,8 @@ class DeviceVpls:
         if self.glossy:
             rows += [-own[..., 12:15], own[..., 7:8], own[..., 11:12]]
         bounds = np.concatenate(rows, axis=-1)
-        self.lights.upload(lights)
-        self.bounds.upload(bounds.transpose(0, 2, 1))
+        self.lights.send(lights)
+        self.bounds.send(bounds.transpose(0, 2, 1))
 
     def place(self, chosen: ChosenVpls, camera: Camera, unit: float | None = None) -> None:
         """Queue the passes that replace the contents by chosen lights as a camera sees them.

@@ -40,6 +40,7 @@ class DeviceArray:
         self.dtype = values.dtype
         self.count = values.size
         self.buffer = runtime.allocate(max(values.nbytes, 4), self)
+        self._sent: Any = None  # holds what the device may still read
         if fill:
             self.upload(values)
 
@@ -52,6 +53,16 @@ class DeviceArray:
             raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
         if flat.size:
             cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=True)
+
+    def send(self, values: NDArray[Any]) -> None:
+        """As `upload`, but of a copy, which the device takes when it has done what was queued."""
+        cl = opencl()
+
+        flat = np.array(values, self.dtype, order="C").ravel()
+        if flat.size > self.count:
+            raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
+        if flat.size:
+            self._sent = cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=False)
 
     def download(self) -> NDArray[Any]:
         """Return a copy of the contents."""

@@ -20,26 +20,33 @@ from ..case import Family, Own, Subject, count_of
 from ..context import Context
 from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, drawn_maps
 
+GEOMETRY = "geometry"
+
 
 @dataclass(frozen=True)
 class MultiresByError(Own):
-    """1024 lights; the setting is the error of interpolation, of the mean irradiance.
+    """The setting is the error of interpolation, of the mean irradiance; or geometry decides alone.
 
     Attributes:
+        lights: how many.
         light_share: of it that each few lights which stand for many may be off.
         coarsest: see `MultiresGridParams`; 1 computes every pixel.
     """
 
+    lights: int = 1024
     light_share: float = 1.0
     coarsest: int = 16
     SETTINGS: tuple[str, ...] = ("5-permille", "10-permille", "20-permille", "40-permille")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make lights and multiresolution splatting ready."""
-        count = count_of(setting.removesuffix("-permille"), "N-permille, N a number", 1, 10_000)
-        error = 1e-3 * count
+        wanted = "N-permille, N a number, or geometry"
+        few = 0.01 if setting == GEOMETRY else 1e-3 * count_of(
+            setting.removesuffix("-permille"), wanted, 1, 10_000
+        )
         params = MultiresSplatParams(
-            error=error, light_error=self.light_share * error, coarsest=self.coarsest
+            vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
+            light_error=self.light_share * few, coarsest=self.coarsest,
         )
         vpls = _chosen(context, params.vpls)
         technique = MultiresSplat(context.runtime, context.size, params)
@@ -133,5 +140,7 @@ def _relative(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:
 FAMILIES: Mapping[str, Family] = {
     "multires": MultiresByError(),
     "multires-walls": MultiresWalls(),
+    # As KlayGE's port has it, with which it is compared at 1280 x 800; and with a bound.
+    "multires-geometry": MultiresByError(lights=256, SETTINGS=(GEOMETRY, "10-permille")),
     "multires-every-pixel": MultiresByError(coarsest=1, SETTINGS=("10-permille",)),
 }

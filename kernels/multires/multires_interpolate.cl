@@ -5,14 +5,16 @@
 //          points where a result is smooth, many where it is not.
 // Departs: points are nested and each is decided for by itself, from the error that
 //          interpolation would make there, so that cells need no balance and have no seams.
-//          Neighbours count as they fit the point's surface (common/surface.clh).
+//          Neighbours count as they fit the point's surface (common/surface.clh). Where the error
+//          is near the bound, some of each: else a point that passes it would jump by that error.
 // Reads:   coarse_linear  [coarse rows, columns], coarse_normal 3 x likewise, view space
 //          coarse_values  MULTIRES_CHANNELS x likewise
 //          coarse_rough   2 x likewise, as multires_rough writes it
 //          linear         [rows, columns] with margin, normal 3 x likewise
 //          bound          [1] error that values stay below, in their unit; INFINITY: geometry decides
-// Writes:  values  MULTIRES_CHANNELS x [rows, columns]; -INFINITY where a point is to be computed,
-//                  0 where nothing is
+// Writes:  values  MULTIRES_CHANNELS x [rows, columns] 1 - share of what is interpolated, 0 where
+//                  nothing is
+//          shares  [rows, columns] of what is computed, 0 to 1; only next to points on the list
 //          masks   of tiles, see multires/list.clh
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Params:  scale: of the bound at this level; margin_columns, margin_rows of linear and normal;
@@ -29,6 +31,18 @@
 #error "MULTIRES_CHANNELS must be defined by the host"
 #endif
 
+// Of the bound: errors at which a point begins to be computed, and at which nothing else counts.
+#define MULTIRES_BEGINS 0.8f
+#define MULTIRES_ENDS 1.1f
+
+// Of the largest difference between corners, the error where no second difference is known; and of
+// half the slope beyond those that fit, where others don't. Measured in the hall and the Cornell
+// box: each kind of point then errs as much at an equal estimate.
+#define MULTIRES_UNBENT 0.15f
+#define MULTIRES_BEYOND 1.4f
+
+#define MULTIRES_NO_BOUND 1e35f // more than any error, so that none is over it
+
 #if SSGI_LANES == 1
 #define MULTIRES_WIDE 8 // coarse columns of a work-item: two tiles, or one
 #else
@@ -37,13 +51,16 @@
 
 // Values at the points `odd` columns and `odd_row` rows from the first of four corners, of which
 // `own` is 1 / depth and normal; every second one from (column, row) on in the camera's pixels.
-// The first corner is (x, y) of `rough`, and `range` the largest difference to it.
-MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat range,
-                                    ssgi_plane rough, const int2 coarse, const int x, const int y,
-                                    const int odd, const int odd_row, const vfloat own[4],
-                                    const int column, const int row, const float bound,
-                                    const SsgiCamera camera, const MultiresParams params,
-                                    vfloat *result)
+// The first corner is (x, y) of `rough`, and `range` the largest difference to it. Returns which
+// share of the value is to be computed, which grows from 0 at an error of `begins` on by `rate`;
+// the rest is in `result`.
+MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloat range,
+                                      ssgi_plane rough, const int2 coarse, const int x,
+                                      const int y, const int odd, const int odd_row,
+                                      const vfloat own[4], const int column, const int row,
+                                      const float begins, const float rate,
+                                      const SsgiCamera camera,
+                                      const MultiresParams params, vfloat *result)
 {
     const vfloat zero = v_splat(0.0f);
     const vmask there = v_lt(own[0], v_splat(INFINITY));
@@ -80,10 +97,10 @@ MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat 
     // Corners that count for less than others move the value towards those, by half of the way.
     const vfloat uneven = 1.0f - least * inverse * (float)(1 << lines);
     const vmask all = v_gt(least, zero);
+    vfloat share = zero;
     // Nothing more needs to be known where even a tilted line between the corners would do.
     const vfloat tilted = v_fma(uneven, v_splat(0.5f), v_splat(0.25f)) * range;
-    vmask fine = all & v_lt(tilted, v_splat(bound));
-    if (v_any(there & ~fine)) {
+    if (v_any(there & ~(all & v_lt(tilted, v_splat(begins))))) {
         vfloat slope = zero;
         vfloat bend = v_splat(-1.0f);
 #pragma unroll
@@ -102,23 +119,29 @@ MULTIRES_INLINE void multires_phase(const MultiresPoint corner[4], const vfloat 
         // Of the straight line between two points, of each line: an eighth of the second difference
         // between neighbours twice as close, thus a sixteenth of theirs where both have the same.
         const vfloat curved = v_min(bend * (0.0625f * (float)lines), range * 0.5f);
-        const vfloat straight = v_select(range * 0.25f, curved, v_ge(bend, zero));
-        const vfloat error = v_fma(uneven * 0.5f, v_select(slope, range, all),
-                                   v_select(zero, straight, all));
-        fine = fine | (v_lt(error, v_splat(bound)) & v_gt(sum, zero));
+        const vfloat straight = v_select(range * MULTIRES_UNBENT, curved, v_ge(bend, zero));
+        const vfloat error =
+            v_fma(uneven * 0.5f, v_select(slope * MULTIRES_BEYOND, range, all),
+                  v_select(zero, straight, all));
+        const vfloat over = (v_select(error, v_min(error, tilted), all) - begins) * rate;
+        const vmask known = v_gt(sum, v_splat(MULTIRES_LEAST));
+        share = v_select(v_splat(1.0f), v_min(v_max(over, zero), v_splat(1.0f)), known);
+        share = v_select(zero, share, there);
     }
+    const vfloat rest = v_select(zero, inverse * (1.0f - share), there);
 #pragma unroll
     for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-        const vfloat value = v_select(v_splat(-INFINITY), mean[i] * inverse, fine);
-        result[i] = v_select(zero, value, there);
+        result[i] = mean[i] * rest;
     }
+    return share;
 }
 
 __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_normal,
                                    ssgi_plane coarse_values, ssgi_plane coarse_rough,
                                    ssgi_plane linear, ssgi_plane normal,
                                    __global const float *restrict bound,
-                                   __global float *restrict values, __global int *restrict masks,
+                                   __global float *restrict values,
+                                   __global float *restrict shares, __global int *restrict masks,
                                    const int2 size, const int2 coarse, const SsgiCamera camera,
                                    const MultiresParams params)
 {
@@ -127,7 +150,10 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
     if (first >= coarse.x || coarse_y >= coarse.y) {
         return;
     }
-    const float most = bound[0] * params.scale;
+    // With a bound of 0 an error of 0 is above it too.
+    const float most = min(bound[0], MULTIRES_NO_BOUND) * params.scale;
+    const float begins = most > 0.0f ? most * MULTIRES_BEGINS : -1.0f;
+    const float rate = 1.0f / max(most * (MULTIRES_ENDS - MULTIRES_BEGINS), FLT_MIN);
     const int2 whole =
         (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     masks += multires_mask(size, 2 * first, 2 * coarse_y);
@@ -157,6 +183,7 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
             const int top = y + params.margin_rows;
             vfloat own[2][4];
             vfloat result[2][MULTIRES_CHANNELS];
+            vfloat share[2];
 #pragma unroll
             for (int i = 0; i < 4; ++i) {
                 vfloat phases[2];
@@ -169,27 +196,30 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                 own[1][i] = phases[1];
             }
             if (odd_row) {
-                multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0, odd_row,
-                               own[0], left, top, most, camera, params, result[0]);
+                share[0] =
+                    multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0,
+                                   odd_row, own[0], left, top, begins, rate, camera, params,
+                                   result[0]);
             } else {
+                share[0] = v_splat(0.0f);
 #pragma unroll
                 for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
                     result[0][i] = corner[0].value[i];
                 }
             }
-            multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x, coarse_y,
-                           1, odd_row, own[1], left + 1, top, most, camera, params, result[1]);
+            share[1] = multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x,
+                                      coarse_y, 1, odd_row, own[1], left + 1, top, begins, rate,
+                                      camera, params, result[1]);
 #pragma unroll
             for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
                 const vfloat phases[2] = {result[0][i], result[1][i]};
                 ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
             }
-            const vfloat phases[2] = {result[0][0], result[1][0]};
             int mark[2] = {0, 0};
-            const vfloat least = v_splat(-FLT_MAX);
-            if (v_any(v_lt(phases[0], least) | v_lt(phases[1], least))) {
+            if (v_any(v_gt(v_max(share[0], share[1]), v_splat(0.0f)))) {
+                ssgi_store_phases(share, shares, size, 0, 2 * coarse_x, y, 0.0f);
                 vfloat row[2];
-                ssgi_weave_phases(phases, row);
+                ssgi_weave_phases(share, row);
 #pragma unroll
                 for (int p = 0; p < 2; ++p) {
                     mark[p] = multires_marks(row[p], 2 * coarse_x + p * SSGI_LANES, size.x);

@@ -7,9 +7,10 @@
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          grid, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
-// Writes:  values   3 x [rows, columns], W/m^2, at the samples alone
-// Macros:  VPL_NEAR, VPL_CUT (0, 1), VPL_ADD (1: to what is there), SHADE_ROWS (times SSGI_LANES
-//          samples of a work-item, so that each light is read once for all of them; 1 to 4),
+//          shares   [rows, columns] what the light counts for, see multires_interpolate
+// Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
+// Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
+//          each light is read once for all of them; 1 to 4),
 //          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
 //          SHADE_LINE (a line of sight for each run of 16: 2, or of 64: 3)
 // Params:  CutParams: first group, groups at most
@@ -23,9 +24,9 @@
 #include "vpl/grid.clh"
 #include "vpl/light.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(SHADE_ROWS) ||        \
-    !defined(VPL_SIGHT) || !defined(VPL_GRID) || !defined(SHADE_LINE)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _GRID, SHADE_ROWS and _LINE must be defined"
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_SIGHT) ||     \
+    !defined(VPL_GRID) || !defined(SHADE_LINE)
+#error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS and _LINE must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -65,8 +66,8 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #if VPL_SIGHT
                          __global const int *restrict grid, __global const float *restrict grid_box,
 #endif
-                         __global float *restrict values, const int2 size, const VplParams params,
-                         const CutParams cut)
+                         ssgi_plane shares, __global float *restrict values, const int2 size,
+                         const VplParams params, const CutParams cut)
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
@@ -96,7 +97,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
         }
         int latest = -1; // run that `open` is about
 #endif
-        cut_ask_values(values, list, start, start + SHADE_PIECE, size);
+        cut_ask_values(shares, values, list, start, start + SHADE_PIECE, size);
         const int count = counts[group];
         __global const int *restrict lights = lists + group * params.room;
         for (int block = 0; block < count; block += SHADE_BLOCK) {
@@ -147,15 +148,14 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             }
             // Past the list's end the last sample comes again, with the same value.
             const vint pixel = cut_pixels(list, start + r * SSGI_LANES);
-            const vint to = (pixel >> 16) * ssgi_pitch(size) + (pixel & 0xffff);
+            const vint column = pixel & 0xffff, row = pixel >> 16;
+            const vint to = row * ssgi_pitch(size) + column;
+            const vfloat share = ssgi_gather(shares, size, 0, column, row);
 #pragma unroll
             for (int j = 0; j < 3; ++j) {
                 __global float *restrict image = values + ssgi_index(size, j, 0, 0);
-                vfloat value = v_min(sum[r][j] * params.gain, v_splat(VPL_BRIGHTEST));
-#if VPL_ADD
-                value = value + v_gather(image, to);
-#endif
-                v_scatter(value, image, to);
+                const vfloat value = v_min(sum[r][j] * params.gain, v_splat(VPL_BRIGHTEST));
+                v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
             }
         }
     }

@@ -13,7 +13,9 @@
 //                   stands for, or direction x, y, z round +z and the solid angle
 //          turns    [4 rows][cosines, sines][4 columns] of the angle by which pixels of a tile turn
 //                   the pattern; read with RSM_GATHER_ROTATED
-// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is
+//          shares   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
+// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With RSM_GATHER_LISTED that
+//                      share of the light is added, at the listed pixels alone
 // Macros:  RSM_GATHER_LISTED, RSM_GATHER_ROTATED, RSM_GATHER_SPHERE (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item; or any number of work-items for the list
 // Cost:    10 scattered reads per pixel and sample
@@ -29,7 +31,7 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
                               __global const float *restrict texels,
                               __global const float *restrict pattern,
                               __global const float *restrict turns,
-                              __global float *restrict irradiance,
+                              ssgi_plane shares, __global float *restrict irradiance,
                               const int2 size, // of the result
                               const SsgiCamera camera, const RsmGatherParams params,
                               const SsgiCamera map, const RsmMapParams light)
@@ -37,7 +39,7 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
     for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
         const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, irradiance);
+            rsm_write(rsm_nothing(), r, start, size, shares, irradiance);
             continue;
         }
         const RsmPlace place = rsm_place(r, map, light);
@@ -75,6 +77,6 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, irradiance);
+        rsm_write(sum, r, start, size, shares, irradiance);
     }
 }

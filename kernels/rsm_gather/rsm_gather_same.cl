@@ -6,7 +6,9 @@
 // Reads:   depth, normal  the pixels, with margin; view space
 //          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
 //          samples  params.samples records, see records.clh
-// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is
+//          shares   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
+// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With RSM_GATHER_LISTED that
+//                      share of the light is added, at the listed pixels alone
 // Macros:  RSM_GATHER_LISTED (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item; or any number of work-items for the list
 // Cost:    21 operations and a division per pixel and sample
@@ -20,14 +22,14 @@
 __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
                               __global const int *restrict list,
                               __global const float *restrict samples,
-                              __global float *restrict irradiance,
+                              ssgi_plane shares, __global float *restrict irradiance,
                               const int2 size, // of the result
                               const SsgiCamera camera, const RsmGatherParams params)
 {
     for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
         const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, irradiance);
+            rsm_write(rsm_nothing(), r, start, size, shares, irradiance);
             continue;
         }
         RsmSum sum = rsm_nothing();
@@ -49,6 +51,6 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, irradiance);
+        rsm_write(sum, r, start, size, shares, irradiance);
     }
 }

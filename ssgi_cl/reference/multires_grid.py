@@ -15,10 +15,13 @@ from ssgi_cl.techniques.multires_grid import MultiresGridParams, bound_scale
 
 BESIDE = ((0, -1), (0, 1), (-1, 0), (1, 0))
 """Rows and columns to neighbours, two in the row, two in the column."""
+LEAST = 1e-9
+"""Of a sum of weights: MULTIRES_LEAST."""
+BEGINS, ENDS, UNBENT, BEYOND = 0.8, 1.1, 0.15, 1.4
+"""Those of MULTIRES_ in kernels/multires/multires_interpolate.cl."""
 UNKNOWN = 1e30
 """A slope of which nothing is known; MULTIRES_UNKNOWN in kernels/multires/points.clh."""
 
-Bools = NDArray[np.bool_]
 Integers = NDArray[np.int_]
 
 
@@ -48,11 +51,11 @@ def multires_grid_reference(
     computed[::coarsest, ::coarsest] = coarsest * steps[::coarsest, ::coarsest]
     for step in params.spacings[1:]:
         level = _Level(view, step, params)
-        guess, known = level.interpolate(values, bound * bound_scale(step))
+        guess, share = level.interpolate(values, bound * bound_scale(step))
         here = there[::step, ::step]
-        values = np.where((here & known)[..., None], guess, image[::step, ::step])
+        values = guess + share[..., None] * (image[::step, ::step] - guess)
         values = np.where(here[..., None], values, 0.0)
-        computed[::step, ::step] += step * (here & ~known)
+        computed[::step, ::step] += step * (here & (share > 0.0))
     return values, computed
 
 
@@ -115,8 +118,8 @@ class _Level:
             np.where(unknown, -1.0, np.maximum(*bends)),
         )
 
-    def interpolate(self, values: Doubles, bound: float) -> tuple[Doubles, Bools]:
-        """Return values at this level's points, and where they are good enough."""
+    def interpolate(self, values: Doubles, bound: float) -> tuple[Doubles, Doubles]:
+        """Return values at this level's points, and which share of them is to be computed."""
         rows, columns = (-(-length // self.step) for length in self.view.size)
         size = (rows, columns)
         row, column = _places(rows, columns)
@@ -149,13 +152,21 @@ class _Level:
         mean /= np.where(total > 0.0, total, 1.0)[..., None]
         uneven = 1.0 - least / np.where(total > 0.0, total, 1.0) * 2.0**lines
         curved = np.minimum(bends * lines / 16.0, 0.5 * widest)
-        straight = np.where(bends >= 0.0, curved, 0.25 * widest)
+        straight = np.where(bends >= 0.0, curved, UNBENT * widest)
         lean = 0.5 * uneven
-        error = np.where(least > 0.0, straight + lean * widest, lean * slopes)
+        error = np.where(least > 0.0, straight + lean * widest, lean * slopes * BEYOND)
         tilted = (0.25 + 0.5 * uneven) * widest
-        good = ((least > 0.0) & (tilted < bound)) | ((total > 0.0) & (error < bound))
+        error = np.where(least > 0.0, np.minimum(error, tilted), error)
         itself = lines == 0
-        return np.where(itself[..., None], first, mean), good | itself
+        share = np.where(total > LEAST, faded(error, bound), 1.0)
+        return np.where(itself[..., None], first, mean), np.where(itself, 0.0, share)
+
+
+def faded(error: Doubles, bound: float) -> Doubles:
+    """Return how much of a value is computed: 0 up to a part of the bound, 1 a little above it."""
+    if bound in (0.0, math.inf):
+        return np.full_like(error, bound == 0.0)
+    return np.clip((error / bound - BEGINS) / (ENDS - BEGINS), 0.0, 1.0)
 
 
 def _places(rows: int, columns: int) -> tuple[Integers, Integers]:

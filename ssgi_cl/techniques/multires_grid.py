@@ -65,7 +65,7 @@ def bound_scale(step: int) -> float:
 
     A point of a coarse level moves the result at many pixels round it, and costs no more than one
     of the finest: with errors as step^(-2/3) or step^-1 as many points made less of an RMSE than
-    with equal ones (Cornell box, hall). 3.5 makes the RMSE 0.5 and 0.9 of the bound there.
+    with equal ones (Cornell box, hall). 3.5 makes the RMSE 0.6 and 0.8 of the bound there.
     """
     return 3.5 * math.pow(step, -2.0 / 3.0)
 
@@ -127,7 +127,9 @@ class Level:
         number, step: 0 for the coarsest; pixels between points.
         size: (rows, columns) of points.
         source: a G-buffer whose image is the points: the one given, for step 1.
-        values: of all points; the caller fills in those on the list.
+        values: of all points; to those on the list the caller adds what it computes, times its
+            share.
+        shares: 0 to 1, of points on the list alone; others hold anything.
         list: how many points are to be computed, and so many times row << 16 | column. 16 points in
             a row lie in a block of 4 x 4 where all are on the list, 64 in one of 8 x 8.
         most: how many points there are, and thus the longest that the list can be.
@@ -143,6 +145,7 @@ class Level:
         self.size = size
         self.most = size[0] * size[1]
         self.values = runtime.plane(channels, size)
+        self.shares = runtime.plane(1, size)
         self.list = runtime.array(np.zeros(1 + self.most + SPARE, np.int32))
         order = tile_order(size)
         self._tiles = runtime.array(order)
@@ -156,8 +159,10 @@ class Level:
         self, kernel: Kernel, name: str, reads: Sequence[Plane | DeviceArray],
         values: Sequence[Any], grid: Size,
     ) -> None:
-        """Queue a pass that writes the values and marks, and those that make the list."""
-        kernel.run(name, self.size, reads, [self.values, self._masks], values, grid=grid)
+        """Queue a pass that writes values, shares and marks, and those that make the list."""
+        kernel.run(
+            name, self.size, reads, [self.values, self.shares, self._masks], values, grid=grid
+        )
         count = np.int32(self._tile_count)
         self._count.run(
             "multires list", self.size, [self._masks, self._tiles], [self._counts], [count],

@@ -116,8 +116,9 @@ class RsmGather:
         self._texels: TexelRecords | None = None
         self._picked: FluxSamples | None = None
         self._current: tuple[DeviceRsm, int] | None = None
-        # Without a list kernels get one that they don't read.
+        # Without a list kernels get one and shares that they don't read.
         self._no_list = runtime.empty(1, np.int32)
+        self._no_shares = runtime.plane(1, (1, 1))
         self._grid: MultiresGrid | None = None
         if params.resolution == "adaptive":
             self._grid = MultiresGrid(
@@ -241,9 +242,10 @@ class RsmGather:
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
         listed = self._no_list if level is None else level.list
+        shares = self._no_shares if level is None else level.shares
         kernel.run(
             "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
-            reads=[source.depth, source.normal, listed, *reads],
+            reads=[source.depth, source.normal, listed, *reads, shares],
             writes=[result], values=[source.camera_struct, packed, *values], grid=grid, local=local,
         )
 

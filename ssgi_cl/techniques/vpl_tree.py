@@ -90,10 +90,7 @@ class VplTree:
         }
         # Without walls the kernel does not look at the grid.
         macros |= walls.macros if walls else {"VPL_GRID": 32}
-        self._shade = [
-            runtime.kernel("multires/shade_list.cl", {**macros, "VPL_ADD": add}, (CAMERA, VPL, CUT))
-            for add in (0, 1)
-        ]
+        self._shade = runtime.kernel("multires/shade_list.cl", macros, (CAMERA, VPL, CUT))
 
     def reserve(self, most: int) -> None:
         """Make room for the lists of `most` samples, or of as many as a pass takes."""
@@ -122,7 +119,7 @@ class VplTree:
     ) -> None:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
-        The mean of `SAMPLES` of them, lit by runs of 16 lights.
+        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many.
         """
         self._mean.run(
             "mean", source.size, reads=[source.depth, source.normal, samples, self._records],
@@ -138,16 +135,17 @@ class VplTree:
         )
 
     def shine(
-        self, source: Samples, samples: DeviceArray, most: int, result: Plane,
+        self, source: Samples, samples: DeviceArray, most: int, shares: Plane, result: Plane,
         values: dict[str, float],
     ) -> None:
-        """Queue the passes that write the irradiance of the samples to a plane.
+        """Queue the passes that add shares of the irradiance of the samples to a plane.
 
         Args:
             source: the surfaces that light falls on.
             samples: how many there are, and so many times row << 16 | column.
             most: of them, at most; `reserve` made room for so many.
-            result: 3 images of the source's size, W/m^2; other pixels stay as they are.
+            shares: of the source's size.
+            result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
         """
         lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
@@ -161,7 +159,7 @@ class VplTree:
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale})
-            for number, batch in enumerate(self.lights.batches()):
+            for batch in self.lights.batches():
                 packed = self._packed({**values, **batch}, source.margin)
                 shared = [packed, cut]
                 self._cut.run(
@@ -170,10 +168,10 @@ class VplTree:
                     values=[source.camera_struct, *shared],
                     grid=(1, min(here, items)), local=local,
                 )
-                self._shade[number > 0].run(
+                self._shade.run(
                     "light samples", source.size,
                     reads=[samples, self._kept, self._records, self._lists, self._counts,
-                           *self._sight],
+                           *self._sight, shares],
                     writes=[result],
                     values=shared, grid=(1, min(here * pieces, items)), local=local,
                 )

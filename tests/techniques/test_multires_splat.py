@@ -130,6 +130,18 @@ def test_kernels_agree_with_numpy_twin(
     np.testing.assert_allclose(e[both], wanted[both], rtol=1e-3, atol=1e-5 * wanted.mean())
 
 
+@pytest.mark.parametrize("count", [40, 200])
+def test_errors_are_shares_of_the_mean_with_few_lights_and_many(
+    runtime: Runtime, count: int
+) -> None:
+    gbuffer, vpls = box(runtime, count=count)
+    e, technique = splatted(runtime, gbuffer, vpls)
+    seen = np.isfinite(gbuffer.inner(np.asarray(gbuffer.depth)))
+    mean = float(technique.tree.limits.download()[0]) / technique.params.error
+    # The points of the coarsest level are few, and runs are not their lights: 5 % here.
+    np.testing.assert_allclose(mean, e[seen].mean(), rtol=0.15)
+
+
 @pytest.mark.parametrize(
     "name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"]
 )
@@ -219,8 +231,7 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
     maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     kinds = [MultiresSplat(runtime, view.size, params) for params in (
-        MultiresSplatParams(), MultiresSplatParams(light_error=0.0),
-        MultiresSplatParams(coarsest=1, light_error=0.0),
+        MultiresSplatParams(), MultiresSplatParams(coarsest=1, light_error=0.0),
     )]
     before: tuple[Any, ...] | None = None
     shares = []
@@ -230,44 +241,25 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
         gbuffer = drawn(made.scene, replace(view, projection=projection), runtime=runtime)
         device, near = uploaded(runtime, gbuffer), 1.0 / np.asarray(gbuffer.depth)
         images = [np.moveaxis(kind.run(device, vpls).download(), 0, -1) for kind in kinds]
-        steps = kinds[1].grid.computed()
         if before is not None:
             same = (near > 0.0) & (np.abs(near - before[0]) < 1e-3 * near)
-            mean = images[2][near > 0.0].mean()
-            few, points, every = (
+            mean = images[1][near > 0.0].mean()
+            few, every = (
                 np.abs(one - other).max(axis=-1) / mean
                 for one, other in zip(images, before[1], strict=True)
             )
-            calm = same & (every < 0.002)
-            passed = reached(steps != before[2], np.maximum(steps, before[2]))
-            passed |= reached((every >= 0.002) & (steps > 0), steps)
-            shares.append([
-                np.mean(jumps > 0.01) for jumps in (few[same], few[calm], points[calm & ~passed])
-            ])
-        before = near, images, steps
-    # Measured at 400 x 300: 0.0018 of the pixels change by more than a hundredth of the mean in the
-    # Cornell box and 0.020 in the hall, where with all lights at all pixels it is 0.0012 and 0.019;
-    # 0.0006 and 0.0012 of those that are calm then. There a point next to them passed the bound
-    # or is not calm: of the others no more than 1e-5 do, whose neighbours' weights change.
-    found = np.array(shares)
-    assert found[:, 1].mean() < 0.003
-    assert found[:, 1].max() < 0.01
-    assert found[:, 2].mean() < 1e-4
-
-
-def reached(marked: NDArray[np.bool_], steps: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return which pixels the marked points, of levels with these steps, have a part in."""
-    found = np.zeros(marked.shape, bool)
-    for step in (1, 2, 4, 8, 16):
-        own = marked & (steps == step)
-        for axis in (0, 1):
-            border = [(step, step) if i == axis else (0, 0) for i in (0, 1)]
-            windows = np.lib.stride_tricks.sliding_window_view(
-                np.pad(own, border), 2 * step + 1, axis
-            )
-            own = windows.any(axis=-1)
-        found |= own
-    return found
+            calm = few[same & (every < 0.002)]
+            shares.append([np.mean(jumps > limit) for jumps, limit in (
+                (few[same], 0.01), (every[same], 0.01), (calm, 0.01), (calm, 0.02), (calm, 0.05)
+            )])
+        before = near, images
+    # Measured in the Cornell box and the hall: 0.0024 and 0.0249 of the pixels change by more than
+    # a hundredth of the mean, where with all lights at all pixels it is 0.0019 and 0.0239. Of those
+    # that are calm then 0.0004 and 0.0009 do; more than 0.02: 0.00014 and 0.00036, than 0.05:
+    # 0.00002 and 0.0001. Most lie next to a point that shows another surface, or light that jumps.
+    few_change, every_change, *calm_changes = np.mean(shares, axis=0)
+    assert few_change < 1.4 * every_change
+    assert (np.array(calm_changes) < (0.0015, 0.0006, 0.0002)).all()
 
 
 def full_on_device(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:

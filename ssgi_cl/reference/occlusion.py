@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
-from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 
 
@@ -21,14 +21,13 @@ def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: An
         params: with the fields that `ssgi_cl.techniques.occlusion` reads.
     """
     step = RESOLUTIONS[params.resolution]
-    blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+    blur = params.blur
     late = step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0
     if late and openness.ndim > 2:
         a = upsample_reference(openness, full, step=step, background=1.0)
         return bilateral_reference(a, full, blur)
     if late:
         a = upsample_blur_reference(openness, full, blur, step=step, background=1.0)
-        again = BilateralParams(radius=blur.radius, passes=blur.passes - 1)
-        return bilateral_reference(a, full, again)
+        return bilateral_reference(a, full, replace(blur, passes=blur.passes - 1))
     a = bilateral_reference(openness, view, blur)
     return upsample_reference(a, full, step=step, background=1.0) if step > 1 else a

@@ -20,7 +20,7 @@ BEFORE = 2.0
 """Pixels from the receiver to where distances of taps grow from."""
 FINEST = 2.0**-10
 """Radii: a pixel that is less wide counts as one that wide."""
-LEAST_FACING = 0.0017
+LEAST_FACING = 0.05
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
 
 

@@ -21,6 +21,8 @@ from ssgi_cl.tiles import OpenTiles, Reach
 from ssgi_cl.window import Trace, Window
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+BLUR_DEPTH_SIGMA = 0.002
+"""Of the blur, a pixel of the result: so little off their plane, reliefs a few pixels wide stay."""
 BLUR_RESOLUTIONS = ("own", "full")
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
@@ -51,6 +53,14 @@ class OcclusionParams(Params):
         """Images of a result: A, and what else the technique finds; all are blurred alike."""
         return 1
 
+    @property
+    def blur(self) -> BilateralParams:
+        """What A is blurred with."""
+        step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
+        return BilateralParams(
+            radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step
+        )
+
 
 class OcclusionTechnique(ABC):
     """A technique of ambient occlusion, prepared for images of one size.
@@ -74,7 +84,7 @@ class OcclusionTechnique(ABC):
         self._trace = Trace()
         self._no_tiles = runtime.array(np.zeros(1, np.int32))
         self._reduced: ReducedGBuffer | None = None
-        blur = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+        blur = params.blur
         self._upsample: Upsample | UpsampleBlur | None = None
         late = step > 1 and blur.passes * blur.radius > 0 and params.blur_resolution == "full"
         if late and channels == 1:

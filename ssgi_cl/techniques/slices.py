@@ -59,8 +59,12 @@ NEAREST_TAP = 1.3
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
 
-LEAST_FACING = 0.0017
-"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+LEAST_FACING = 0.05
+"""Cosine between normal and line of sight that a grazing or averted normal is taken to have.
+
+Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap
+lies at a whole pixel beside its slice counts more than what it shows, and pixels at silhouettes
+turn black. Planes stay open at any tilt: nothing of them is above them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ PASS_SLICES = 8
 CHUNK = 256
 """Pixels that are marched at a time."""
 
-LEAST_FACING = 0.0017
+LEAST_FACING = 0.05
 """Cosine that a grazing or averted normal is taken to have with the line of sight."""
 
 NOT_OF_THE_MODEL = (
@@ -160,7 +160,7 @@ class March:
         wanted_px = params.radius * view.pixels_per_unit(np.where(seen, own, 1.0))
         reach = params.radius * np.minimum(1.0, params.max_radius_px / wanted_px)
         reach = np.where(np.minimum(wanted_px, params.max_radius_px) >= 1.0, reach, 0.0)
-        return cls(view, params, there, position, reach, seen)
+        return cls(_turned_back(view, position[0]), params, there, position, reach, seen)
 
     def openness(self, pixels: Pixels, number: int) -> Doubles:
         """Return A [count] of some pixels, from the slices of a pass, before contrast."""
@@ -281,6 +281,16 @@ class March:
         height = np.einsum("psk,pk->ps", offset, normal) - bias
         result: Doubles = height / np.maximum(across * plane.facing[:, None], 1e-30)
         return result
+
+
+def _turned_back(view: SurfaceView, position: Doubles) -> SurfaceView:
+    """Return a view whose averted normals are turned back along the line of sight."""
+    sight = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
+    if not view.camera.is_orthographic:
+        sight = -position / np.maximum(np.linalg.norm(position, axis=-1, keepdims=True), 1e-30)
+    facing = np.sum(view.normal * sight, axis=-1, keepdims=True)
+    back = np.where(facing < 0.0, LEAST_FACING - facing, 0.0) * sight
+    return replace(view, normal=view.normal + back)
 
 
 def _chords(to_row: Doubles, to_column: Doubles, length: float) -> Doubles:

@@ -112,8 +112,8 @@ def apply_command(
         if technique == "ssdo":
             parameters["radiance"] = _image(source) if lit else None
             lights = _lights(sky, sun, none=lit)
-            direct, bounce = ssdo(gbuffer, lights, runtime=runtime, **parameters)
-            channels = {"direct": direct, "bounce": bounce}
+            direct, bounce, *bent = ssdo(gbuffer, lights, runtime=runtime, **parameters)
+            channels = {"direct": direct, "bounce": bounce, **_bent_channels(*bent)}
         else:
             channels = _channels(TECHNIQUES[technique], gbuffer, runtime, parameters)
         passes = runtime.times()
@@ -129,8 +129,13 @@ def _channels(
     result = entry.function(gbuffer, runtime=runtime, **parameters)
     if isinstance(result, tuple):  # with bent normals
         a, bent = result
-        return {entry.channel: a, **{f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}}
+        return {entry.channel: a, **_bent_channels(bent)}
     return {entry.channel: result}
+
+
+def _bent_channels(bent: Any = None) -> dict[str, Any]:
+    """Return bent normals, if there are any, by the names that they have in a file."""
+    return {} if bent is None else {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
 
 
 def _check_lights(technique: str, lights: dict[str, Any], asked: dict[str, Any]) -> None:

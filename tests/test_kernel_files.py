@@ -144,7 +144,7 @@ USES = {
         (LIT,),
         [
             {"LIT_LAMPS": lamps, "LIT_AMBIENT": sky, "LIT_OPENNESS": openness,
-             "LIT_EMISSION": emission, "LIT_STEP": step}
+             "LIT_EMISSION": emission, "LIT_RECORDS": emission, "LIT_STEP": step}
             for lamps, sky, openness, emission, step in ((0, 0, 0, 1, 1), (1, 1, 1, 0, 2))
         ],
     ),
@@ -166,7 +166,7 @@ USES = {
     "multires/shade_list.cl": Use(
         (CAMERA, VPL, CUT),
         [
-            {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_ADD": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
+            {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
              "SHADE_LINE": line}
             for n, line in ((0, 2), (1, 2), (1, 3))
         ],
@@ -219,7 +219,7 @@ USES = {
             slices(
                 layers, SLICES_THICKNESS=a, SLICES_NEXT=b, BITMASK_THICK=a, BITMASK_BOUNCE=c,
                 BITMASK_BACKS=d, BITMASK_CONES=e, BITMASK_KEPT=f, BITMASK_SIDES=d,
-                SKY_SIZE=32,
+                BITMASK_BENT=8 - e, SKY_SIZE=32,
             )
             for layers, a, b, c, d, e, f in ((1, 0, 0, 1, 0, 8, 1), (2, 1, 1, 1, 1, 0, 0))
         ],
@@ -233,7 +233,7 @@ USES = {
         (SPLIT,),
         [
             {"SPLIT_GATHERED": gathered, "SPLIT_SKY": sky, "SPLIT_BOUNCE": bounce,
-             "SPLIT_LAMPS": lamps}
+             "SPLIT_LAMPS": lamps, "SPLIT_FIRST": 1 + 3 * sky}
             for gathered, sky, bounce, lamps in ((0, 0, 1, 1), (1, 0, 0, 0), (1, 1, 1, 1))
         ],
     ),

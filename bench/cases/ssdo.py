@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Any
@@ -142,22 +142,32 @@ class Frames(Own):
 
     The setting is what dims and reflects light, and the number of samples: "ssao-8", "direct-8"
     (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "bitmask-2" (the
-    other method with its defaults and as many slices), "views-2" (the same with four extra
-    cameras).
+    other method with its defaults and as many slices; one slice reads 10 depths a pixel),
+    "bitmask-layers-2" (the same with a second layer), "views-2" (with four extra cameras). The
+    rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as many layers,
+    "cameras-4" is one of a layer and those of as many extra cameras.
     """
 
     SETTINGS = (
         *(f"{kind}-{samples}" for samples in (8, 16)
           for kind in ("ssao", "direct", "bounce", "layers")),
+        "bitmask-1",
         "bitmask-2",
+        "bitmask-layers-2",
         "views-2",
+        "drawn-1",
+        "drawn-2",
+        f"cameras-{EXTRA_CAMERAS}",
     )
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the pipeline ready."""
-        kind, _, text = setting.partition("-")
+        kind, _, text = setting.rpartition("-")
         number = count_of(text, "a word, - and a number such as ssao-8", 1, 256)
         runtime, view, radius = context.runtime, context.view, context.radius
+        layers = 2 if kind.endswith("layers") else 1
+        if kind in ("drawn", "cameras"):
+            return _drawn(context, kind, number)
         if kind == "ssao":
             renderer = Renderer(
                 runtime, context.size, ao=SsaoParams(radius=radius, samples=number)
@@ -166,26 +176,51 @@ class Frames(Own):
             params = SsdoParams(
                 radius=radius, method="points", samples=number, bounce=kind != "direct"
             )
-            layers = 2 if kind == "layers" else 1
             renderer = Renderer(runtime, context.size, indirect=params, layers=layers)
-        elif kind in ("bitmask", "views"):
+        elif kind in ("bitmask", "bitmask-layers", "views"):
             params = SsdoParams(radius=radius, slices=number, resolution="half")
             views = EXTRA_CAMERAS if kind == "views" else 0
-            renderer = Renderer(runtime, context.size, indirect=params, views=views)
+            renderer = Renderer(
+                runtime, context.size, indirect=params, layers=layers, views=views
+            )
         else:
             raise ValueError(
-                f"setting is {setting!r}: expected ssao, direct, bounce, layers, bitmask or views, "
-                "and a number, such as ssao-8"
+                f"setting is {setting!r}: expected ssao, direct, bounce, layers, bitmask, "
+                "bitmask-layers, views, drawn or cameras, and a number, such as ssao-8"
             )
         lights = view.lights
         if not any(isinstance(light, Environment) for light in lights):
             lights = (*lights, Environment(EVEN_SKY))  # without any, SSAO has nothing to dim
-        cameras = cycle((context.camera, _moved(context.camera)))
+        cameras = _moving(context.camera)
         return Subject(run=lambda: renderer(view.scene, next(cameras), lights, exposure=1.0))
 
 
+def _drawn(context: Context, kind: str, number: int) -> Subject:
+    """Return what the rasteriser does of a frame: "drawn" layers, or further "cameras"."""
+    runtime, scene = context.runtime, context.view.scene
+    layers = number if kind == "drawn" else 1
+    rasterizer = Rasterizer(runtime, context.size, layers=layers, attributes=layers)
+    further = FurtherViews(runtime, number if kind == "cameras" else 0)
+    cameras = _moving(context.camera)
+
+    def run() -> None:
+        camera = next(cameras)
+        gbuffer = rasterizer.render(device_scene(scene, runtime), camera)
+        gbuffer.derive()
+        if further.count:
+            for _ in further.drawn(scene, camera, gbuffer, context.view.lights):
+                pass
+
+    return Subject(run=run, note="the rasteriser's part of a frame")
+
+
+def _moving(camera: Camera) -> Iterator[Camera]:
+    """Return the camera and one a little aside in turns, so that nothing of a frame is kept."""
+    return cycle((camera, _moved(camera)))
+
+
 def _moved(camera: Camera) -> Camera:
-    """Return the camera a little aside, so that nothing of the frame before can be kept."""
+    """Return the camera a little aside."""
     view = camera.view.copy()
     view[0, 3] += 1e-3 * float(np.linalg.norm(camera.position) or 1.0)
     return replace(camera, view=view)

@@ -86,6 +86,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
                              params.normal_scale);
         off_left[r] = v_fma(v_splat((float)-reach), fit[r].off_x, fit[r].off);
         total[r] = v_splat(1.0f);
+#pragma unroll
         for (int c = 0; c < BLUR_COUNT; ++c) {
             sum[r][c] = ssgi_load(value, size, c, x, row);
         }
@@ -118,6 +119,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
 #endif
                 const vfloat weight =
                     near * ssgi_fit_weight(ssgi_fit(fit[r], off[r], u, mx, my, mz));
+#pragma unroll
                 for (int c = 0; c < BLUR_COUNT; ++c) {
                     sum[r][c] =
                         v_fma(weight, ssgi_load(value, size, c, x + dx, y + dy), sum[r][c]);
@@ -127,9 +129,14 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
             }
         }
     }
-    for (int r = 0; r < min(BLUR_ROWS, size.y - y); ++r) {
+#pragma unroll
+    for (int r = 0; r < BLUR_ROWS; ++r) {
+        if (y + r >= size.y) {
+            return;
+        }
         const vmask there =
             v_lt(ssgi_load(linear, whole, 0, at_x, at_y + r), v_splat(INFINITY));
+#pragma unroll
         for (int c = 0; c < BLUR_COUNT; ++c) {
             const vfloat own = ssgi_load(value, size, c, x, y + r);
             ssgi_store(v_select(own, sum[r][c] / total[r], there), blurred, size, c, x, y + r,

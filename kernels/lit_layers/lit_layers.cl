@@ -7,18 +7,21 @@
 //          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
 //          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
 //          ambient   [9][3] coefficients, see shade/ambient.clh
-// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is
-// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS (0, 1), LIT_EMISSION (0, 1); LIT_STEP
+// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is; with LIT_RECORDS 1
+//                    layer `image` of records, see lit_layers/records.clh, where something is
+// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS (0, 1); LIT_STEP
 // Params:  view to world rotation, margin; open_size columns and rows of `openness`
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    memory: 13 planes read, 3 written; one scattered read per pixel with openness
+// Cost:    memory: 13 planes read, 3 or 4 written; one scattered read per pixel with openness
 
 #include "common/gbuffer.clh"
+#include "lit_layers/records.clh"
+#include "raster/quads.clh"
 #include "shade/ambient.clh"
 
 #if !defined(LIT_LAMPS) || !defined(LIT_AMBIENT) || !defined(LIT_OPENNESS) ||                      \
-    !defined(LIT_EMISSION) || !defined(LIT_STEP)
-#error "LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION and LIT_STEP must be defined by the host"
+    !defined(LIT_EMISSION) || !defined(LIT_RECORDS) || !defined(LIT_STEP)
+#error "LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS, LIT_STEP must be defined"
 #endif
 
 __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
@@ -35,15 +38,19 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
     const vfloat zero = v_splat(0.0f);
     const vmask there = v_lt(ssgi_load(depth, size, params.layer, x, y), v_splat(INFINITY));
     if (!v_any(there)) {
+#if !LIT_RECORDS
         for (int c = 0; c < 3; ++c) {
             ssgi_store(zero, radiance, size, params.image + c, x, y, 0.0f);
         }
+#endif
         return;
     }
-#if LIT_AMBIENT
+#if LIT_AMBIENT || LIT_RECORDS
     const vfloat vx = ssgi_load(normal, size, first, x, y) * params.facing;
     const vfloat vy = ssgi_load(normal, size, first + 1, x, y) * params.facing;
     const vfloat vz = ssgi_load(normal, size, first + 2, x, y) * params.facing;
+#endif
+#if LIT_AMBIENT
     const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
     const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
     const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
@@ -59,6 +66,7 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
                                  v_splat_int(min(row, open_size.y - 1)));
 #endif
 #endif
+    vfloat sent[3];
     for (int c = 0; c < 3; ++c) {
         vfloat light = zero;
 #if LIT_AMBIENT
@@ -74,6 +82,16 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
 #if LIT_EMISSION
         sum = sum + ssgi_load(emission, size, first + c, x, y);
 #endif
-        ssgi_store(v_select(zero, sum, there), radiance, size, params.image + c, x, y, 0.0f);
+        sent[c] = v_select(zero, sum, there);
     }
+#if LIT_RECORDS
+    const vint place = ssgi_record(size, v_splat_int(params.image), v_splat_int(x), v_splat_int(y));
+    raster_store_quads((RasterQuad){v_bits(sent[0]), v_bits(sent[1]), v_bits(sent[2]),
+                                    ssgi_packed_normal(vx, vy, vz)},
+                       radiance + 4 * v_first(place));
+#else
+    for (int c = 0; c < 3; ++c) {
+        ssgi_store(sent[c], radiance, size, params.image + c, x, y, 0.0f);
+    }
+#endif
 }

@@ -3,13 +3,13 @@
 //
 // direct = lamps + sky + A sky_constant; bounce is what was gathered.
 // Reads:   depth     image 0, with margin; INFINITY where nothing is
-//          gathered  A, 3 images of the sky's irradiance (SPLIT_SKY 1), 3 of the bounce's
-//                    (SPLIT_BOUNCE 1), W/m^2
+//          gathered  A; from image SPLIT_FIRST on 3 of the sky's irradiance (SPLIT_SKY 1), 3 of the
+//                    bounce's (SPLIT_BOUNCE 1), W/m^2
 //          lamps     3 images, W/m^2, with a margin of its own (SPLIT_LAMPS 1)
 // Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
 //          SPLIT_BOUNCE 1
 // Macros:  SPLIT_GATHERED (whether there is `gathered` at all: else A is 1 and the bounce 0),
-//          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LAMPS: 0 or 1
+//          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LAMPS: 0 or 1; SPLIT_FIRST (>= 1)
 // Params:  irradiance of constant environments where A is 1; margins
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    memory: up to 11 planes read, 6 written
@@ -17,8 +17,8 @@
 #include "common/gbuffer.clh"
 
 #if !defined(SPLIT_GATHERED) || !defined(SPLIT_SKY) || !defined(SPLIT_BOUNCE) ||                   \
-    !defined(SPLIT_LAMPS)
-#error "SPLIT_GATHERED, SPLIT_SKY, SPLIT_BOUNCE and SPLIT_LAMPS must be defined by the host"
+    !defined(SPLIT_LAMPS) || !defined(SPLIT_FIRST)
+#error "SPLIT_GATHERED, _SKY, _BOUNCE, _LAMPS and _FIRST must be defined by the host"
 #endif
 
 __kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps,
@@ -47,7 +47,7 @@ __kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps
     for (int c = 0; c < 3; ++c) {
         vfloat sum = a * (c == 0 ? params.red : c == 1 ? params.green : params.blue);
 #if SPLIT_SKY
-        sum = sum + ssgi_load(gathered, size, 1 + c, x, y);
+        sum = sum + ssgi_load(gathered, size, SPLIT_FIRST + c, x, y);
 #endif
 #if SPLIT_LAMPS
         sum = sum +
@@ -56,7 +56,7 @@ __kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps
         ssgi_store(v_select(zero, sum, there), direct, size, c, x, y, 0.0f);
 #if SPLIT_BOUNCE
 #if SPLIT_GATHERED
-        const vfloat sent = ssgi_load(gathered, size, 1 + 3 * SPLIT_SKY + c, x, y);
+        const vfloat sent = ssgi_load(gathered, size, SPLIT_FIRST + 3 * SPLIT_SKY + c, x, y);
 #else
         const vfloat sent = zero;
 #endif

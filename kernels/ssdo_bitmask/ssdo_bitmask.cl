@@ -14,6 +14,7 @@
 //          radiance, or with BITMASK_BACKS what `sent` has for backs.
 // Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
 //          the direction in its middle, from a map that is filtered to the width of a step.
+// Bent:    Hidden directions are looked up in BITMASK_BENT cones likewise, see bend.clh.
 // Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
@@ -24,13 +25,14 @@
 //          sides   SLICES_LAYERS x likewise, see ssdo/ssdo_sides.cl (BITMASK_SIDES 1)
 //          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  light   images [rows, columns] without margin: A in [0, 1], 1 where nothing is; with
-//                  BITMASK_CONES 3 of irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of
-//                  irradiance by the bounce; 0 where nothing is
+//                  BITMASK_BENT 3 of what bends the normal, view space; with BITMASK_CONES 3 of
+//                  irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of irradiance by the
+//                  bounce; 0 where nothing is
 //          kept    SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for each
 //                  sector that is covered; 0 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
 //          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT, BITMASK_SIDES (0, 1),
-//          BITMASK_CONES (0 to 16), SKY_SIZE (>= 1)
+//          BITMASK_CONES, BITMASK_BENT (0 to 16), SKY_SIZE (>= 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS times 3 reads per pixel, with
 //          BITMASK_BOUNCE 3 to 6 more where a tap covers something, with BITMASK_SIDES 1 more
@@ -38,7 +40,8 @@
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(SLICES_THICKNESS) || !defined(SLICES_NEXT) || !defined(BITMASK_THICK) ||              \
     !defined(BITMASK_BOUNCE) || !defined(BITMASK_BACKS) || !defined(BITMASK_KEPT) ||               \
-    !defined(BITMASK_SIDES) || !defined(BITMASK_CONES) || !defined(SKY_SIZE)
+    !defined(BITMASK_SIDES) || !defined(BITMASK_CONES) || !defined(BITMASK_BENT) ||                \
+    !defined(SKY_SIZE)
 #error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
 #endif
 
@@ -54,7 +57,8 @@ typedef struct {
 } SsdoGiven;
 
 #define BITMASK_ANGLE 0
-#define BITMASK_MORE (3 * (BITMASK_CONES > 0) + 3 * BITMASK_BOUNCE)
+#define BITMASK_FIRST_SKY (3 * (BITMASK_BENT > 0)) // image behind A
+#define BITMASK_MORE (BITMASK_FIRST_SKY + 3 * (BITMASK_CONES > 0) + 3 * BITMASK_BOUNCE)
 #define SSGI_SCAN_MORE BITMASK_MORE
 #define SSGI_SCAN_KEPT BITMASK_KEPT
 #define SSGI_SCAN_FAR (BITMASK_CONES > 0)
@@ -64,9 +68,13 @@ typedef struct {
 #define SSGI_SCAN_GIVEN SsdoGiven
 #include "common/slices.clh"
 
+#include "ssdo_bitmask/cones.clh"
 #include "ssdo_bitmask/pieces.clh"
 #if BITMASK_CONES
 #include "ssdo_bitmask/sky.clh"
+#endif
+#if BITMASK_BENT
+#include "ssdo_bitmask/bend.clh"
 #endif
 
 SSGI_INLINE void
@@ -80,7 +88,7 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
     const vfloat irradiance = share * (3.14159265f / 32.0f);
 #if BITMASK_CONES
     ssdo_sky(receiver, slice, &gathered->measure, ~(gathered->covered & receiver->active),
-             irradiance, gathered->more);
+             irradiance, gathered->more + BITMASK_FIRST_SKY);
 #endif
 #if BITMASK_BOUNCE
     vfloat *bounce = gathered->more + (BITMASK_MORE - 3);
@@ -88,6 +96,10 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
     for (int c = 0; c < 3; ++c) {
         bounce[c] = v_fma(irradiance, gathered->light[c], bounce[c]);
     }
+#endif
+#if BITMASK_BENT
+    ssdo_bend(receiver, slice, &gathered->measure, gathered->covered & receiver->active,
+              share * (1.5f / 32.0f), gathered->more);
 #endif
 }
 

@@ -36,6 +36,8 @@
 #error "VIEWS_SLICES, _STRATA, _TAPS, _LAYERS, _SENDERS and _BOUNCE must be defined by the host"
 #endif
 
+#include "ssdo_views/surfaces.clh"
+
 #define VIEWS_GOLDEN 0.618033989f
 #define VIEWS_ONSET 1.0f // px that a surface must lie before the receiver to be in front of it
 #define VIEWS_BEFORE 2.0f // px from the receiver to where distances of taps grow from
@@ -51,69 +53,6 @@ static inline vmask views_touches(const vfloat x, const vfloat y, const vfloat z
 {
     return v_gt(v_fma(x, v_splat(a), v_fma(y, v_splat(b), v_fma(z, v_splat(c), v_splat(d)))),
                 -radius);
-}
-
-// The receiver in the other camera's view space.
-typedef struct {
-    vfloat x, y, z, nx, ny, nz;
-    vfloat floor; // height that surfaces must have, plus its own
-    vfloat thick; // of surfaces
-} ViewsReceiver;
-
-// The first surface that the way has come behind.
-typedef struct {
-    vfloat x, y, depth;
-    vint layer;
-    vmask found;
-} ViewsSurface;
-
-// A bit for each layer of the other camera that lies before a depth in a pixel; to *met the first
-// of them that is not among those of `passed` and rises above the receiver's tangent plane. What
-// lies beneath and near may be the receiver's own surface, a pixel aside, and has no bit.
-static inline vint views_before(ssgi_plane depth, const int2 size, const SsgiCamera other,
-                                const ViewsReceiver *at, const vint column, const vint row,
-                                const vfloat z, const vint passed, ViewsSurface *met)
-{
-    const vfloat slope_x = ssgi_slope_x(other, v_to_float(column) + 0.5f);
-    const vfloat slope_y = ssgi_slope_y(other, v_to_float(row) + 0.5f);
-    vint before = v_splat_int(0);
-    met->x = met->y = v_splat(0.0f);
-    met->depth = z;
-    met->layer = v_splat_int(0);
-    met->found = v_splat_int(0);
-    for (int layer = 0; layer < VIEWS_LAYERS; ++layer) {
-        const vfloat surface = ssgi_gather(depth, size, layer, column, row);
-        const vmask nearer = v_lt(surface, z);
-        const vfloat front = v_select(z, surface, nearer);
-        const vfloat k = ssgi_k(other, front);
-        const vfloat x = slope_x * k, y = slope_y * k;
-        const vfloat height = v_fma(at->nx, x, v_fma(at->ny, y, -(at->nz * front)));
-        const vmask rises = nearer & v_gt(height, at->floor);
-        const vint bit = v_splat_int(1 << layer);
-        before = before | (bit & (rises | (nearer & v_gt(z - front, at->thick))));
-        const vmask first = rises & v_ieq(passed & bit, v_splat_int(0)) & ~met->found;
-        met->x = v_select(met->x, x, first);
-        met->y = v_select(met->y, y, first);
-        met->depth = v_select(met->depth, front, first);
-        met->layer = v_iselect(met->layer, v_splat_int(layer), first);
-        met->found = met->found | first;
-    }
-    return before;
-}
-
-// A point's pixel in the other camera's image, and whether it has one.
-static inline vmask views_pixel(const SsgiCamera other, const int2 size, const float nearest,
-                                const vfloat x, const vfloat y, const vfloat z, vint *column,
-                                vint *row)
-{
-    const vfloat inverse_k = 1.0f / ssgi_k(other, v_max(z, v_splat(nearest)));
-    const vfloat across = ssgi_column(other, x * inverse_k);
-    const vfloat down = ssgi_row(other, y * inverse_k);
-    *column = v_to_int(v_clamp(across, 0.0f, (float)(size.x - 1)));
-    *row = v_to_int(v_clamp(down, 0.0f, (float)(size.y - 1)));
-    const vfloat zero = v_splat(0.0f);
-    return v_gt(z, v_splat(nearest)) & v_ge(across, zero) & v_ge(down, zero) &
-           v_lt(across, v_splat((float)size.x)) & v_lt(down, v_splat((float)size.y));
 }
 
 __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const float *restrict table,
@@ -198,6 +137,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                                           v_splat_int(0), &met) & here;
 
     __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);
+    bool finds = false;
     vfloat hidden = zero;
     vfloat total = v_splat(1e-30f);
     vfloat bounce[3] = {zero, zero, zero};
@@ -251,6 +191,8 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 vint passed = passed_here;
                 vfloat before = -oz;
                 vfloat grown = apart * v_exp2(shift * octaves);
+                ViewsSurface first = met;
+                first.found = v_splat_int(0);
                 for (int t = 0; t < VIEWS_TAPS && v_any(open); ++t, grown = grown * growth) {
                     const vfloat reach = grown - apart;
                     at.thick = params.thickness * v_fma(grown, last_way, pixel);
@@ -266,36 +208,39 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                     const vfloat deep = v_max(at.thick, v_abs(qz - before));
                     const vmask hit = inside & met.found & v_lt(qz - met.depth, deep);
                     open = open & ~hit;
-                    added = added | (bits & hit);
-#if VIEWS_SENDERS > 0
-                    const vmask sends = hit & v_ilt(met.layer, v_splat_int(VIEWS_SENDERS));
-                    if (v_any(sends)) {
-                        const vint layer = v_iselect(v_splat_int(0), met.layer, sends);
-                        const vint from_row = layer * (3 * params.rows) + row;
-                        const vfloat gx = ssgi_gather(seen, others, 0, column, from_row);
-                        const vfloat gy = ssgi_gather(seen, others, 1, column, from_row);
-                        const vfloat gz = ssgi_gather(seen, others, 2, column, from_row);
-                        const vfloat facing_it = v_fma(
-                            gx, ox - met.x, v_fma(gy, oy - met.y, gz * (oz + met.depth)));
-                        const vmask lit = sends & v_gt(facing_it, zero);
-                        if (v_any(lit)) {
-                            const vfloat amount =
-                                v_select(zero, v_to_float(v_count_bits(bits)), lit);
-                            for (int c = 0; c < 3; ++c) {
-                                const vfloat sent =
-                                    ssgi_gather(radiance, others, c, column, from_row);
-                                arrives[c] = v_fma(amount, sent, arrives[c]);
-                            }
-                        }
-                    }
-#endif
+                    views_keep(&first, &met, hit);
                     passed = v_iselect(passed, now, inside);
                     before = v_select(before, qz, inside);
                 }
+                added = added | (bits & first.found);
+                // Lanes are hit at different taps: what was hit is looked up once for all.
+#if VIEWS_SENDERS > 0
+                const vmask sends = first.found & v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));
+                if (v_any(sends)) {
+                    const vint layer = v_iselect(v_splat_int(0), first.layer, sends);
+                    const vint from_row = layer * (3 * params.rows) + first.row;
+                    const vfloat gx = ssgi_gather(seen, others, 0, first.column, from_row);
+                    const vfloat gy = ssgi_gather(seen, others, 1, first.column, from_row);
+                    const vfloat gz = ssgi_gather(seen, others, 2, first.column, from_row);
+                    const vfloat facing_it = v_fma(
+                        gx, ox - first.x, v_fma(gy, oy - first.y, gz * (oz + first.depth)));
+                    const vmask lit = sends & v_gt(facing_it, zero);
+                    const vfloat amount = v_select(zero, v_to_float(v_count_bits(bits)), lit);
+                    for (int c = 0; c < 3; ++c) {
+                        const vfloat sent =
+                            ssgi_gather(radiance, others, c, first.column, from_row);
+                        arrives[c] = v_fma(amount, sent, arrives[c]);
+                    }
+                }
+#endif
             }
             from = to;
             from_sector = to_sector;
         }
+        if (!v_any(v_ine(added, v_splat_int(0)))) {
+            continue;
+        }
+        finds = true;
         const vfloat each = slice.share * (1.0f / 32.0f);
         hidden = v_fma(each, v_to_float(v_count_bits(added)), hidden);
         for (int c = 0; c < 3; ++c) {
@@ -303,6 +248,9 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
         }
         // The guard beyond the last column takes what it holds.
         v_istore(covered | added, masks + mask_at);
+    }
+    if (!finds) {
+        return;
     }
     const int open_at = ssgi_index(size, 0, x, y);
     const vfloat before = v_load(light + open_at);

@@ -9,7 +9,8 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.occlusion import finished as complete
 from ssgi_cl.reference.slices import Scan, Slice, finished, scanned
-from ssgi_cl.techniques.gtao import LEAST_OPEN, GtaoParams
+from ssgi_cl.techniques.bent_normals import LEAST_OPEN
+from ssgi_cl.techniques.gtao import GtaoParams
 
 
 def gtao_reference(gbuffer: GBuffer, params: GtaoParams | None = None) -> NDArray[np.float64]:

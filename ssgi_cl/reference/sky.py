@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,16 +23,30 @@ def looked_up(
         free: [rows, columns, sectors].
         cones: directions that are looked up.
     """
-    sectors = free.shape[-1]
-    number = np.arange(sectors)
     total = np.zeros((*free.shape[:2], 3))
-    edges = [_sector(plane, 2.0 * i / cones - 1.0, sectors) for i in range(1, cones)]
-    edges = [np.zeros_like(free[..., :1], int), *edges, np.full_like(free[..., :1], sectors, int)]
-    for cone in range(cones):
-        share = (free & (number >= edges[cone]) & (number < edges[cone + 1])).mean(axis=-1)
-        sine = (2.0 * cone + 1.0) / cones - 1.0
-        total += share[..., None] * texel(sky, _direction(scan, plane, *_turned(plane, sine)))
+    for share, direction in cones_of(scan, plane, free, cones):
+        total += share[..., None] * texel(sky, direction)
     return total
+
+
+def cones_of(
+    scan: Scan, plane: Slice, chosen: NDArray[np.bool_], cones: int
+) -> Iterator[tuple[Doubles, Doubles]]:
+    """Give the share of a slice's sectors that are `chosen` and in a cone, and its direction.
+
+    Args:
+        chosen: [rows, columns, sectors].
+        cones: equal steps of the sine from the projected normal; directions are in world space.
+    """
+    sectors = chosen.shape[-1]
+    number = np.arange(sectors)
+    edges = [_sector(plane, 2.0 * i / cones - 1.0, sectors) for i in range(1, cones)]
+    first = chosen[..., :1]
+    edges = [np.zeros_like(first, int), *edges, np.full_like(first, sectors, int)]
+    for cone in range(cones):
+        share = (chosen & (number >= edges[cone]) & (number < edges[cone + 1])).mean(axis=-1)
+        sine = (2.0 * cone + 1.0) / cones - 1.0
+        yield share, _direction(scan, plane, *_turned(plane, sine))
 
 
 def _turned(plane: Slice, sine: float) -> tuple[Doubles, Doubles]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.bitmask_ao import SECTORS, sector_of, sorted_pair, whole_of
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
-from ssgi_cl.reference.sky import looked_up
+from ssgi_cl.reference.sky import cones_of, looked_up
 from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.reference.ssdo_sides import sides_of
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
@@ -52,7 +52,7 @@ def ssdo_bitmask_reference(
     *,
     sectors: int = SECTORS,
 ) -> Doubles:
-    """Return images [1, 4 or 7, rows, columns] as `SsdoBitmask.gather` does, from the same taps.
+    """Return images [1 to 10, rows, columns] as `SsdoBitmask.gather` does, from the same taps.
 
     Args:
         radiance: [layers, rows, columns, 3] of the G-buffer's arrays, or of twice the layers, those
@@ -73,7 +73,7 @@ def ssdo_bitmask_reference(
     thick = params.thickness > 0.0 or scan.given is not None
     shape = scan.depth.shape
     hidden, whole = np.zeros(shape), np.full(shape, 1e-30)
-    skylight, bounce = np.zeros((*shape, 3)), np.zeros((*shape, 3))
+    skylight, bounce, bend = (np.zeros((*shape, 3)) for _ in range(3))
     number = np.arange(sectors)
     for plane in scan.slices():
         covered = np.zeros((*shape, sectors), bool)
@@ -95,12 +95,19 @@ def ssdo_bitmask_reference(
         hidden += share * covered.mean(axis=-1)
         whole += share
         bounce += share[..., None] * light
+        if params.bent_normals:
+            dark = covered & scan.active[..., None]
+            for part, direction in cones_of(scan, plane, dark, params.cones):
+                bend -= (1.5 * share * part)[..., None] * direction
         if sky is not None:
             free = ~(covered & scan.active[..., None])
             skylight += share[..., None] * looked_up(sky, scan, plane, free, params.cones)
     there = np.isfinite(scan.view.inner(scan.view.depth))
     a = np.where(scan.active, np.clip(1.0 - hidden / whole, 0.0, 1.0), 1.0) ** params.contrast
     images = [a[None]]
+    if params.bent_normals:
+        in_view = bend @ gbuffer.camera.view[:3, :3].T
+        images.append(_irradiance(in_view / np.pi, whole, scan.active))
     if sky is not None:
         images.append(_irradiance(skylight, whole, there))
     if sent is not None:

@@ -12,18 +12,14 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import VIEW_ROTATION, DeviceGBuffer, on_device
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import rotation_values
+from ssgi_cl.techniques.bent_normals import BentNormals
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 from ssgi_cl.tiles import OpenTiles
-
-LEAST_OPEN = 0.02
-"""What a bent normal has along the normal at least, relative to where all is open: where less is
-open than noise, it leans to the normal, and it never lies below the surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,30 +66,14 @@ class Gtao(SliceTechnique[GtaoParams]):
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
         if self.params.bent_normals:
-            self._bend = runtime.kernel("gtao/gtao_bent.cl", {}, (VIEW_ROTATION,))
-            self._bent = runtime.plane(4, size)
+            self._bent = BentNormals(runtime, size)
 
     def run(
         self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
     ) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
         plane = super().run(gbuffer, tiles, layers)
-        if not self.params.bent_normals:
-            return plane
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
-        to_world = camera.view[:3, :3].T
-        self._bend.run(
-            "bent normals",
-            self.size,
-            reads=[plane, gbuffer.normal],
-            writes=[self._bent],
-            values=[
-                np.array(self.margin[::-1], np.int32), np.float32(LEAST_OPEN),
-                VIEW_ROTATION.pack(rotation_values(to_world)),
-            ],
-        )
-        return self._bent
+        return self._bent.run(plane, gbuffer) if self.params.bent_normals else plane
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import product
+from typing import Any
+
+import numpy as np
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.lights import Light
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.ambient import Ambient
@@ -23,6 +26,43 @@ LIT = Struct(
         *((n, "int") for n in ("open_columns", "open_rows")),
     ),
 )
+
+
+class SenderRecords:
+    """What surfaces send and how they are turned, in one place for each pixel.
+
+    Args:
+        runtime: the device.
+        whole: (rows, columns) of the G-buffers, with their margin.
+        layers: of them that send.
+
+    Attributes:
+        array: int32, as kernels/lit_layers/records.clh has it; anything where nothing is.
+    """
+
+    def __init__(self, runtime: Runtime, whole: Size, layers: int) -> None:
+        self.runtime = runtime
+        self.layers = layers
+        self.array: DeviceArray = runtime.empty(
+            4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32
+        )
+        self._nothing = runtime.plane(1, (1, 1))
+
+    def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
+        """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
+        kernel = self.runtime.kernel(
+            "lit_layers/lit_layers.cl", _macros(emission=True, records=True), (LIT,)
+        )
+        for layer in range(self.layers):
+            values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
+            kernel.run(
+                "pack senders",
+                gbuffer.whole,
+                # Without light, what is sent is what is emitted.
+                reads=[gbuffer.depth, gbuffer.normal, radiance, radiance, *[self._nothing] * 3],
+                writes=[self.array],
+                values=[LIT.pack({**values, "layer": layer, "image": layer})],
+            )
 
 
 class LitLayers:
@@ -66,9 +106,10 @@ class LitLayers:
         count = min(self.attributes * len(self._sides), 2)
         self._lamps = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
         self._ambient = Ambient(runtime)
-        self._radiance = runtime.plane(3 * layers * len(self._sides), whole)
+        self._radiance: Plane | None = None
+        self._records: SenderRecords | None = None
         self._nothing = runtime.plane(1, (1, 1))
-        self._traces: defaultdict[int, Trace] = defaultdict(Trace)  # by image
+        self._traces: defaultdict[Any, Trace] = defaultdict(Trace)
 
     def run(
         self,
@@ -92,6 +133,39 @@ class LitLayers:
             3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
             with `backs` as many more behind them; None if all is dark.
         """
+        if self._radiance is None:
+            self._radiance = self.runtime.plane(
+                3 * self.layers * len(self._sides), self.whole
+            )
+        lit = self._run(gbuffer, lights, shadows, openness, step, self._radiance)
+        return self._radiance if lit else None
+
+    def records(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        step: int = 1,
+    ) -> SenderRecords | None:
+        """Queue the same passes; return what they find in one place for each pixel.
+
+        Only the sides that the camera sees have any.
+        """
+        if self._records is None:
+            self._records = SenderRecords(self.runtime, self.whole, self.attributes)
+        lit = self._run(gbuffer, lights, shadows, openness, step, self._records)
+        return self._records if lit else None
+
+    def _run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        openness: Plane | None,
+        step: int,
+        to: Plane | SenderRecords,
+    ) -> bool:
         given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
         if given != (self.whole, self.layers, self.attributes):
             raise ValueError(
@@ -108,9 +182,9 @@ class LitLayers:
                 self.lamps = lamps
             if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
                 self.runtime.skip("lit layers", "no light and no emission")
-                return None
-            self._light(layer, lamps, openness, step, gbuffer.margin)
-        return self._radiance
+                return False
+            self._light(layer, lamps, openness, step, gbuffer.margin, to)
+        return True
 
     def front(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
@@ -131,26 +205,26 @@ class LitLayers:
         openness: Plane | None,
         step: int,
         margin: Size,
+        to: Plane | SenderRecords,
     ) -> None:
+        records = isinstance(to, SenderRecords)
         kernel = self.runtime.kernel(
             "lit_layers/lit_layers.cl",
-            {
-                "LIT_LAMPS": int(lamps is not None),
-                "LIT_AMBIENT": int(self._ambient.shines),
-                "LIT_OPENNESS": int(openness is not None),
-                "LIT_EMISSION": int(self._emits(layer)),
-                "LIT_STEP": step,
-            },
+            _macros(
+                lamps=lamps is not None, ambient=self._ambient.shines,
+                openness=openness is not None, emission=self._emits(layer), records=records,
+                step=step,
+            ),
             (LIT,),
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
         rows, columns = openness.size if openness is not None else (1, 1)
-        image = 3 * (layer.front + (self.layers if layer.facing < 0.0 else 0))
+        image = layer.front + (self.layers if layer.facing < 0.0 else 0)
         values = {
             **rotation_values(layer.camera.view[:3, :3].T),
             "facing": layer.facing,
             "layer": layer.front,
-            "image": image,
+            "image": image if records else 3 * image,
             "margin_columns": margin[1],
             "margin_rows": margin[0],
             "open_columns": columns,
@@ -164,7 +238,17 @@ class LitLayers:
                 layer.depth, layer.normal, layer.albedo, layer.emission,
                 lamps or self._nothing, openness or self._nothing, self._ambient.coefficients,
             ],
-            writes=[self._radiance],
+            writes=[to.array if isinstance(to, SenderRecords) else to],
             values=[LIT.pack(values)],
-            window=self._traces[image].over(layer.window),
+            window=self._traces[image, records].over(layer.window),
         )
+
+
+def _macros(
+    *, lamps: bool = False, ambient: bool = False, openness: bool = False, emission: bool = False,
+    records: bool = False, step: int = 1,
+) -> dict[str, int]:
+    return {
+        "LIT_LAMPS": int(lamps), "LIT_AMBIENT": int(ambient), "LIT_OPENNESS": int(openness),
+        "LIT_EMISSION": int(emission), "LIT_RECORDS": int(records), "LIT_STEP": step,
+    }

@@ -16,6 +16,7 @@ from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import Struct, floats
+from ssgi_cl.techniques.bent_normals import BentNormals
 from ssgi_cl.techniques.lamps import Lamps, ShadowMap
 from ssgi_cl.techniques.lit_layers import LitLayers
 from ssgi_cl.techniques.shadow_maps import checked_lights, uploaded_maps
@@ -47,11 +48,14 @@ class SsdoPlanes:
         direct: 3 images, irradiance by all lights, W/m^2; 0 where nothing is.
         bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
         openness: A, the first image of it, or None if no pass needed it.
+        bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
+            where nothing is. None without `bent_normals`. Further cameras don't count.
     """
 
     direct: Plane
     bounce: Plane | None
     openness: Plane | None
+    bent: Plane | None = None
 
 
 class Ssdo:
@@ -91,6 +95,11 @@ class Ssdo:
                 backs=params.method == "bitmask" and attributes > 1,
             )
         self._openness: SenderOpenness | None = None
+        self._bent: BentNormals | None = None
+        if params.bent_normals:
+            if params.method != "bitmask":
+                raise ValueError(f"bent_normals is True with {params.method!r}: expected 'bitmask'")
+            self._bent = BentNormals(runtime, size)
         self._views: ViewSenders | None = None
         self._lamps: Lamps | None = None
         self._lamp_blur = LampBlur(runtime, params)
@@ -137,8 +146,9 @@ class Ssdo:
         # Then lamps and the whole sky are all there is.
         open_ = (
             tiles is not None and tiles.open == tiles.total and not views
-            and self._sky.image is None
+            and self._sky.image is None and self._bent is None
         )
+        sent: Any = radiance
         sends = radiance is not None
         lamps: Plane | None
         if self._senders is not None and not sends:
@@ -146,10 +156,10 @@ class Ssdo:
                 sends = self._senders.front(gbuffer, lights, shadows)
             else:
                 openness = self._sender_openness(gbuffer, tiles) if ambient else None
-                radiance = self._senders.run(
-                    gbuffer, lights, shadows, openness, SenderOpenness.step
-                )
-                sends = radiance is not None
+                points = self.params.method == "points"
+                light = self._senders.records if points else self._senders.run
+                sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
+                sends = sent is not None
             lamps, lamps_margin = self._senders.lamps, gbuffer.margin
         else:
             self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
@@ -158,18 +168,21 @@ class Ssdo:
             lamps = self._lamp_blur.run(lamps, gbuffer, lights, shadows)
         sends = sends and self.params.bounce
         gathered = None
-        if not sends and not ambient:
+        if not sends and not ambient and self._bent is None:
             self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
         elif not open_:
             sky = self._sky if self._sky.image is not None else None
             source = self._finish.source(gbuffer)
-            light = self._gathered(
-                gbuffer, source, radiance if sends else None, sky, lights, shadows, views, tiles
+            gathered = self._gathered(
+                gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles
             )
             plain = sky is None and not views
-            gathered = self._finish.run(light, source, gbuffer, tiles if plain else None)
+            gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
         self._split(gbuffer, gathered, sends, lamps, lamps_margin)
-        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered)
+        bent = None
+        if self._bent is not None and gathered is not None:
+            bent = self._bent.run(gathered, gbuffer)
+        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered, bent)
 
     def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
         """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
@@ -188,7 +201,7 @@ class Ssdo:
         self,
         gbuffer: DeviceGBuffer,
         source: Any,
-        sent: Plane | None,
+        sent: Any,
         sky: Sky | None,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
@@ -230,6 +243,7 @@ class Ssdo:
                 "SPLIT_SKY": int(gathered is not None and self._sky.image is not None),
                 "SPLIT_BOUNCE": int(bounces),
                 "SPLIT_LAMPS": int(lamps is not None),
+                "SPLIT_FIRST": 1 if self._bent is None else 4,
             },
             (SPLIT,),
         )
@@ -261,7 +275,7 @@ def ssdo(
     views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
     **params: Any,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], ...]:
     """Compute direct light that near surfaces hide, and the light that they reflect once.
 
     Args:
@@ -282,7 +296,8 @@ def ssdo(
 
     Returns:
         Irradiance by all lights and by near surfaces, two [rows, columns, 3] float32 in W/m^2; 0
-        where nothing is there.
+        where nothing is there. With `bent_normals` a third: the mean unoccluded direction, in world
+        space, of unit length; 0 where nothing is.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type, shape or range.
@@ -304,11 +319,10 @@ def ssdo(
             device, lights, shadows=uploaded_maps(lights, rsms, runtime), radiance=sent,
             views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
         )
-        direct, bounce = (
+        images = [
             np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
             for plane in (planes.direct, planes.bounce)
-        )
-    return (
-        np.ascontiguousarray(np.moveaxis(direct, 0, -1)),
-        np.ascontiguousarray(np.moveaxis(bounce, 0, -1)),
-    )
+        ]
+        if planes.bent is not None:
+            images.append(planes.bent.download()[1:])
+    return tuple(np.ascontiguousarray(np.moveaxis(image, 0, -1)) for image in images)

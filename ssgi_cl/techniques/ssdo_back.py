@@ -12,7 +12,7 @@ from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.ssdo_points import SsdoPoints
-from ssgi_cl.techniques.upsample import ReducedGBuffer
+from ssgi_cl.techniques.upsample import ReducedGBuffer, coarse_size
 from ssgi_cl.tiles import OpenTiles
 
 BackEnd = SsdoBitmask | SsdoPoints
@@ -57,8 +57,13 @@ class SenderOpenness:
     def __init__(
         self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int
     ) -> None:
-        low = replace(params, resolution="quarter")
-        self._back = back_end(runtime, size, low, margin, layers)
+        self._back: BackEnd
+        if params.method == "points":
+            coarse = coarse_size(size, self.step)
+            self._back = SsdoPoints(runtime, coarse, 1, params.points(), reduced=True)
+        else:
+            low = replace(params, resolution="quarter", bent_normals=False)
+            self._back = back_end(runtime, size, low, margin, layers)
         self._reduced: ReducedGBuffer | None = None
 
     def run(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None) -> Plane:

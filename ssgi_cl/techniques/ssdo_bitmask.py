@@ -52,8 +52,10 @@ class SsdoBitmaskParams(SliceParams):
         low=0.0, high=1.0, unit="of the other side's",
     )
     cones: int = param(
-        8, "directions of each slice in which an environment's image is looked up", low=1, high=16
+        8, "directions of each slice in which an environment's image is looked up, and what is "
+        "hidden where normals are bent", low=1, high=16
     )
+    bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
 
 
 class SsdoBitmask:
@@ -123,8 +125,9 @@ class SsdoBitmask:
                 in these.
 
         Returns:
-            A, 1 where nothing is; 3 images of the sky's irradiance, W/m^2, if it has an image; 3 of
-            the bounce's if `radiance` is given; 0 where nothing is.
+            A, 1 where nothing is; with `bent_normals` 3 images of what bends the normal, in view
+            space; 3 of the sky's irradiance, W/m^2, if it has an image; 3 of the bounce's if
+            `radiance` is given; 0 where nothing is.
 
         Raises:
             ValueError: the G-buffer or the radiance has another shape.
@@ -144,7 +147,8 @@ class SsdoBitmask:
         sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
         facing = self._sides.run(gbuffer)
         sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.window)
-        light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None))
+        bent = self.params.bent_normals
+        light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent)
         macros = {
             **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
             "SLICES_NEXT": ENDS.index(self.params.end),
@@ -152,6 +156,7 @@ class SsdoBitmask:
             "BITMASK_BOUNCE": int(radiance is not None),
             "BITMASK_BACKS": int(radiance is not None and radiance.count == counts[1]),
             "BITMASK_CONES": 0 if lookup is None else self.params.cones,
+            "BITMASK_BENT": self.params.cones * bent,
             "BITMASK_KEPT": int(self.masks is not None),
             "BITMASK_SIDES": int(sides is not None),
             "SKY_SIZE": SKY_SIZE,

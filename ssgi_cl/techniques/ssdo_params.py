@@ -57,6 +57,9 @@ class SsdoParams(OcclusionParams):
         12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",
         low=0, high=256,
     )
+    bent_normals: bool = param(
+        False, "bitmask: also find the mean unoccluded direction of each pixel"
+    )
     area: str = param(
         "unbiased", "points: of a sender, from the density of taps that find it, or pi radius^2 / "
         "samples as published", choices=AREAS,
@@ -67,7 +70,7 @@ class SsdoParams(OcclusionParams):
         return SsdoBitmaskParams(
             radius=self.radius, slices=self.slices, taps=self.taps,
             thickness=self.thickness, resolution=self.resolution,
-            max_radius_px=self.max_radius_px,
+            max_radius_px=self.max_radius_px, bent_normals=self.bent_normals,
         )
 
     def lamps(self) -> LampShadowParams:

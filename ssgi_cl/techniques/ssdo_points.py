@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.lit_layers import SenderRecords
 from ssgi_cl.techniques.ssao import DEPTH_BIAS
 from ssgi_cl.techniques.ssdo_taps import SETS, TapSets, tap_sets
 from ssgi_cl.techniques.upsample import coarse_size
@@ -22,11 +23,16 @@ POINTS = Struct(
     "PointsParams",
     (
         *floats("radius", "most_px", "bias", "depth_bias", "thickness", "area", "nearest_square"),
-        *((name, "int") for name in ("columns", "rows", "margin_columns", "margin_rows")),
+        *((n, "int") for n in ("columns", "rows", "margin_columns", "margin_rows", "stride")),
     ),
 )
 
 AREAS = ("unbiased", "paper")
+STRIP = 256
+"""Columns that are gone through before those beside them, so that what is read stays near."""
+
+GROUP = 16
+"""Work-items of a work-group, that of devices with lanes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,34 +77,41 @@ class SsdoPoints:
         size: (rows, columns) of the G-buffers' image.
         step: 1, 2 or 4: every step-th pixel of it is a receiver. Taps read the full size.
         params: see `PointsParams`.
+        reduced: whether receivers are the pixels of a reduced G-buffer of that size, which taps
+            read too: its front layer alone.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, step: int = 1, params: PointsParams | None = None
+        self, runtime: Runtime, size: Size, step: int = 1, params: PointsParams | None = None,
+        *, reduced: bool = False,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self.step = step
         self.params = params or PointsParams()
+        self.reduced = reduced
         self._results: dict[int, Plane] = {}
         self._nothing = runtime.plane(1, (1, 1))
         self._sets: TapSets | None = None
         self._lit: Any = None  # what the sets were made for
         self._turn: NDArray[np.float64] | None = None
+        self._near: dict[Any, DeviceArray] = {}
+        self._records: dict[Any, SenderRecords] = {}
         fields = 11
-        self._taps = runtime.empty(4 * self.params.samples * fields * 16, np.float32)
+        self._taps = runtime.empty(16 * self.params.samples * fields, np.float32)
 
     def gather(
-        self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | None, sky: Any,
-        tiles: Any = None,
+        self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | SenderRecords | None,
+        sky: Any, tiles: Any = None,
     ) -> Plane:
         """Queue the pass; return A, the sky's irradiance if it is an image, and the bounce's.
 
         Args:
             gbuffer: depth, of any number of layers, and normals.
-            source: not looked at; receivers are every `step`-th pixel.
-            radiance: that of the layers' visible sides, 3 images for each, W m^-2 sr^-1; None for
-                no bounce. Layers send light as far as there are normals and radiance.
+            source: what is read if this is for reduced ones; else not looked at.
+            radiance: that of the layers' visible sides, 3 images for each, W m^-2 sr^-1, or records
+                of it; None for no bounce. Layers send light as far as there are normals and
+                radiance.
             sky: an `ssgi_cl.techniques.sky.Sky`, of which the image counts, or None.
             tiles: not looked at; taps find what is behind planes too.
 
@@ -106,27 +119,30 @@ class SsdoPoints:
             A plane of ceil(size / step): A in [0, 1], 1 where nothing is; with an image of the sky,
             3 images of irradiance from it; with `radiance`, 3 of the bounce's irradiance, W/m^2.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
+        read = source if self.reduced else gbuffer
+        if read.size != self.size:
+            raise ValueError(f"the G-buffer's size is {read.size}: expected {self.size}")
         camera = gbuffer.camera
         if camera is None:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
         image = None if sky is None else sky.image
         self._prepare(camera.view[:3, :3], image)
-        senders = 0
-        if radiance is not None:
-            senders = min(radiance.count, gbuffer.normal.count) // 3
+        if isinstance(radiance, Plane):
+            radiance = self._packed_senders(gbuffer, radiance)
+        senders = 0 if radiance is None else radiance.layers
+        layers = 1 if self.reduced else gbuffer.layers
+        thickness = None if self.reduced else gbuffer.thickness
         params = self.params
         kernel = self.runtime.kernel(
             "ssdo_points/ssdo_points.cl",
             {
                 "POINTS_COUNT": params.samples,
-                "POINTS_LAYERS": gbuffer.layers,
+                "POINTS_LAYERS": layers,
                 "POINTS_SENDERS": senders,
                 "POINTS_STEP": self.step,
                 "POINTS_SKY": int(image is not None),
                 "POINTS_PAPER": int(params.area == "paper"),
-                "POINTS_THICKNESS": int(gbuffer.thickness is not None),
+                "POINTS_THICKNESS": int(thickness is not None),
             },
             (CAMERA, POINTS),
         )
@@ -139,13 +155,50 @@ class SsdoPoints:
             "ssdo points",
             result.size,
             reads=[
-                gbuffer.depth, gbuffer.normal, gbuffer.thickness or self._nothing,
-                radiance or self._nothing, self._taps,
+                read.depth, read.normal, thickness or self._nothing,
+                self._sorted(read.depth, layers),
+                self._nothing if radiance is None else radiance.array, self._taps,
             ],
             writes=[result],
-            values=[gbuffer.camera_struct, self._packed(gbuffer)],
+            values=[read.camera_struct, self._packed(read)],
+            grid=self._grid(result.size),
         )
         return result
+
+    def _grid(self, size: Size) -> Size | None:
+        lanes = self.runtime.form.lanes
+        if lanes == 1:
+            return None
+        rows = GROUP * 4 * lanes // STRIP  # of a work-group
+        return -(-size[0] // rows) * -(-size[1] // STRIP), GROUP
+
+    def _packed_senders(self, gbuffer: DeviceGBuffer, radiance: Plane) -> SenderRecords:
+        layers = min(radiance.count, gbuffer.normal.count) // 3
+        key = gbuffer.whole, layers
+        if key not in self._records:
+            self._records[key] = SenderRecords(self.runtime, *key)
+        self._records[key].pack(gbuffer, radiance)
+        return self._records[key]
+
+    def _sorted(self, depth: Plane, layers: int) -> DeviceArray:
+        """Queue the pass that sorts the rows of all layers by column modulo 4."""
+        rows, columns = depth.size
+        wide = SETS[1] * _stride(columns)
+        key = depth.size, layers
+        if key not in self._near:
+            self._near[key] = self.runtime.array(
+                np.zeros((layers * rows + 2) * (wide + GUARD), np.float32)
+            )
+        kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": layers})
+        all_columns = (columns, 0, 1, 0, 0)  # from the first on, each
+        kernel.run(
+            "ssdo depth",
+            (rows, wide),
+            reads=[depth],
+            writes=[self._near[key]],
+            values=[np.array([columns, rows], np.int32), *map(np.int32, all_columns)],
+        )
+        return self._near[key]
 
     def _prepare(self, turn: NDArray[np.float64], image: NDArray[np.float64] | None) -> None:
         """Bring the taps to the device, unless those of this sky and camera are there."""
@@ -157,7 +210,7 @@ class SsdoPoints:
             self._taps.upload(tap_table(self._sets, turn))
             self._turn = turn.copy()
 
-    def _packed(self, gbuffer: DeviceGBuffer) -> Any:
+    def _packed(self, gbuffer: Any) -> Any:
         params = self.params
         return POINTS.pack(
             {
@@ -172,12 +225,18 @@ class SsdoPoints:
                 "rows": gbuffer.whole[0],
                 "margin_columns": gbuffer.margin[1],
                 "margin_rows": gbuffer.margin[0],
+                "stride": _stride(gbuffer.whole[1]),
             }
         )
 
 
+def _stride(columns: int) -> int:
+    """Return the floats of a quarter of a sorted row, a multiple of the lanes of every form."""
+    return -(-columns // (SETS[1] * GUARD)) * GUARD
+
+
 def tap_table(sets: TapSets, turn: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return [4 rows, taps, fields, 16 columns] as kernels/ssdo_points/ssdo_points.cl reads it.
+    """Return [4 rows, 4 columns, taps, fields] as kernels/ssdo_points/ssdo_points.cl reads it.
 
     Args:
         sets: the taps of a tile.
@@ -191,6 +250,4 @@ def tap_table(sets: TapSets, turn: NDArray[np.float64]) -> NDArray[np.float32]:
     ]
     if sets.light is not None:
         fields += [sets.light[..., 0, :] / length, sets.light[..., 1, :] / length]
-    table = np.concatenate(fields, axis=-1)  # row, column, tap, field
-    table = np.tile(table.transpose(0, 2, 3, 1), SETS[1])
-    return np.ascontiguousarray(table, np.float32)
+    return np.ascontiguousarray(np.concatenate(fields, axis=-1), np.float32)

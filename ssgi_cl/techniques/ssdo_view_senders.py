@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ from ssgi_cl.techniques.ssdo_lamps import lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.ssdo_views import SsdoViews, ViewsParams
 
+COARSER = 4
+"""How many times fewer slices and taps find A of the surfaces that further cameras see."""
+
 
 class ViewSenders:
     """Lights what further cameras see and adds it, one camera after the other.
@@ -33,6 +37,10 @@ class ViewSenders:
         # Four taps in two directions, 16 in four, 64 in eight.
         self.views = ViewsParams(
             strata=max(ViewsParams().strata, math.isqrt(params.view_taps)), taps=params.view_taps
+        )
+        # Few sectors are left for a camera, and each of its surfaces counts in few of them.
+        self._coarse = replace(
+            params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER)
         )
         self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
@@ -76,7 +84,7 @@ class ViewSenders:
                 lamps_of(self.runtime, view.whole, self.params), emission=self.params.emission,
             )
             openness = SenderOpenness(
-                self.runtime, view.size, self.params, view.margin, view.layers
+                self.runtime, view.size, self._coarse, view.margin, view.layers
             )
             self._senders[shape] = lit, openness
         return self._senders[shape]

@@ -12,7 +12,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.memory import Size
 from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.lit_layers import LitLayers
+from ssgi_cl.techniques.lit_layers import LitLayers, SenderRecords
 
 from .analytic import camera, scene
 
@@ -134,6 +134,34 @@ def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
             expected = expected.download()
         np.testing.assert_allclose(half, expected, atol=1e-6 * expected.max())
         assert expected[3:].any()
+
+
+def test_records_have_radiance_to_the_bit_and_normals(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    device = on_device(layered(rng, (3, 5)), form_runtime)
+    technique = LitLayers(form_runtime, device.whole, 2)
+    with form_runtime.frame():
+        radiance = technique.run(device, LIGHTS)
+        records = technique.records(device, LIGHTS)
+        assert radiance is not None
+        assert records is not None
+        packed = SenderRecords(form_runtime, device.whole, 2)
+        packed.pack(device, radiance)
+        expected = np.moveaxis(radiance.download().reshape(2, 3, *device.whole), 1, -1)
+        normal = np.moveaxis(device.normal.download().reshape(2, 3, *device.whole), 1, -1)
+    there = np.isfinite(device.depth.download())
+    rows, columns = device.whole
+    for found in (records, packed):
+        quads = found.array.download().reshape(2, rows, -1, 4)[:, :, :columns][there]
+        np.testing.assert_array_equal(quads[:, :3].view(np.float32), expected[there])
+        u, v = quads[:, 3] >> 16, (quads[:, 3] << 16) >> 16
+        unfolded = np.stack([u, v, 32767 - np.abs(u) - np.abs(v)], -1).astype(np.float64)
+        under = np.maximum(-unfolded[:, 2:], 0.0)
+        unfolded[:, :2] -= np.copysign(under, unfolded[:, :2])
+        unfolded /= np.linalg.norm(unfolded, axis=-1, keepdims=True)
+        # Half a step of 1 / 32767 in two coordinates, both in the third; a face is .58 away.
+        np.testing.assert_allclose(unfolded, normal[there], atol=6e-5)
 
 
 def test_without_light_and_emission_nothing_is_sent(

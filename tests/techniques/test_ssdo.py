@@ -63,11 +63,34 @@ def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(
 ) -> None:
     made = camera(size=(32, 48))
     gbuffer = trace(made, [tilted(made, 40.0)])
-    direct, bounce = ssdo(gbuffer, [SKY], runtime=runtime, method=method, **QUICK)
+    direct, bounce, *bent = ssdo(
+        gbuffer, [SKY], runtime=runtime, method=method, bent_normals=method == "bitmask", **QUICK
+    )
     expected = np.broadcast_to(np.pi * np.asarray(SKY.radiance), direct.shape)
     there = np.isfinite(np.asarray(gbuffer.depth))
     np.testing.assert_allclose(direct[there], expected[there], rtol=1e-5)  # a few roundings
     assert not bounce.any()
+    for found in bent:  # where all is open, the normal itself
+        np.testing.assert_allclose(found, np.asarray(gbuffer.normal), atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("views", [0, 1])
+def test_bent_normals_are_those_of_gtao_if_slices_are_many(
+    runtime: Runtime, corner: GBuffer, views: int
+) -> None:
+    one = GBuffer(
+        camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"),
+        albedo=corner.first("albedo"),
+    )
+    many: dict[str, Any] = {"slices": 8, "taps": 32, "blur_radius": 0, "bent_normals": True}
+    further = [one] * views  # sees nothing more
+    _, _, bent = ssdo(one, [SKY, SUN], 1.0, views=further, runtime=runtime, **many)
+    _, wanted = gi.gtao(one, 1.0, runtime=runtime, **many)
+    np.testing.assert_allclose(np.linalg.norm(bent, axis=-1), 1.0, rtol=1e-5)
+    # Horizons hide all below them, pieces what they cover; neither is right at a silhouette.
+    assert float(np.sum(bent * wanted, axis=-1).mean()) > 0.999
+    assert float(np.sum(bent * one.inner(np.asarray(one.normal)), axis=-1).mean()) < 0.99
 
 
 def test_lamps_shine_as_they_do_in_shading(form_runtime: Runtime, corner: GBuffer) -> None:
@@ -212,6 +235,11 @@ def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
         for taps in (4, 16, 64)
     )
     assert np.abs(more - most).mean() < 0.7 * np.abs(few - most).mean()
+
+
+def test_bent_normals_need_the_bitmask(runtime: Runtime, corner: GBuffer) -> None:
+    with pytest.raises(ValueError, match=r"bent_normals is True with 'points': expected 'bitmask'"):
+        ssdo(corner, [SKY], runtime=runtime, method="points", bent_normals=True)
 
 
 def test_views_need_the_bitmask_and_gbuffers(runtime: Runtime, corner: GBuffer) -> None:

@@ -27,6 +27,8 @@ RADIUS = 0.6
 ROUNDING = 1e-4
 """Of A, and of irradiance from radiance and sky up to 1: a position rounds to some 1e-6 radii,
 which the onset of occlusion multiplies by 50; a small sender's area has an error of 1e-4."""
+NORMALS = 6e-4
+"""Of irradiance: a sender's normal is kept to 6e-5, and near ones count up to 16 pi."""
 FLIPS = 2e-3
 """Share of pixels in which one tap may fall to the other side of a pixel's edge or a surface: a
 pixel position is rounded to about 2^-18 px, and there are 16 taps and two surfaces to each."""
@@ -69,7 +71,8 @@ def assert_alike(one: Gathered, other: Gathered) -> None:
     for name in ("openness", "sky", "bounce"):
         a, b = getattr(one, name), getattr(other, name)
         assert np.isfinite(a).all()
-        off = np.abs(a - b) > ROUNDING * np.maximum(1.0, np.abs(b))
+        most = NORMALS if name == "bounce" else ROUNDING
+        off = np.abs(a - b) > most * np.maximum(1.0, np.abs(b))
         assert np.mean(off) <= FLIPS, name
 
 

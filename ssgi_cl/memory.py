@@ -46,23 +46,23 @@ class DeviceArray:
 
     def upload(self, values: NDArray[Any]) -> None:
         """Replace the contents; same dtype, at most the same number of elements."""
-        cl = opencl()
-
-        flat = np.ascontiguousarray(values, self.dtype).ravel()
-        if flat.size > self.count:
-            raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
-        if flat.size:
-            cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=True)
+        self._copy(np.ascontiguousarray(values, self.dtype), wait=True)
+        self._sent = None
 
     def send(self, values: NDArray[Any]) -> None:
         """As `upload`, but of a copy, which the device takes when it has done what was queued."""
+        self._sent = self._copy(np.array(values, self.dtype, order="C"), wait=False)
+
+    def _copy(self, values: NDArray[Any], wait: bool) -> Any:
         cl = opencl()
 
-        flat = np.array(values, self.dtype, order="C").ravel()
-        if flat.size > self.count:
-            raise ValueError(f"values has {flat.size} elements: expected at most {self.count}")
-        if flat.size:
-            self._sent = cl.enqueue_copy(self.runtime.queue, self.buffer, flat, is_blocking=False)
+        if values.size > self.count:
+            raise ValueError(f"values has {values.size} elements: expected at most {self.count}")
+        if not values.size:
+            return None
+        return cl.enqueue_copy(
+            self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait
+        )
 
     def download(self) -> NDArray[Any]:
         """Return a copy of the contents."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -96,7 +97,8 @@ class Renderer:
         self._ssdo: Ssdo | None = None
         self._views: FurtherViews | None = None
         if isinstance(indirect, SsdoParams):
-            self._ssdo = Ssdo(runtime, size, indirect, margin, layers, attributes)
+            near_params = replace(indirect, bent_normals=False)  # a picture has none
+            self._ssdo = Ssdo(runtime, size, near_params, margin, layers, attributes)
             self._views = FurtherViews(runtime, views) if views else None
         elif isinstance(indirect, MultiresSplatParams):
             self._bounce = MultiresSplat(runtime, size, indirect)

@@ -34,7 +34,7 @@ class MultiresByError(Own):
     """
 
     lights: int = 1024
-    light_share: float = 1.0
+    light_share: float = 0.7
     coarsest: int = 16
     SETTINGS: tuple[str, ...] = ("5-permille", "10-permille", "20-permille", "40-permille")
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // cut_mean: irradiance at some samples by runs of lights, for the mean of the image.
 //
-// Method:  Runs of 16, or of 4 where there are at most 256 lights, or each of at most 64: of 64 or
-//          more, the mean is within some per cent; 16 runs of 256 lights miss a quarter.
+// Method:  Runs of 16 from 1024 lights on, of 4 from 256 on, else each light: of 64 or more, the
+//          mean is within some per cent; 16 runs of 256 lights miss a quarter.
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
 //          records  of all segments, see cluster.clh
@@ -39,7 +39,7 @@ __kernel void cut_mean(ssgi_plane depth, ssgi_plane normal, __global const int *
     const vint pixel = v_igather(list + 1, v_imin(n, v_splat_int(samples - 1)));
     const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
     const int stride = params.stride;
-    const int level = total > 256 ? 2 : total > 64 ? 1 : 0;
+    const int level = total >= 1024 ? 2 : total >= 256 ? 1 : 0;
     const int share = 1 << 2 * level; // lights of a run
     vfloat sum = v_splat(0.0f);
     for (int segment = 0; segment * stride < total; ++segment) {

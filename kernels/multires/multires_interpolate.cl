@@ -97,10 +97,11 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
     // Corners that count for less than others move the value towards those, by half of the way.
     const vfloat uneven = 1.0f - least * inverse * (float)(1 << lines);
     const vmask all = v_gt(least, zero);
+    const vmask known = v_gt(sum, v_splat(MULTIRES_LEAST));
     vfloat share = zero;
     // Nothing more needs to be known where even a tilted line between the corners would do.
     const vfloat tilted = v_fma(uneven, v_splat(0.5f), v_splat(0.25f)) * range;
-    if (v_any(there & ~(all & v_lt(tilted, v_splat(begins))))) {
+    if (v_any(there & ~(known & all & v_lt(tilted, v_splat(begins))))) {
         vfloat slope = zero;
         vfloat bend = v_splat(-1.0f);
 #pragma unroll
@@ -124,7 +125,6 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
             v_fma(uneven * 0.5f, v_select(slope * MULTIRES_BEYOND, range, all),
                   v_select(zero, straight, all));
         const vfloat over = (v_select(error, v_min(error, tilted), all) - begins) * rate;
-        const vmask known = v_gt(sum, v_splat(MULTIRES_LEAST));
         share = v_select(v_splat(1.0f), v_min(v_max(over, zero), v_splat(1.0f)), known);
         share = v_select(zero, share, there);
     }

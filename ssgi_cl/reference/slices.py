@@ -139,9 +139,10 @@ class Scan:
         self.facing = n[..., 0] * self.slope[0] + n[..., 1] * self.slope[1] - n[..., 2]
         self.clamped = np.minimum(self.facing, -LEAST_FACING * np.sqrt(self.sight))
         # A normal that is turned away is turned back along the line of sight.
-        back = np.where(self.facing > 0.0, (self.facing - self.clamped) / self.sight, 0.0)
+        turned = np.minimum(self.facing, LEAST_FACING * np.sqrt(self.sight))
+        back = np.where(self.facing > 0.0, (self.facing + turned) / self.sight, 0.0)
         self.normal = n - back[..., None] * np.stack([*self.slope, -np.ones_like(back)], axis=-1)
-        self.facing = np.where(self.facing > 0.0, self.clamped, self.facing)
+        self.facing = np.where(self.facing > 0.0, -turned, self.facing)
         wanted_px = params.radius * view.pixels_per_unit(depth)
         limit_px = params.max_radius_px / view.step
         radius_px = np.minimum(wanted_px, limit_px)

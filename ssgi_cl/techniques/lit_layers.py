@@ -47,6 +47,7 @@ class SenderRecords:
             4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32
         )
         self._nothing = runtime.plane(1, (1, 1))
+        self._no_ambient = runtime.array(np.zeros(1, np.float32))
 
     def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
         """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
@@ -59,7 +60,8 @@ class SenderRecords:
                 "pack senders",
                 gbuffer.whole,
                 # Without light, what is sent is what is emitted.
-                reads=[gbuffer.depth, gbuffer.normal, radiance, radiance, *[self._nothing] * 3],
+                reads=[gbuffer.depth, gbuffer.normal, radiance, radiance, self._nothing,
+                       self._nothing, self._no_ambient],
                 writes=[self.array],
                 values=[LIT.pack({**values, "layer": layer, "image": layer})],
             )
@@ -174,7 +176,8 @@ class LitLayers:
             )
         self._ambient.set(lights)
         self.lamps = None
-        for back, number in product(self._sides, range(self.attributes)):
+        sides = (False,) if isinstance(to, SenderRecords) else self._sides
+        for back, number in product(sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             first = number == 0 and not back
             lamps = self._lamps[0 if first else 1].run(layer, lights, shadows)

@@ -65,7 +65,7 @@ def bound_scale(step: int) -> float:
 
     A point of a coarse level moves the result at many pixels round it, and costs no more than one
     of the finest: with errors as step^(-2/3) or step^-1 as many points made less of an RMSE than
-    with equal ones (Cornell box, hall). 3.5 makes the RMSE 0.6 and 0.8 of the bound there.
+    with equal ones (Cornell box, hall). 3.5 makes the RMSE 0.6 and 0.7 of the bound there.
     """
     return 3.5 * math.pow(step, -2.0 / 3.0)
 

@@ -7,7 +7,7 @@ from typing import Any
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.bilateral import Bilateral
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample
@@ -28,7 +28,7 @@ class Finish:
         self.size = size
         self._step = RESOLUTIONS[params.resolution]
         self._late = self._step > 1 and params.blur_resolution == "full"
-        self._smooth = BilateralParams(radius=params.blur_radius, passes=params.blur_passes)
+        self._smooth = params.blur
         self._reduced: ReducedGBuffer | None = None
         self._blurs: dict[int, Bilateral] = {}
         self._upsamples: dict[int, Upsample] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ssgi_cl.params import param
+from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.techniques.lamp_shadows import LampShadowParams
 from ssgi_cl.techniques.occlusion import OcclusionParams
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
@@ -58,12 +59,18 @@ class SsdoParams(OcclusionParams):
         low=0, high=256,
     )
     bent_normals: bool = param(
-        False, "bitmask: also find the mean unoccluded direction of each pixel"
+        False, "bitmask: also find the mean unoccluded direction of each pixel, of which further "
+        "cameras change nothing"
     )
     area: str = param(
         "unbiased", "points: of a sender, from the density of taps that find it, or pi radius^2 / "
         "samples as published", choices=AREAS,
     )
+
+    @property
+    def blur(self) -> BilateralParams:
+        """What light is blurred with."""
+        return BilateralParams(radius=self.blur_radius, passes=self.blur_passes)
 
     def bitmask(self) -> SsdoBitmaskParams:
         """Return the parameters of the bitmask's back end."""

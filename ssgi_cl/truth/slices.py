@@ -289,7 +289,7 @@ def _turned_back(view: SurfaceView, position: Doubles) -> SurfaceView:
     if not view.camera.is_orthographic:
         sight = -position / np.maximum(np.linalg.norm(position, axis=-1, keepdims=True), 1e-30)
     facing = np.sum(view.normal * sight, axis=-1, keepdims=True)
-    back = np.where(facing < 0.0, LEAST_FACING - facing, 0.0) * sight
+    back = np.where(facing < 0.0, np.minimum(-facing, LEAST_FACING) - facing, 0.0) * sight
     return replace(view, normal=view.normal + back)
 
 

@@ -130,7 +130,7 @@ def test_kernels_agree_with_numpy_twin(
     np.testing.assert_allclose(e[both], wanted[both], rtol=1e-3, atol=1e-5 * wanted.mean())
 
 
-@pytest.mark.parametrize("count", [40, 200])
+@pytest.mark.parametrize("count", [200, 300, 1024])
 def test_errors_are_shares_of_the_mean_with_few_lights_and_many(
     runtime: Runtime, count: int
 ) -> None:

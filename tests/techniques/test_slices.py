@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,24 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     a = subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
     wanted = subject.reference(gbuffer, subject.params(radius=RADIUS, blur_radius=0))
     assert share_off(a, wanted, ROUNDING) <= FLIPS
+
+
+def test_normals_that_turn_away_agree_with_numpy_twin(
+    runtime: Runtime, rng: np.random.Generator, subject: Subject
+) -> None:
+    made = camera("orthographic")
+    gbuffer = scene("ball", made, rng)
+    seen = np.isfinite(np.asarray(gbuffer.depth))
+    ahead = -made.view[2, :3]
+    leaning = np.asarray(gbuffer.normal) + np.where(seen[..., None], 0.3 * ahead, 0.0)
+    leaning /= np.maximum(np.linalg.norm(leaning, axis=-1, keepdims=True), 1e-9)
+    averted = leaning @ ahead > 0.0
+    assert 20 < np.count_nonzero(averted) < 0.1 * averted.size
+    smooth = replace(gbuffer, normal=leaning.astype(np.float32))
+    a = subject.function(smooth, RADIUS, blur_radius=0, runtime=runtime)
+    wanted = subject.reference(smooth, subject.params(radius=RADIUS, blur_radius=0))
+    # Angles are measured in parts of a cosine of .05 there.
+    np.testing.assert_allclose(a[averted], wanted[averted], atol=2.0 * ROUNDING)
 
 
 SHARED: dict[str, dict[str, Any]] = {

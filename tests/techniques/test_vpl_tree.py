@@ -25,6 +25,9 @@ from ssgi_cl.vpls import Vpls, choose_vpls
 
 from .analytic import CAMERAS, camera, scene
 
+SHARE = 0.25
+"""Of what is computed, which is added to what is there."""
+
 
 def lights(rng: np.random.Generator, count: int = 300) -> Vpls:
     """Patches of lights of alike direction round the analytic scenes, as on surfaces."""
@@ -62,12 +65,12 @@ class Lit:
         self.tree = VplTree(runtime, device, 0, int("cut" in values))
         source, samples = uploaded(runtime, gbuffer), every_pixel(runtime, self.seen)
         result, shares = runtime.plane(3, gbuffer.size), runtime.plane(1, gbuffer.size)
-        shares.upload(np.ones((1, *gbuffer.size), np.float32))
+        shares.upload(np.full((1, *gbuffer.size), SHARE, np.float32))
         self.tree.reserve(self.seen.size)
         self.tree.update()
         self.tree.measure(source, samples, values, 0.01, light_error)
         self.tree.shine(source, samples, self.seen.size, shares, result, values)
-        self.irradiance = np.moveaxis(result.download(), 0, -1)
+        self.irradiance = np.moveaxis(result.download(), 0, -1) / SHARE
         self.tolerance = float(self.tree.limits.download()[1])
 
     def in_view(self, gbuffer: GBuffer) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -164,9 +164,8 @@ def directional(method: str) -> Any:
     def run(given: Inputs, runtime: Runtime) -> Iterator[Array]:
         params: dict[str, Any] = {"method": method, "slices": 1, "taps": 6, "samples": 8}
         yield from ssdo(given.gbuffer, given.lights, runtime=runtime, **params)
-        views = [given.view] if method == "bitmask" else []
         yield from ssdo(
-            given.single, given.lights, rsms=(*given.maps, None, None), views=views,
+            given.single, given.lights, rsms=(*given.maps, None, None), views=[given.view],
             runtime=runtime, **params,
         )
 

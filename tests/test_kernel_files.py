@@ -33,6 +33,7 @@ from ssgi_cl.techniques.sight_grid import TURN
 from ssgi_cl.techniques.slices import SLICES
 from ssgi_cl.techniques.ssao import SSAO
 from ssgi_cl.techniques.ssdo import SPLIT
+from ssgi_cl.techniques.ssdo_point_views import POINT_VIEWS
 from ssgi_cl.techniques.ssdo_points import POINTS
 from ssgi_cl.techniques.ssdo_views import VIEWS
 from ssgi_cl.techniques.upsample import UPSAMPLE
@@ -237,12 +238,22 @@ USES = {
             for gathered, sky, bounce, lamps in ((0, 0, 1, 1), (1, 0, 0, 0), (1, 1, 1, 1))
         ],
     ),
+    "ssdo_point_views/ssdo_point_seen.cl": Use((CAMERA, POINT_VIEWS), [{"SEEN_LAYERS": 2}]),
+    "ssdo_point_views/ssdo_point_views.cl": Use(
+        (CAMERA, POINTS, POINT_VIEWS),
+        [
+            {"POINT_VIEWS_COUNT": 16, "POINT_VIEWS_LAYERS": layers,
+             "POINT_VIEWS_SENDERS": senders, "POINT_VIEWS_STEP": step, "POINT_VIEWS_SKY": sky,
+             "POINT_VIEWS_PAPER": paper, "POINT_VIEWS_THICKNESS": paper}
+            for layers, senders, step, sky, paper in ((1, 0, 1, 0, 0), (2, 1, 2, 1, 1))
+        ],
+    ),
     "ssdo_points/ssdo_points.cl": Use(
         (CAMERA, POINTS),
         [
             {"POINTS_COUNT": 16, "POINTS_LAYERS": layers, "POINTS_SENDERS": senders,
              "POINTS_STEP": step, "POINTS_SKY": sky, "POINTS_PAPER": paper,
-             "POINTS_THICKNESS": paper}
+             "POINTS_THICKNESS": paper, "POINTS_KEPT": sky}
             for layers, senders, step, sky, paper in (
                 (1, 0, 1, 0, 0), (2, 2, 2, 1, 0), (2, 1, 4, 0, 1)
             )

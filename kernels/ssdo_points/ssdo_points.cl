@@ -22,9 +22,11 @@
 // Writes:  gathered [rows, columns] without margin: A in [0, 1]; with POINTS_SKY 3 images of the
 //          sky's irradiance; with POINTS_SENDERS > 0 3 images of the bounce's, W/m^2. Where
 //          nothing is: 1, and 0
+//          kept     with POINTS_KEPT ceil(POINTS_COUNT / 32) images of int as a plane, a bit for
+//                   each tap that lies in the image, and as many of those that hide
 // Macros:  POINTS_COUNT (1..256), POINTS_LAYERS (>= 1), POINTS_SENDERS (0..POINTS_LAYERS layers
 //          that send light), POINTS_STEP (1, 2, 4 pixels from one receiver to the next),
-//          POINTS_SKY, POINTS_PAPER, POINTS_THICKNESS (0, 1)
+//          POINTS_SKY, POINTS_PAPER, POINTS_THICKNESS, POINTS_KEPT (0, 1)
 // Launch:  one lane: a work-item a receiver; else 16 for pieces of 4 SSGI_LANES columns, which make
 //          strips of 256 columns and one or more rows, strip by strip
 // Cost:    POINTS_COUNT depth reads per receiver; one more for each deeper layer where a tap lies
@@ -37,11 +39,12 @@
 
 #if !defined(POINTS_COUNT) || !defined(POINTS_LAYERS) || !defined(POINTS_SENDERS) ||               \
     !defined(POINTS_STEP) || !defined(POINTS_SKY) || !defined(POINTS_PAPER) ||                     \
-    !defined(POINTS_THICKNESS)
+    !defined(POINTS_THICKNESS) || !defined(POINTS_KEPT)
 #error "the macros POINTS_* of the header must be defined by the host"
 #endif
 
 #define POINTS_FIELDS (POINTS_SKY ? 11 : 5)
+#define POINTS_WORDS ((POINTS_COUNT + 31) / 32)
 
 #include "ssdo_points/queue.clh"
 
@@ -86,6 +89,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
                           __global const float *restrict near,
                           __global const int *restrict senders,
                           __global const float *restrict taps, __global float *restrict gathered,
+                          __global float *restrict kept, // bits of ints
                           const int2 size, // of the result
                           const SsgiCamera camera, const PointsParams params)
 {
@@ -111,6 +115,9 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
 #if POINTS_SKY
     vfloat sky[3][POINTS_PHASES];
 #endif
+#if POINTS_KEPT
+    vint known_taps[POINTS_WORDS][POINTS_PHASES], hiding_taps[POINTS_WORDS][POINTS_PHASES];
+#endif
 #if POINTS_SENDERS > 0
     PointsQueue queue;
     points_begin(&queue);
@@ -123,6 +130,11 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
         open[phase] = v_splat(1.0f);
 #if POINTS_SKY
         sky[0][phase] = sky[1][phase] = sky[2][phase] = zero;
+#endif
+#if POINTS_KEPT
+        for (int word = 0; word < POINTS_WORDS; ++word) {
+            known_taps[word][phase] = hiding_taps[word][phase] = v_splat_int(0);
+        }
 #endif
         if (!v_any(there)) {
             continue;
@@ -223,6 +235,11 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
             }
             hidden = v_fma(weight, hides, hidden);
             known = known + v_select(zero, weight, counts);
+#if POINTS_KEPT
+            const vint bit = v_splat_int(1 << (i & 31));
+            known_taps[i / 32][phase] |= counts & bit;
+            hiding_taps[i / 32][phase] |= v_gt(hides, zero) & bit;
+#endif
 #if POINTS_SKY
             const vmask turned = v_lt(side, zero);
             for (int c = 0; c < 3; ++c) {
@@ -246,6 +263,12 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
 #endif
     }
     points_store(open, gathered, size, 0, x, y);
+#if POINTS_KEPT
+    for (int word = 0; word < POINTS_WORDS; ++word) {
+        points_store((const vfloat *)known_taps[word], kept, size, word, x, y);
+        points_store((const vfloat *)hiding_taps[word], kept, size, POINTS_WORDS + word, x, y);
+    }
+#endif
 #if POINTS_SKY
     for (int c = 0; c < 3; ++c) {
         points_store(sky[c], gathered, size, 1 + c, x, y);

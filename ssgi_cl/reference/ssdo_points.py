@@ -26,15 +26,21 @@ class Gathered:
         openness: A in [0, 1], 1 where nothing is.
         sky: [rows, columns, 3] irradiance of the sky's image, W/m^2.
         bounce: [rows, columns, 3] irradiance that other surfaces send, W/m^2.
+        known: [taps, rows, columns] whether a tap lies in the image; None if not looked at.
+        hides: likewise, whether it hides.
     """
 
     openness: Doubles
     sky: Doubles
     bounce: Doubles
+    known: NDArray[np.bool_] | None = None
+    hides: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class _Receivers:
+class Receivers:
+    """What taps are taken round, in the view space of the camera whose layers are read."""
+
     there: NDArray[np.bool_]
     active: NDArray[np.bool_]
     position: Doubles
@@ -63,16 +69,17 @@ def ssdo_points_reference(
         sets: other taps than the kernel's: more of them, the same or not for all pixels.
     """
     params = params or PointsParams()
-    views = _layers(gbuffer)
+    views = layers_of(gbuffer)
     sets = sets or tap_sets(params.samples, None if sky is None else np.asarray(sky, np.float64))
     sent = None if radiance is None else np.asarray(radiance, np.float64)
-    at = _receivers(views[0], params, step)
+    at = receivers(views[0], params, step)
     given = gbuffer.first("thickness")
     y, x = np.indices(at.there.shape)
     shape = at.there.shape
     hidden, known = np.zeros(shape), np.zeros(shape)
     light, unknown = np.zeros((*shape, 3)), np.zeros((*shape, 3))
     bounce = np.zeros((*shape, 3))
+    in_image, hiding = [], []
     turn = gbuffer.camera.view[:3, :3]
     for number in range(sets.length.shape[2]):
         way = sets.direction[y % 4, x % 4, number] @ turn.T
@@ -82,9 +89,12 @@ def ssdo_points_reference(
         way = np.where(turned[..., None], -way, way)
         cosine = np.abs(cosine)
         length = sets.length[y % 4, x % 4, number] * at.radius
-        counts, hides, arriving = _tap(
-            views, given, sent, at, at.position + length[..., None] * way, solid_angle, params
+        counts, hides, arriving = look_up(
+            views, given, sent, at, at.position + length[..., None] * way,
+            NEAREST_SAMPLE * -at.position[..., 2], solid_angle, params,
         )
+        in_image.append(counts)
+        hiding.append(hides > 0.0)
         hidden += np.where(counts, hides, 0.0) * solid_angle * cosine
         known += np.where(counts, solid_angle * cosine, 0.0)
         bounce += np.where(counts[..., None], arriving, 0.0)
@@ -99,11 +109,12 @@ def ssdo_points_reference(
     there = at.there[..., None]
     return Gathered(
         openness, np.where(there, light + unknown * openness[..., None], 0.0),
-        np.where(there, bounce, 0.0),
+        np.where(there, bounce, 0.0), np.stack(in_image), np.stack(hiding),
     )
 
 
-def _layers(gbuffer: GBuffer) -> list[SurfaceView]:
+def layers_of(gbuffer: GBuffer) -> list[SurfaceView]:
+    """Return each depth layer as an image of its own."""
     depth: NDArray[np.float32] = gbuffer.depth  # type: ignore[assignment]
     normal: NDArray[np.float32] | None = gbuffer.normal  # type: ignore[assignment]
     deep = depth if depth.ndim == 3 else depth[None]
@@ -114,7 +125,8 @@ def _layers(gbuffer: GBuffer) -> list[SurfaceView]:
     return views
 
 
-def _receivers(view: SurfaceView, params: PointsParams, step: int) -> _Receivers:
+def receivers(view: SurfaceView, params: PointsParams, step: int) -> Receivers:
+    """Return every step-th pixel."""
     row, column = (view.inner(centre)[::step, ::step] for centre in view.centres())
     depth = view.inner(view.depth)[::step, ::step]
     there = np.isfinite(depth)
@@ -122,7 +134,7 @@ def _receivers(view: SurfaceView, params: PointsParams, step: int) -> _Receivers
     wanted_px = params.radius * view.pixels_per_unit(depth)
     shrink = np.minimum(params.max_radius_px / wanted_px, 1.0)
     radius = params.radius * shrink
-    return _Receivers(
+    return Receivers(
         there=there,
         active=there & (wanted_px * shrink >= step),
         position=view.position(row, column, depth),
@@ -132,20 +144,32 @@ def _receivers(view: SurfaceView, params: PointsParams, step: int) -> _Receivers
     )
 
 
-def _tap(
+def look_up(
     views: list[SurfaceView],
     given: NDArray[np.float32] | None,
     sent: Doubles | None,
-    at: _Receivers,
+    at: Receivers,
     tap: Doubles,
+    nearest: Doubles | float,
     solid_angle: Doubles,
     params: PointsParams,
 ) -> tuple[NDArray[np.bool_], Doubles, Doubles]:
-    """Return whether each pixel's tap counts, how much it hides, and the light that comes."""
+    """Return whether each pixel's tap counts, how much it hides, and the light that comes.
+
+    Args:
+        views: a camera's layers.
+        given: thickness of the front one, or None.
+        sent: [layers, rows, columns, 3] radiance, or None.
+        at: receivers in the camera's view space, as the taps' places are.
+        tap: [rows, columns, 3] places of the taps.
+        nearest: depth of a tap up to which it doesn't count.
+        solid_angle: of the taps' directions, steradians.
+        params: see `PointsParams`.
+    """
     front = views[0]
     depth = -tap[..., 2]
-    visible = at.active & (depth > NEAREST_SAMPLE * -at.position[..., 2])
-    row, column = front.pixel(np.where(visible[..., None], tap, at.position))
+    visible = at.active & (depth > nearest)
+    row, column = front.pixel(np.where(visible[..., None], tap, [0.0, 0.0, -1.0]))
     rows, columns = front.depth.shape
     counts = visible & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     row = np.clip(np.floor(row), 0, rows - 1).astype(int)
@@ -159,7 +183,7 @@ def _tap(
             thick = given[row, column].astype(np.float64)
         back = np.minimum(seen + thick, deeper)
         within = counts & (depth > seen) & (depth < back)
-        seen = np.where(within, seen, -at.position[..., 2])
+        seen = np.where(within, seen, np.maximum(-at.position[..., 2], nearest))
         surface = view.position(row + 0.5, column + 0.5, seen)
         way = surface - at.position
         height = np.sum(way * at.normal, axis=-1)
@@ -179,7 +203,7 @@ def _tap(
 
 def _form(
     way: Doubles,
-    at: _Receivers,
+    at: Receivers,
     facing: Doubles,
     along: Doubles,
     thickness: Doubles,

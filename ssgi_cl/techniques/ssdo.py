@@ -49,7 +49,7 @@ class SsdoPlanes:
         bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
         openness: A, the first image of it, or None if no pass needed it.
         bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
-            where nothing is. None without `bent_normals`. Further cameras don't count.
+            where nothing is. None without `bent_normals`. Further cameras change A alone.
     """
 
     direct: Plane
@@ -131,7 +131,7 @@ class Ssdo:
                 "bitmask" as many more may follow for the sides that the camera doesn't see.
             views: what further cameras see, of any size, margin and layers; surfaces that they see
                 hide and send light where the G-buffer shows none. Each is done with before the
-                next is asked for. Only with the method "bitmask".
+                next is asked for.
             tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
                 in these.
         """
@@ -214,17 +214,14 @@ class Ssdo:
         if first is None:
             return self._back.gather(gbuffer, source, sent, sky, tiles)
         if self._views is None:
-            if self.params.method != "bitmask":
-                raise ValueError("there are views: expected none without the method 'bitmask'")
             self._views = ViewSenders(self.runtime, self.params)
             size, margin, layers, _ = self._shape
-            self._back = back_end(self.runtime, size, self.params, margin, layers, masks=True)
+            self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
         light = self._back.gather(gbuffer, source, sent, sky, tiles)
-        masks = getattr(self._back, "masks", None)
-        assert masks is not None  # noqa: S101  they were asked for
+        self._views.begin(gbuffer)
         for view in chain((first,), views):
             self._views.add(
-                light, masks, gbuffer, source, view, lights, shadows, sends=sent is not None
+                light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None
             )
         return light
 
@@ -290,7 +287,7 @@ def ssdo(
             size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
             albedo and emission.
         views: what further cameras see under the same lights (see `extra_cameras`): surfaces that
-            only they see hide and send light too. Only with the method "bitmask".
+            only they see hide and send light too.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
 

@@ -25,11 +25,11 @@ def back_end(
     margin: Size,
     layers: int,
     *,
-    masks: bool = False,
+    kept: bool = False,
 ) -> BackEnd:
     """Return what gathers light for G-buffers of such a shape; see `Ssdo`.
 
-    `masks` asks for those that further cameras need, which only the bitmask has.
+    `kept` asks for what further cameras need: sectors that are covered, or taps that hide.
     """
     if params.method == "bitmask":
         bitmask = params.bitmask()
@@ -37,16 +37,19 @@ def back_end(
         wider = 1.0 + sum(border / length for border, length in zip(margin, size, strict=True))
         taps = min(round(bitmask.taps * wider), MOST_TAPS)
         return SsdoBitmask(
-            runtime, size, replace(bitmask, taps=taps), margin, layers, masks=masks
+            runtime, size, replace(bitmask, taps=taps), margin, layers, masks=kept
         )
-    return SsdoPoints(runtime, size, RESOLUTIONS[params.resolution], params.points())
+    return SsdoPoints(
+        runtime, size, RESOLUTIONS[params.resolution], params.points(), kept=kept
+    )
 
 
 class SenderOpenness:
     """A of surfaces that send the sky's light, at a quarter of the size.
 
     A receiver takes the mean over many of them, so neither size nor noise shows. Without it closed
-    rooms send several times the light they should.
+    rooms send several times the light they should. With points, of the front layer alone, as thick
+    as the parameter says.
 
     Attributes:
         step: pixels of the G-buffer from one of the result to the next.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size
+from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
@@ -79,11 +79,18 @@ class SsdoPoints:
         params: see `PointsParams`.
         reduced: whether receivers are the pixels of a reduced G-buffer of that size, which taps
             read too: its front layer alone.
+        kept: whether `kept` is wanted.
+
+    Attributes:
+        bounces: whether the last call gathered a bounce.
+        kept: int32, a bit for each tap of the last call that lies in the image, and then for each
+            that hides, as kernels/ssdo_points/ssdo_points.cl has it. None if not wanted.
+        wide_taps: the taps of the last call, as further cameras read them. None likewise.
     """
 
     def __init__(
         self, runtime: Runtime, size: Size, step: int = 1, params: PointsParams | None = None,
-        *, reduced: bool = False,
+        *, reduced: bool = False, kept: bool = False,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -92,6 +99,7 @@ class SsdoPoints:
         self.reduced = reduced
         self._results: dict[int, Plane] = {}
         self._nothing = runtime.plane(1, (1, 1))
+        self._no_senders = runtime.array(np.zeros(1, np.int32))
         self._sets: TapSets | None = None
         self._lit: Any = None  # what the sets were made for
         self._turn: NDArray[np.float64] | None = None
@@ -99,6 +107,14 @@ class SsdoPoints:
         self._records: dict[Any, SenderRecords] = {}
         fields = 11
         self._taps = runtime.empty(16 * self.params.samples * fields, np.float32)
+        self.bounces = False
+        self.kept: DeviceArray | None = None
+        self.wide_taps: DeviceArray | None = None
+        if kept:
+            words = 2 * -(-self.params.samples // 32)
+            count, pitch = plane_shape(words, coarse_size(size, step))
+            self.kept = runtime.array(np.zeros(count * pitch, np.int32))
+            self.wide_taps = runtime.empty(64 * self.params.samples * fields, np.float32)
 
     def gather(
         self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | SenderRecords | None,
@@ -125,11 +141,14 @@ class SsdoPoints:
         camera = gbuffer.camera
         if camera is None:
             raise ValueError("the device G-buffer is empty: draw or upload something first")
+        if self.reduced and radiance is not None:
+            raise ValueError("there is radiance: expected none with reduced receivers")
         image = None if sky is None else sky.image
         self._prepare(camera.view[:3, :3], image)
         if isinstance(radiance, Plane):
             radiance = self._packed_senders(gbuffer, radiance)
         senders = 0 if radiance is None else radiance.layers
+        self.bounces = senders > 0
         layers = 1 if self.reduced else gbuffer.layers
         thickness = None if self.reduced else gbuffer.thickness
         params = self.params
@@ -143,6 +162,7 @@ class SsdoPoints:
                 "POINTS_SKY": int(image is not None),
                 "POINTS_PAPER": int(params.area == "paper"),
                 "POINTS_THICKNESS": int(thickness is not None),
+                "POINTS_KEPT": int(self.kept is not None),
             },
             (CAMERA, POINTS),
         )
@@ -157,10 +177,10 @@ class SsdoPoints:
             reads=[
                 read.depth, read.normal, thickness or self._nothing,
                 self._sorted(read.depth, layers),
-                self._nothing if radiance is None else radiance.array, self._taps,
+                self._no_senders if radiance is None else radiance.array, self._taps,
             ],
-            writes=[result],
-            values=[read.camera_struct, self._packed(read)],
+            writes=[result, self.kept or self._nothing],
+            values=[read.camera_struct, self.packed(read)],
             grid=self._grid(result.size),
         )
         return result
@@ -207,15 +227,19 @@ class SsdoPoints:
             self._lit = image
             self._turn = None
         if self._turn is None or not np.array_equal(turn, self._turn):
-            self._taps.upload(tap_table(self._sets, turn))
+            table = tap_table(self._sets, turn)
+            self._taps.upload(table)
+            if self.wide_taps is not None:
+                self.wide_taps.upload(np.tile(table.transpose(0, 2, 3, 1), 4))
             self._turn = turn.copy()
 
-    def _packed(self, gbuffer: Any) -> Any:
+    def packed(self, gbuffer: Any) -> Any:
+        """Return the kernel's struct for receivers of a G-buffer."""
         params = self.params
         return POINTS.pack(
             {
                 "radius": params.radius,
-                "most_px": params.max_radius_px,
+                "most_px": params.max_radius_px / (gbuffer.step if self.reduced else 1),
                 "bias": params.bias,
                 "depth_bias": DEPTH_BIAS,
                 "thickness": params.thickness,

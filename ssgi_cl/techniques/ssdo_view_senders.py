@@ -11,13 +11,16 @@ import numpy as np
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.lights import Environment, Light
-from ssgi_cl.memory import DeviceArray, Plane
+from ssgi_cl.memory import Plane
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import ShadowMap
 from ssgi_cl.techniques.lit_layers import LitLayers
-from ssgi_cl.techniques.ssdo_back import SenderOpenness
+from ssgi_cl.techniques.ssdo_back import BackEnd, SenderOpenness
+from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask
 from ssgi_cl.techniques.ssdo_lamps import lamps_of
 from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo_point_views import SsdoPointViews
+from ssgi_cl.techniques.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.ssdo_views import SsdoViews, ViewsParams
 
 COARSER = 4
@@ -40,15 +43,25 @@ class ViewSenders:
         )
         # Few sectors are left for a camera, and each of its surfaces counts in few of them.
         self._coarse = replace(
-            params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER)
+            params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER),
+            samples=-(-params.samples // COARSER),
         )
-        self._technique = SsdoViews(runtime, params.bitmask(), self.views)
+        self._technique: SsdoViews | SsdoPointViews
+        if params.method == "points":
+            self._technique = SsdoPointViews(runtime, params.points())
+        else:
+            self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
+
+    def begin(self, gbuffer: DeviceGBuffer) -> None:
+        """Forget all cameras but the first one, whose G-buffer is given."""
+        if isinstance(self._technique, SsdoPointViews):
+            self._technique.begin(gbuffer)
 
     def add(
         self,
         light: Plane,
-        masks: DeviceArray,
+        back: BackEnd,
         gbuffer: DeviceGBuffer,
         source: Any,
         view: DeviceGBuffer,
@@ -60,20 +73,30 @@ class ViewSenders:
         """Queue the passes of one further camera.
 
         Args:
-            light, masks, gbuffer, source: see `SsdoViews.add`.
+            light: what the back end gathered.
+            back: that end, which kept what it found covered.
+            gbuffer, source: what it was made from.
             view: what the camera sees.
             lights, shadows: see `LitLayers.run`.
             sends: whether surfaces send light, or hide it alone.
         """
-        radiance = None
+        radiance: Any = None
         if sends:
             senders, openness = self._for(view)
             ambient = any(
                 isinstance(light, Environment) and np.any(light.radiance) for light in lights
             )
             open_ = openness.run(view) if ambient else None
-            radiance = senders.run(view, lights, shadows, open_, openness.step)
-        self._technique.add(light, masks, gbuffer, source, view, radiance)
+            points = isinstance(self._technique, SsdoPointViews)
+            light_up = senders.records if points else senders.run
+            radiance = light_up(view, lights, shadows, open_, openness.step)
+        if isinstance(self._technique, SsdoPointViews):
+            assert isinstance(back, SsdoPoints)  # noqa: S101  of the same method
+            self._technique.add(light, back, gbuffer, view, radiance)
+        else:
+            assert isinstance(back, SsdoBitmask)  # noqa: S101  likewise
+            assert back.masks is not None  # noqa: S101  they were asked for
+            self._technique.add(light, back.masks, gbuffer, source, view, radiance)
 
     def _for(self, view: DeviceGBuffer) -> tuple[LitLayers, SenderOpenness]:
         """Return what lights a view of such a shape; views share it."""

@@ -177,15 +177,16 @@ class Plane:
             memory.base.release(queue)
         return out
 
-    def copy_image(self, index: int, source: Plane) -> None:
-        """Queue a copy of the first image of `source`, of the same size, to image `index`."""
+    def copy_image(self, index: int, source: Plane, count: int = 1) -> None:
+        """Queue a copy of the first images of `source`, of the same size, to those from `index` on.
+        """
         import pyopencl as cl
 
         if source.size != self.size:
             raise ValueError(f"source has size {source.size}: expected {self.size}")
         size = self.size[0] * self.pitch * 4
         event = cl.enqueue_copy(
-            self.runtime.queue, self.buffer, source.buffer, byte_count=size,
+            self.runtime.queue, self.buffer, source.buffer, byte_count=count * size,
             src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
         )
         self.runtime.record("copy", event)

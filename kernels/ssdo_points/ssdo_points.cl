@@ -265,8 +265,13 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
     points_store(open, gathered, size, 0, x, y);
 #if POINTS_KEPT
     for (int word = 0; word < POINTS_WORDS; ++word) {
-        points_store((const vfloat *)known_taps[word], kept, size, word, x, y);
-        points_store((const vfloat *)hiding_taps[word], kept, size, POINTS_WORDS + word, x, y);
+        vfloat known_bits[POINTS_PHASES], hiding_bits[POINTS_PHASES];
+        for (int phase = 0; phase < POINTS_PHASES; ++phase) {
+            known_bits[phase] = v_from_bits(known_taps[word][phase]);
+            hiding_bits[phase] = v_from_bits(hiding_taps[word][phase]);
+        }
+        points_store(known_bits, kept, size, word, x, y);
+        points_store(hiding_bits, kept, size, POINTS_WORDS + word, x, y);
     }
 #endif
 #if POINTS_SKY

@@ -13,7 +13,7 @@ from ssgi_cl.memory import Plane
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.lit_layers import SenderRecords
-from ssgi_cl.techniques.ssdo_points import POINTS, PointsParams, SsdoPoints
+from ssgi_cl.techniques.ssdo_points import POINTS, SsdoPoints
 
 POINT_VIEWS = Struct(
     "PointViewsParams",
@@ -25,16 +25,14 @@ POINT_VIEWS = Struct(
 
 
 class SsdoPointViews:
-    """Adds what further cameras see to the result of `SsdoPoints`, prepared for its parameters.
+    """Adds what further cameras see to the result of `SsdoPoints`.
 
     Args:
         runtime: the device.
-        params: those of the taps.
     """
 
-    def __init__(self, runtime: Runtime, params: PointsParams) -> None:
+    def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        self.params = params
         # Cameras, on the device too, their depth, and layers of it that send.
         self._before: list[tuple[Any, Any, Plane, int]] = []
         self._kept: dict[Any, Plane] = {}
@@ -70,17 +68,19 @@ class SsdoPointViews:
             raise ValueError("a device G-buffer is empty: draw or upload something first")
         if points.kept is None or points.wide_taps is None:
             raise ValueError("points keeps no taps: expected one that was made with kept=True")
+        if records is not None and not points.bounces:
+            raise ValueError("there are records: expected None, as points gathered no bounce")
         if records is not None:
-            self._darken(other, records)
+            self._darken(other, records, points.params.radius)
         kernel = self.runtime.kernel(
             "ssdo_point_views/ssdo_point_views.cl",
             {
-                "POINT_VIEWS_COUNT": self.params.samples,
+                "POINT_VIEWS_COUNT": points.params.samples,
                 "POINT_VIEWS_LAYERS": other.layers,
                 "POINT_VIEWS_SENDERS": 0 if records is None else records.layers,
                 "POINT_VIEWS_STEP": points.step,
                 "POINT_VIEWS_SKY": int(light.count > 1 + 3 * points.bounces),
-                "POINT_VIEWS_PAPER": int(self.params.area == "paper"),
+                "POINT_VIEWS_PAPER": int(points.params.area == "paper"),
                 "POINT_VIEWS_THICKNESS": int(other.thickness is not None),
             },
             (CAMERA, POINTS, POINT_VIEWS),
@@ -96,11 +96,11 @@ class SsdoPointViews:
             writes=[light, points.kept],
             values=[
                 gbuffer.camera_struct, other.camera_struct, points.packed(gbuffer),
-                self._packed(gbuffer.camera, other.camera, other.whole),
+                _packed(gbuffer.camera, other.camera, other.whole, points.params.radius),
             ],
         )
 
-    def _darken(self, other: DeviceGBuffer, records: SenderRecords) -> None:
+    def _darken(self, other: DeviceGBuffer, records: SenderRecords, radius: float) -> None:
         """Queue the passes that leave each surface to the first camera that shows it."""
         assert other.camera is not None  # noqa: S101  asked for above
         for camera, camera_struct, depth, layers in self._before:
@@ -116,27 +116,30 @@ class SsdoPointViews:
                     writes=[records.array],
                     values=[
                         other.camera_struct, camera_struct,
-                        self._packed(other.camera, camera, depth.size, layer),
+                        _packed(other.camera, camera, depth.size, radius, layer),
                     ],
                 )
         # The next camera may be drawn to the same memory.
-        key = len(self._before), other.whole
+        key = len(self._before), other.whole, records.layers
         if key not in self._kept:
-            self._kept[key] = self.runtime.plane(1, other.whole)
-        self._kept[key].copy_image(0, other.depth)
-        self._before.append((other.camera, other.camera_struct, self._kept[key], 1))
-
-    def _packed(self, camera: Camera, further: Camera, whole: Any, layer: int = 0) -> Any:
-        # In float64: both cameras may be far from the world's origin and near each other.
-        turn = further.view[:3, :3] @ camera.view[:3, :3].T
-        shift = further.view[:3, 3] - turn @ camera.view[:3, 3]
-        return POINT_VIEWS.pack(
-            {
-                **rotation_values(turn),
-                **dict(zip(("shift_x", "shift_y", "shift_z"), shift.tolist(), strict=True)),
-                "nearest": 1e-3 * self.params.radius,
-                "columns": whole[1],
-                "rows": whole[0],
-                "layer": layer,
-            }
+            self._kept[key] = self.runtime.plane(records.layers, other.whole)
+        self._kept[key].copy_image(0, other.depth, records.layers)
+        self._before.append(
+            (other.camera, other.camera_struct, self._kept[key], records.layers)
         )
+
+
+def _packed(camera: Camera, further: Camera, whole: Any, radius: float, layer: int = 0) -> Any:
+    # In float64: both cameras may be far from the world's origin and near each other.
+    turn = further.view[:3, :3] @ camera.view[:3, :3].T
+    shift = further.view[:3, 3] - turn @ camera.view[:3, 3]
+    return POINT_VIEWS.pack(
+        {
+            **rotation_values(turn),
+            **dict(zip(("shift_x", "shift_y", "shift_z"), shift.tolist(), strict=True)),
+            "nearest": 1e-3 * radius,
+            "columns": whole[1],
+            "rows": whole[0],
+            "layer": layer,
+        }
+    )

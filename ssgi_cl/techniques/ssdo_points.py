@@ -85,7 +85,7 @@ class SsdoPoints:
         bounces: whether the last call gathered a bounce.
         kept: int32, a bit for each tap of the last call that lies in the image, and then for each
             that hides, as kernels/ssdo_points/ssdo_points.cl has it. None if not wanted.
-        wide_taps: the taps of the last call, as further cameras read them. None likewise.
+        wide_taps: the taps of the last call, [4 rows, taps, fields, 16 columns]. None likewise.
     """
 
     def __init__(
@@ -100,6 +100,7 @@ class SsdoPoints:
         self._results: dict[int, Plane] = {}
         self._nothing = runtime.plane(1, (1, 1))
         self._no_senders = runtime.array(np.zeros(1, np.int32))
+        self._no_bits = runtime.array(np.zeros(1, np.int32))
         self._sets: TapSets | None = None
         self._lit: Any = None  # what the sets were made for
         self._turn: NDArray[np.float64] | None = None
@@ -179,7 +180,7 @@ class SsdoPoints:
                 self._sorted(read.depth, layers),
                 self._no_senders if radiance is None else radiance.array, self._taps,
             ],
-            writes=[result, self.kept or self._nothing],
+            writes=[result, self.kept or self._no_bits],
             values=[read.camera_struct, self.packed(read)],
             grid=self._grid(result.size),
         )

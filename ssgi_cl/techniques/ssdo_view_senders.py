@@ -48,7 +48,7 @@ class ViewSenders:
         )
         self._technique: SsdoViews | SsdoPointViews
         if params.method == "points":
-            self._technique = SsdoPointViews(runtime, params.points())
+            self._technique = SsdoPointViews(runtime)
         else:
             self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}

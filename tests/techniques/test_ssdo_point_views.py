@@ -64,7 +64,7 @@ class Case:
         self.plane = self.points.gather(
             self.device, self.device, sent, SimpleNamespace(image=sky)
         )
-        self.views = SsdoPointViews(runtime, params)
+        self.views = SsdoPointViews(runtime)
         self.views.begin(self.device)
 
     def add(self, other: GBuffer, sent: Doubles | None) -> SenderRecords | None:
@@ -143,7 +143,7 @@ def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime, variant
     found = case.found()
     again = case.add(other, sent)
     assert again is not None
-    assert dark_in(again).reshape(2, 31, -1)[0, :, :41][there[0]].all()
+    assert dark_in(again).reshape(2, 31, -1)[:, :, :41][there].all()
     np.testing.assert_array_equal(case.found().openness, found.openness)
 
 
@@ -214,7 +214,8 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
         found = case.found()
         np.testing.assert_allclose(found.bounce[..., 1], 0.5 * found.bounce[..., 0], rtol=1e-5)
         sums.append(found.bounce[..., 0].mean())
-        assert (found.openness <= before.openness + 1e-6).mean() > 0.5
+        # The wall hides a good part of the half ball over its foot, a few per cent of the image.
+        assert found.openness.mean() < before.openness.mean() - 0.01
     assert sums[0] > before.bounce.mean() + 0.05
     # What the second one adds is at the edges of what the first of the two shows.
     assert sums[1] == pytest.approx(sums[0], rel=0.1)

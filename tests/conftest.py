@@ -35,17 +35,20 @@ def every_form(request: pytest.FixtureRequest) -> Runtime:
 
 @pytest.fixture(
     scope="session",
-    params=[
-        FORMS[0], pytest.param(Form(8, "buffer"), marks=pytest.mark.slow), FORMS[-1]
-    ],
-    ids=_named,
+    params=[None, *(pytest.param(form, marks=pytest.mark.slow) for form in FORMS)],
+    ids=lambda form: "default" if form is None else _named(form),
 )
 def form_runtime(request: pytest.FixtureRequest) -> Runtime:
-    """As `every_form`, but 8 lanes are for the slow tests, and 1 lane reads images alone.
+    """The device under test with its default kernel variant; the slow tests take the others too.
 
-    What is a form's own lies in `lanes.clh` and `gbuffer.clh`; their tests, and those that hold the
-    results of all techniques and forms to each other, use `every_form`.
+    What differs between variants lies in `lanes.clh` and `gbuffer.clh`. Their tests, and those that
+    hold the results of all techniques to each other, cover every variant in each run.
     """
+    default = Runtime.open()
+    if request.param is None:
+        return default
+    if request.param == default.form:
+        pytest.skip("this is the default variant")
     return _opened(request.param)
 
 

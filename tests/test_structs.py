@@ -36,51 +36,62 @@ def test_the_text_is_that_of_the_members() -> None:
     assert struct.dtype == np.dtype([("a", "<f4"), ("b", "<f4"), ("n", "<i4")])
 
 
-@pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.name)
-def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime, struct: Struct) -> None:
-    offsets = "\n".join(
-        f"result[{1 + i}] = (int)((__private const char *)&s.{name} - (__private const char *)&s);"
-        for i, (name, _) in enumerate(struct.members)
-    )
+def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime) -> None:
+    expected: list[int] = []
+    lines = []
+    for struct in STRUCTS:
+        fields = struct.dtype.fields
+        assert fields is not None
+        lines.append(f"result[{len(expected)}] = (int)sizeof({struct.name});")
+        expected.append(struct.dtype.itemsize)
+        for name, _ in struct.members:
+            lines.append(
+                f"result[{len(expected)}] = (int)((__private const char *)&of_{struct.name}.{name}"
+                f" - (__private const char *)&of_{struct.name});"
+            )
+            expected.append(fields[name][1])
+    declared = "\n".join(f"{struct.name} of_{struct.name};" for struct in STRUCTS)
+    body = "\n".join(lines)
     kernel = form_runtime.kernel_from_text(
         "layout",
         f"""__kernel void layout(__global int *restrict result, const int2 size)
         {{
-            {struct.name} s;
-            result[0] = (int)sizeof(s);
-            {offsets}
+            {declared}
+            {body}
         }}
         """,
-        structs=[struct],
+        structs=STRUCTS,
     )
-    result = form_runtime.empty(1 + len(struct.members), np.int32)
+    result = form_runtime.empty(len(expected), np.int32)
     kernel.run("layout", (1, 1), [], [result], grid=(1, 1), local=(1, 1))
-    dtype = struct.dtype
-    fields = dtype.fields
-    assert fields is not None
-    expected = [dtype.itemsize, *(fields[name][1] for name, _ in struct.members)]
     assert result.download().tolist() == expected
 
 
-@pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.name)
-def test_every_member_arrives_in_the_kernel(form_runtime: Runtime, struct: Struct) -> None:
-    copies = "\n".join(f"result[{i}] = (float)s.{m};" for i, (m, _) in enumerate(struct.members))
+def test_every_member_arrives_in_the_kernel(form_runtime: Runtime) -> None:
+    expected: list[float] = []
+    lines, packed = [], []
+    for struct in STRUCTS:
+        values = {}
+        for name, _ in struct.members:
+            lines.append(f"result[{len(expected)}] = (float)of_{struct.name}.{name};")
+            values[name] = float(3 + 2 * len(expected))
+            expected.append(values[name])
+        packed.append(struct.pack(values))
+    arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in STRUCTS)
+    body = "\n".join(lines)
     kernel = form_runtime.kernel_from_text(
         "members",
         f"""__kernel void members(__global float *restrict result, const int2 size,
-                                  const {struct.name} s)
+                                  {arguments})
         {{
-            {copies}
+            {body}
         }}
         """,
-        structs=[struct],
+        structs=STRUCTS,
     )
-    result = form_runtime.empty(len(struct.members), np.float32)
-    values = {name: float(3 + 2 * i) for i, (name, _) in enumerate(struct.members)}
-    kernel.run(
-        "members", (1, 1), [], [result], [struct.pack(values)], grid=(1, 1), local=(1, 1)
-    )
-    assert result.download().tolist() == list(values.values())
+    result = form_runtime.empty(len(expected), np.float32)
+    kernel.run("members", (1, 1), [], [result], packed, grid=(1, 1), local=(1, 1))
+    assert result.download().tolist() == expected
 
 
 def test_a_missing_member_is_named() -> None:

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl import drivers
+from ssgi_cl.errors import DeviceError
 from ssgi_cl.runtime import Runtime
 
 from .expression import run_expression, run_expressions
@@ -52,6 +53,16 @@ def divides_exactly(runtime: Runtime) -> bool:
     return runtime.info.kind == "cpu"
 
 
+@pytest.fixture(scope="session", params=[1, 8, 16])
+def every_width(request: pytest.FixtureRequest) -> Runtime:
+    """The device under test with each number of lanes that it takes; storage does not matter here.
+    """
+    try:
+        return Runtime.open(lanes=request.param, storage="buffer")
+    except DeviceError as error:
+        pytest.skip(str(error))
+
+
 ARITHMETIC = {
     "sum": "x + y",
     "difference": "x - y",
@@ -75,11 +86,11 @@ def operands(rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
 
 
 def test_arithmetic_rounds_as_ieee_754_says(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     given = operands(rng)
     x, y, z = given["x"], given["y"], given["z"]
-    result = run_expressions(every_form, LANES, ARITHMETIC, **given)
+    result = run_expressions(every_width, LANES, ARITHMETIC, **given)
     expected = {
         "sum": x + y,
         "difference": x - y,
@@ -96,10 +107,10 @@ def test_arithmetic_rounds_as_ieee_754_says(
     for name, values in rounded.items():
         # OpenCL allows 2.5 (division) and 3 (square root) units in the last place; CPUs are exact.
         error = np.abs(bits(result[name]).astype(np.int64) - bits(values))
-        assert error.max() <= (0 if divides_exactly(every_form) else 6), name
+        assert error.max() <= (0 if divides_exactly(every_width) else 6), name
 
 
-def test_every_form_gives_the_same_bits(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_every_width_gives_the_same_bits(every_width: Runtime, rng: np.random.Generator) -> None:
     expressions = {
         **ARITHMETIC,
         "exp2": "v_exp2(x)",
@@ -111,26 +122,26 @@ def test_every_form_gives_the_same_bits(every_form: Runtime, rng: np.random.Gene
     }
     given = operands(rng)
     plain = Runtime.open(lanes=1, storage="buffer")
-    here = run_expressions(every_form, LANES, expressions, **given)
+    here = run_expressions(every_width, LANES, expressions, **given)
     there = run_expressions(plain, LANES, expressions, **given)
     for name in expressions:
         np.testing.assert_array_equal(bits(here[name]), bits(there[name]), err_msg=name)
 
 
-def test_splat_and_iota_fill_the_lanes(every_form: Runtime) -> None:
+def test_splat_and_iota_fill_the_lanes(every_width: Runtime) -> None:
     x = np.zeros(32, np.float32)
-    assert (run_expression(every_form, LANES, "v_splat(0.1f)", x=x) == np.float32(0.1)).all()
+    assert (run_expression(every_width, LANES, "v_splat(0.1f)", x=x) == np.float32(0.1)).all()
     whole = run_expressions(
-        every_form, LANES, {"splat": "v_splat_int(-7)", "iota": "v_iota()"}, returns="vint", x=x
+        every_width, LANES, {"splat": "v_splat_int(-7)", "iota": "v_iota()"}, returns="vint", x=x
     )
     assert (whole["splat"] == -7).all()
-    np.testing.assert_array_equal(whole["iota"], np.arange(32) % every_form.form.lanes)
+    np.testing.assert_array_equal(whole["iota"], np.arange(32) % every_width.form.lanes)
 
 
-def test_comparisons_of_floats_give_0_or_all_bits(every_form: Runtime) -> None:
+def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME, np.inf, -np.inf, np.nan], np.float32))
     result = run_expressions(
-        every_form,
+        every_width,
         LANES,
         {name: f"v_{name}(x, y)" for name in ("lt", "le", "gt", "ge", "eq", "ne")},
         returns="vint", x=x, y=y,
@@ -140,10 +151,10 @@ def test_comparisons_of_floats_give_0_or_all_bits(every_form: Runtime) -> None:
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
 
 
-def test_comparisons_of_integers_give_0_or_all_bits(every_form: Runtime) -> None:
+def test_comparisons_of_integers_give_0_or_all_bits(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
     result = run_expressions(
-        every_form,
+        every_width,
         LANES,
         {name: f"v_{name}(i, j)" for name in ("ilt", "ile", "igt", "ige", "ieq", "ine")},
         returns="vint", i=i, j=j,
@@ -155,11 +166,11 @@ def test_comparisons_of_integers_give_0_or_all_bits(every_form: Runtime) -> None
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
 
 
-def test_bit_operators_are_the_logic_of_masks(every_form: Runtime) -> None:
+def test_bit_operators_are_the_logic_of_masks(every_width: Runtime) -> None:
     x, y = pairs(np.array([-1, 1], np.float32))
     a, b = "v_lt(x, v_splat(0.0f))", "v_lt(y, v_splat(0.0f))"
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {"not": f"~{a}", "and": f"{a} & {b}", "or": f"{a} | {b}", "xor": f"{a} ^ {b}"},
         returns="vint", x=x, y=y,
     )
@@ -168,45 +179,45 @@ def test_bit_operators_are_the_logic_of_masks(every_form: Runtime) -> None:
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
 
 
-def test_select_takes_the_second_value_where_the_mask_is_set(every_form: Runtime) -> None:
+def test_select_takes_the_second_value_where_the_mask_is_set(every_width: Runtime) -> None:
     x, y = pairs(np.array([-2, -1, 0, 1, np.nan, np.inf], np.float32))
-    chosen = run_expression(every_form, LANES, "v_select(x, y, v_lt(x, y))", x=x, y=y)
+    chosen = run_expression(every_width, LANES, "v_select(x, y, v_lt(x, y))", x=x, y=y)
     np.testing.assert_array_equal(chosen, np.where(x < y, y, x))
     i, j = pairs(SOME_INTS)
     whole = run_expression(
-        every_form, LANES, "v_iselect(i, j, ~v_ilt(i, j))", returns="vint", i=i, j=j
+        every_width, LANES, "v_iselect(i, j, ~v_ilt(i, j))", returns="vint", i=i, j=j
     )
     np.testing.assert_array_equal(whole, np.where(i < j, i, j))
 
 
-def test_any_and_all_look_at_every_lane(every_form: Runtime) -> None:
+def test_any_and_all_look_at_every_lane(every_width: Runtime) -> None:
     # Blocks of 16 lanes with every number of set lanes, at either end.
     x = np.concatenate(
         [np.where(np.arange(16) < n, 1, -1) for n in range(17)]
         + [np.where(np.arange(16) >= n, 1, -1) for n in range(17)]
     ).astype(np.float32)
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {
             "any": "v_splat_int(v_any(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
             "all": "v_splat_int(v_all(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
         },
         returns="vint", x=x,
     )
-    lanes = every_form.form.lanes
+    lanes = every_width.form.lanes
     blocks = (x > 0).reshape(-1, lanes)
     np.testing.assert_array_equal(result["any"], np.repeat(blocks.any(axis=1), lanes))
     np.testing.assert_array_equal(result["all"], np.repeat(blocks.all(axis=1), lanes))
 
 
 def test_sums_and_maxima_of_the_lanes_have_one_order(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = (rng.standard_normal(1024) * np.exp2(rng.uniform(-20, 20, 1024))).astype(np.float32)
     i = rng.integers(-(2**31), 2**31, 1024, dtype=np.int64).astype(np.int32)
-    lanes = every_form.form.lanes
+    lanes = every_width.form.lanes
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {"sum": "v_splat(v_sum(x))", "largest": "v_splat(v_largest(x))"}, x=x,
     )
     halves = x.reshape(-1, lanes)
@@ -218,15 +229,15 @@ def test_sums_and_maxima_of_the_lanes_have_one_order(
         result["largest"], np.repeat(x.reshape(-1, lanes).max(axis=1), lanes)
     )
     whole = run_expression(
-        every_form, LANES, "v_splat_int(v_ilargest(i))", returns="vint", i=i
+        every_width, LANES, "v_splat_int(v_ilargest(i))", returns="vint", i=i
     )
     np.testing.assert_array_equal(whole, np.repeat(i.reshape(-1, lanes).max(axis=1), lanes))
 
 
-def test_smallest_largest_and_clamped_floats(every_form: Runtime) -> None:
+def test_smallest_largest_and_clamped_floats(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME[SOME != 0], 0.0, np.inf, -np.inf], np.float32))
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {
             "min": "v_min(x, y)", "max": "v_max(x, y)", "clamp": "v_clamp(x, -1.25f, 7.5f)",
             "abs": "v_abs(x)", "floor": "v_floor(x)",
@@ -241,10 +252,10 @@ def test_smallest_largest_and_clamped_floats(every_form: Runtime) -> None:
         np.testing.assert_array_equal(result[name], values, err_msg=name)
 
 
-def test_smallest_largest_and_clamped_integers(every_form: Runtime) -> None:
+def test_smallest_largest_and_clamped_integers(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {"imin": "v_imin(i, j)", "imax": "v_imax(i, j)", "iclamp": "v_iclamp(i, -3, 6)"},
         returns="vint", i=i, j=j,
     )
@@ -253,10 +264,10 @@ def test_smallest_largest_and_clamped_integers(every_form: Runtime) -> None:
     np.testing.assert_array_equal(result["iclamp"], np.clip(i, -3, 6))
 
 
-def test_floats_and_integers_convert(every_form: Runtime) -> None:
+def test_floats_and_integers_convert(every_width: Runtime) -> None:
     x = np.array([0.0, -0.0, 0.9, -0.9, 1.5, -1.5, -2.0, 16777216.0, -1e9, 1e9], np.float32)
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {"cast": "v_to_int(x)", "floor": "v_floor_to_int(x)", "bits": "v_bits(x)"},
         returns="vint", x=x,
     )
@@ -264,37 +275,37 @@ def test_floats_and_integers_convert(every_form: Runtime) -> None:
     np.testing.assert_array_equal(result["floor"], np.floor(x).astype(np.int32))
     np.testing.assert_array_equal(result["bits"], bits(x))
     floats = run_expressions(
-        every_form, LANES, {"number": "v_to_float(i)", "bits": "v_from_bits(i & 0x3fffffff)"},
+        every_width, LANES, {"number": "v_to_float(i)", "bits": "v_from_bits(i & 0x3fffffff)"},
         i=SOME_INTS,
     )
     np.testing.assert_array_equal(floats["number"], SOME_INTS.astype(np.float32))
     np.testing.assert_array_equal(bits(floats["bits"]), SOME_INTS & 0x3FFFFFFF)
 
 
-def test_copysign_takes_the_sign_of_zeros_too(every_form: Runtime) -> None:
+def test_copysign_takes_the_sign_of_zeros_too(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME, np.inf, -np.inf], np.float32))
-    result = run_expression(every_form, LANES, "v_copysign(x, y)", x=x, y=y)
+    result = run_expression(every_width, LANES, "v_copysign(x, y)", x=x, y=y)
     np.testing.assert_array_equal(bits(result), bits(np.copysign(x, y)))
 
 
 def test_gathers_read_each_lane_from_its_own_place(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     i = rng.integers(0, 100, 200).astype(np.int32)
     reals = rng.standard_normal(100).astype(np.float32)
     whole = rng.integers(-(2**31), 2**31, 100, dtype=np.int64).astype(np.int32)
-    gathered = run_expression(every_form, LANES, "v_gather(t, i)", tables={"t": reals}, i=i)
+    gathered = run_expression(every_width, LANES, "v_gather(t, i)", tables={"t": reals}, i=i)
     np.testing.assert_array_equal(gathered, reals[i])
     integers = run_expression(
-        every_form, LANES, "v_igather(t, i)", returns="vint", tables={"t": whole}, i=i
+        every_width, LANES, "v_igather(t, i)", returns="vint", tables={"t": whole}, i=i
     )
     np.testing.assert_array_equal(integers, whole[i])
 
 
 @pytest.mark.parametrize("shift", [0, 1, 3])
-def test_loads_and_stores_need_no_alignment(every_form: Runtime, shift: int) -> None:
-    lanes = every_form.form.lanes
-    kernel = every_form.kernel_from_text(
+def test_loads_and_stores_need_no_alignment(every_width: Runtime, shift: int) -> None:
+    lanes = every_width.form.lanes
+    kernel = every_width.kernel_from_text(
         "move",
         f"""#include "{LANES}"
         __kernel void move(__global const float *restrict x, __global const int *restrict i,
@@ -308,8 +319,8 @@ def test_loads_and_stores_need_no_alignment(every_form: Runtime, shift: int) -> 
     )
     x, i = np.arange(64, dtype=np.float32) + 0.5, np.arange(64, dtype=np.int32) - 32
     y, j = np.full_like(x, -1), np.full_like(i, -1)
-    to = [every_form.array(y), every_form.array(j)]
-    sources = [every_form.array(x), every_form.array(i)]
+    to = [every_width.array(y), every_width.array(j)]
+    sources = [every_width.array(x), every_width.array(i)]
     kernel.run("move", (1, 32), sources, to, local=(1, 1))
     moved = slice(shift, shift + 32)
     y[moved], j[moved] = x[moved], i[moved]
@@ -331,82 +342,82 @@ def spread(rng: np.random.Generator, low: float, high: float) -> NDArray[np.floa
 # The bounds below are those that lanes.clh states.
 
 
-def test_exp2_is_as_accurate_as_it_says(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_exp2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = spread(rng, -126, 126)
-    result = run_expression(every_form, LANES, "v_exp2(x)", x=x)
+    result = run_expression(every_width, LANES, "v_exp2(x)", x=x)
     assert relative_error(result, np.exp2(x.astype(np.float64))) < 2.5e-7
     whole = x == np.floor(x)
     np.testing.assert_array_equal(result[whole], np.exp2(x[whole]))
 
 
-def test_exp_is_as_accurate_as_it_says(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_exp_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = spread(rng, -87, 87)
-    result = run_expression(every_form, LANES, "v_exp(x)", x=x)
+    result = run_expression(every_width, LANES, "v_exp(x)", x=x)
     assert relative_error(result, np.exp(x.astype(np.float64))) < 2.5e-7
 
 
 def test_weights_are_as_accurate_as_they_say(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = spread(rng, -126, 0)
-    result = run_expression(every_form, LANES, "v_exp2_weight(x)", x=x)
+    result = run_expression(every_width, LANES, "v_exp2_weight(x)", x=x)
     assert relative_error(result, np.exp2(x.astype(np.float64))) < 1e-4
     assert result[x == 0] == pytest.approx(1.0, abs=0)
     assert result.max() == 1.0
 
 
-def test_log2_is_as_accurate_as_it_says(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_log2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = np.concatenate([np.exp2(spread(rng, -125.9, 127.9)), spread(rng, 0.5, 2.0)])
-    result = run_expression(every_form, LANES, "v_log2(x)", x=x).astype(np.float64)
+    result = run_expression(every_width, LANES, "v_log2(x)", x=x).astype(np.float64)
     truth = np.log2(x.astype(np.float64))
     rounding = 0.5 * np.spacing(np.abs(truth).astype(np.float32))
     assert (np.abs(result - truth) - rounding).max() < 3e-7
 
 
-def test_pow_is_as_accurate_as_it_says(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_pow_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = np.exp2(rng.uniform(-20, 99, 200_000)).astype(np.float32)
     y = np.exp2(rng.uniform(-6, 8, x.size)).astype(np.float32)
     power = y.astype(np.float64) * np.log2(x.astype(np.float64))
     inside = np.abs(power) < 125.9  # beyond, it is clamped
     x, y, power = x[inside], y[inside], power[inside]
-    result = run_expression(every_form, LANES, "v_pow(x, y)", x=x, y=y).astype(np.float64)
+    result = run_expression(every_width, LANES, "v_pow(x, y)", x=x, y=y).astype(np.float64)
     error = np.abs(result / np.exp2(power) - 1.0)
     assert (error - 2e-7 * np.abs(power)).max() < 3e-7
     assert np.abs(result - np.exp2(power))[x <= 1].max() < 2e-7
 
 
 def test_quick_root_is_as_accurate_as_it_says(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = np.exp2(rng.uniform(-125, 127, 4096)).astype(np.float32)
-    a = run_expression(every_form, LANES, "v_rsqrt_quick(x)", x=x)
+    a = run_expression(every_width, LANES, "v_rsqrt_quick(x)", x=x)
     assert np.abs(a * np.sqrt(x.astype(np.float64)) - 1.0).max() < 2e-6
 
 
-def test_acos_is_as_accurate_as_it_says(every_form: Runtime, rng: np.random.Generator) -> None:
+def test_acos_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     ends = np.array([-1.0, -0.0, 0.0, 1.0, np.nextafter(np.float32(1), np.float32(0))])
     x = np.concatenate([ends, rng.uniform(-1, 1, 4000), 1 - 10.0 ** rng.uniform(-7, 0, 500)])
     x = x.astype(np.float32)
-    a = run_expression(every_form, LANES, "v_acos(x)", x=x)
+    a = run_expression(every_width, LANES, "v_acos(x)", x=x)
     assert np.abs(a - np.arccos(x.astype(np.float64))).max() < 5e-7
     assert a[3] == 0.0
 
 
 def test_whole_numbers_are_rounded_to_and_ties_go_to_even(
-    every_form: Runtime, rng: np.random.Generator
+    every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = np.concatenate([np.arange(-4, 4.5, 0.5), rng.uniform(-2.0**21, 2.0**21, 500)])
     x = x.astype(np.float32)
-    a = run_expression(every_form, LANES, "v_round(x)", x=x)
+    a = run_expression(every_width, LANES, "v_round(x)", x=x)
     np.testing.assert_array_equal(a, np.rint(x))
 
 
-def test_bits_are_shifted_and_counted(every_form: Runtime) -> None:
+def test_bits_are_shifted_and_counted(every_width: Runtime) -> None:
     x, by = pairs(SOME_INTS)
     by = by & 31
     unsigned = x.view(np.uint32)
     results = run_expressions(
-        every_form, LANES, {"right": "v_shift_right(x, by)", "count": "v_count_bits(x)"},
+        every_width, LANES, {"right": "v_shift_right(x, by)", "count": "v_count_bits(x)"},
         returns="vint", x=x, by=by,
     )
     right = (unsigned >> by.astype(np.uint32)).view(np.int32)
@@ -416,18 +427,18 @@ def test_bits_are_shifted_and_counted(every_form: Runtime) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 7, 65536, 2**31 - 1])
-def test_within_is_from_0_to_below_the_count(every_form: Runtime, count: int) -> None:
+def test_within_is_from_0_to_below_the_count(every_width: Runtime, count: int) -> None:
     a = run_expression(
-        every_form, LANES, f"v_within(x, {count})", returns="vint", x=SOME_INTS
+        every_width, LANES, f"v_within(x, {count})", returns="vint", x=SOME_INTS
     )
     inside = (SOME_INTS >= 0) & (count > SOME_INTS)
     np.testing.assert_array_equal(a, np.where(inside, TRUE, FALSE))
 
 
-def test_arguments_beyond_the_range_are_clamped(every_form: Runtime) -> None:
+def test_arguments_beyond_the_range_are_clamped(every_width: Runtime) -> None:
     x = np.array([-np.inf, -1e30, -127.0, 127.0, 1e30, np.inf], np.float32)
     result = run_expressions(
-        every_form, LANES,
+        every_width, LANES,
         {"exp2": "v_exp2(x)", "exp": "v_exp(x)", "weight": "v_exp2_weight(x)"}, x=x,
     )
     low, high = 2.0**-126, 2.0**126
@@ -437,10 +448,10 @@ def test_arguments_beyond_the_range_are_clamped(every_form: Runtime) -> None:
     np.testing.assert_allclose(result["exp"], ends, rtol=2.5e-7)  # its stated accuracy
 
 
-def test_pow_of_nothing_is_nothing(every_form: Runtime) -> None:
+def test_pow_of_nothing_is_nothing(every_width: Runtime) -> None:
     x = np.array([0.0, 1e-38, 0.0, 1.0, 1.0, 1e-30], np.float32)
     y = np.array([0.1, 1.0, 100.0, 0.1, 100.0, 100.0], np.float32)
-    result = run_expression(every_form, LANES, "v_pow(x, y)", x=x, y=y)
+    result = run_expression(every_width, LANES, "v_pow(x, y)", x=x, y=y)
     # The last one's power is clamped to -126.
     np.testing.assert_array_equal(result, [0.0, 0.0, 0.0, 1.0, 1.0, np.float32(2.0**-126)])
 

@@ -89,6 +89,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
     )
 
 
+@pytest.mark.slow
 def test_every_kernel_form_gives_the_same_result(
     runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:

@@ -95,6 +95,7 @@ def test_given_normals_agree_with_numpy_twin(
     assert wrong.mean() <= FLIPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
 def test_every_kernel_form_gives_the_same_normals(
     runtime: Runtime, every_form: Runtime, rng: np.random.Generator, normals: bool

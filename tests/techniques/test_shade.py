@@ -105,6 +105,7 @@ def test_every_kernel_form_agrees_with_twin_with_all_inputs(
     assert off(radiance, expected) <= FLIPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (17, 31), (3, 5), (16, 64)], ids=str)
 def test_every_kernel_form_gives_the_same_bits(
     runtime: Runtime, every_form: Runtime, rng: np.random.Generator, size: tuple[int, int]

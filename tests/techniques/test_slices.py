@@ -156,6 +156,7 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_twin_at_every_resolutio
     assert share_off(a, wanted, WEIGHTS) <= 25 * FLIPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 def test_every_kernel_form_gives_the_same_result(
     runtime: Runtime,

@@ -97,6 +97,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
     assert share_off(a, ssao_reference(gbuffer, SsaoParams(**params)), ROUNDING) <= FLIPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_every_kernel_form_gives_the_same_result(

@@ -83,6 +83,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
     assert share_off(fine, wanted) <= FLIPS
 
 
+@pytest.mark.slow
 def test_every_kernel_form_gives_the_same_result(
     runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:

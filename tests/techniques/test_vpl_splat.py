@@ -121,6 +121,7 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
     assert_close(e, wanted)
 
 
+@pytest.mark.slow
 def test_every_kernel_form_gives_the_same_result(
     runtime: Runtime, every_form: Runtime, rng: np.random.Generator
 ) -> None:

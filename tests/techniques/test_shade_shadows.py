@@ -230,8 +230,8 @@ BUILTIN_LAMPS = [
     ("cornell_box", 0, "own"),
     ("cornell_box", 0, "point"),
     ("hall", 0, "own"),
-    ("hall", 2, "own"),
-    ("hall", 2, "point"),
+    pytest.param("hall", 2, "own", marks=pytest.mark.slow),
+    pytest.param("hall", 2, "point", marks=pytest.mark.slow),
 ]
 
 

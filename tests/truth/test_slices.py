@@ -67,7 +67,7 @@ def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(kind: str) -> 
 
 
 @pytest.mark.parametrize("technique", PARAMS)
-@pytest.mark.parametrize("kind", ["corner", "bumpy"])
+@pytest.mark.parametrize("kind", ["corner", pytest.param("bumpy", marks=pytest.mark.slow)])
 def test_technique_with_many_taps_comes_close(
     runtime: Runtime, rng: np.random.Generator, technique: str, kind: str
 ) -> None:

@@ -50,6 +50,17 @@ def test_one_lane_on_images_gives_the_bits_of_the_default_variant(
         np.testing.assert_array_equal(found, wanted[key], err_msg=key)
 
 
+def test_no_kernel_needs_the_full_header_of_built_in_functions(
+    runtime: Runtime, scalar: Runtime, given_once: Inputs
+) -> None:
+    if runtime.device.platform.name != "Portable Computing Language":
+        pytest.skip("only PoCL's programs include it")
+    for used in (runtime, scalar):
+        results(given_once, used)
+        # It is given up where a program compiles with the full header alone, which takes longer.
+        assert used.short_header, "common/builtins.clh lacks a function that a kernel calls"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TECHNIQUES)
 def test_every_form_and_run_gives_the_same_bits(

@@ -168,4 +168,5 @@ def cap_pattern(count: int, weights: str, reach: float) -> Doubles:
 
 def tile_turns() -> Doubles:
     """Return [4, 4] radians by which the pixels of a tile turn a pattern: 16 even steps."""
-    return 2.0 * np.pi / 16.0 * bayer()
+    turns: Doubles = bayer().astype(np.float64) * (2.0 * np.pi / 16.0)
+    return turns

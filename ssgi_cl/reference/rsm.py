@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles
 
@@ -23,9 +24,10 @@ def texels(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     come from the depth where the given ones say the same within 4 roundings of float32, and are
     the given ones elsewhere. All is 0 where nothing is.
     """
-    rows = len(rsm.depth) // len(rsm.cameras)
-    there = np.isfinite(rsm.depth)
-    depth = np.where(there, np.asarray(rsm.depth, np.float64), 1.0)
+    depth = np.asarray(rsm.depth, np.float64)
+    rows = len(depth) // len(rsm.cameras)
+    there = np.isfinite(depth)
+    depth = np.where(there, depth, 1.0)
     origin = rsm.cameras[0].position
     position, to_light, section = (np.zeros((*depth.shape, 3)) for _ in range(3))
     for face, camera in enumerate(rsm.cameras):
@@ -55,10 +57,10 @@ def texels(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     return position * seen, normal * seen, np.minimum(area, MOST_AREA) * there
 
 
-def _slopes(camera: object) -> tuple[Doubles, Doubles]:
+def _slopes(camera: Camera) -> tuple[Doubles, Doubles]:
     """Return x and y [rows, columns] of pixel centres at depth 1 (orthographic: at any)."""
-    to_x, to_y, at_x, at_y = camera.pixel_to_view  # type: ignore[attr-defined]
-    rows, columns = camera.size  # type: ignore[attr-defined]
+    to_x, to_y, at_x, at_y = camera.pixel_to_view
+    rows, columns = camera.size
     y, x = np.mgrid[:rows, :columns] + 0.5
     return at_x + to_x * x, at_y + to_y * y
 

@@ -49,7 +49,10 @@ class Covering:
         """Return the test files of a file's name, and others that use it, the nearest first."""
         distance = self._distances(path)
         names = _names(path)
-        named = [test for test in self.tests if _fits(test, names)]
+        named = [
+            test for test in self.tests
+            if _fits(test, names) and _package(test) == _package(path)
+        ]
         others = sorted(set(distance) & set(self.tests) - set(named),
                         key=lambda test: (distance[test], test))
         return named, others
@@ -107,17 +110,25 @@ def _exports(root: Path) -> dict[str, str]:
     return found
 
 
+def _package(path: str) -> str:
+    """Return "bench" or "truth" of sources and tests of these, which have tests of their own."""
+    parts = PurePosixPath(path).parts
+    return next((name for name in ("bench", "truth") if name in parts[:2]), "")
+
+
 def _names(path: str) -> list[str]:
     """Return the stems that tests of a file have: its own; of a kernel, also its folder's."""
     file = PurePosixPath(path)
+    if file.parts[:2] == ("kernels", "common"):
+        return [f"common_{file.stem}"]
     if file.parts[0] == "kernels":
-        return [f"{file.parent.name}_{file.stem}", file.stem, file.parent.name]
+        return [file.stem, file.parent.name]
     if file.stem == "__init__":
         return [file.parent.name]
     return [file.stem]
 
 
 def _fits(test: str, names: list[str]) -> bool:
-    """Return whether a test file is named after one of these; its folder fits bench and truth."""
+    """Return whether a test file is named after one of these."""
     stem = PurePosixPath(test).stem.removeprefix("test_")
     return any(stem == name or stem.startswith(f"{name}_") for name in names)

@@ -38,7 +38,7 @@ _OPERATOR = re.compile("|".join(re.escape(text) for text in sorted(SWAPS, key=le
 _CALL = re.compile(r"\b(\w+)\((?=[^()])")
 _NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+\.?e[+-]?\d+|\d+)(f?)(?![\w.])")
 _AXIS = re.compile(r"(?<=[\w\])])\.([xy])\b")
-_SIGN = re.compile(r"(?<=[(,=] )-(?=[\w(])|(?<=\()-(?=[\w(])")
+_SIGN = re.compile(r"(?<=[(,=*/+] )-(?=[\w(])|(?<=\()-(?=[\w(])")
 _ARGUMENTS = re.compile(r"\b(\w+)\(([\w.\[\]]+), ([\w.\[\]]+)(?=[,)])")
 _CONDITION = re.compile(r"\bif \(")
 _STATEMENT = re.compile(r"^[ ]+[\w.\[\]>-]+ [-+*/|&^]?= [^;{}]*;|^[ ]+ssgi_store\([^;{}]*;",

@@ -7,6 +7,7 @@ messages of exceptions, and what compiles to the same bytecode.
 from __future__ import annotations
 
 import ast
+from functools import lru_cache
 from types import CodeType
 
 from tools.mutate.edits import Edit
@@ -50,7 +51,12 @@ def is_new(edit: Edit, source: bytes) -> bool:
         mutated = compile(edit.applied(source), "module", "exec")
     except (SyntaxError, ValueError):
         return False
-    return _key(mutated) != _key(compile(source, "module", "exec"))
+    return _key(mutated) != _compiled(source)
+
+
+@lru_cache(maxsize=8)
+def _compiled(source: bytes) -> tuple[object, ...]:
+    return _key(compile(source, "module", "exec"))
 
 
 def _key(code: CodeType) -> tuple[object, ...]:

@@ -51,9 +51,14 @@ class Outcome:
 
 
 class Workspace:
-    """A copy of a source tree with an import path and driver caches of its own."""
+    """A copy of a source tree with an import path and driver caches of its own.
 
-    def __init__(self, root: Path) -> None:
+    Args:
+        root: of the tree.
+        caches: whether the user's caches are copied, so that kernels need not be compiled anew.
+    """
+
+    def __init__(self, root: Path, *, caches: bool = True) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="ssgi-mutate-")
         # Scenes and recorded data beside the repository are found beside the copy.
         self.root = Path(self._folder.name) / "tree"
@@ -73,7 +78,7 @@ class Workspace:
         cache = Path(self._folder.name) / "cache"
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         for name in CACHES:
-            if (home / name).is_dir():
+            if caches and (home / name).is_dir():
                 _copy_cache(home / name, cache / name)
         cache.mkdir(exist_ok=True)
         self._environment = {

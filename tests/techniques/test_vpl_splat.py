@@ -25,6 +25,7 @@ from ssgi_cl.reference.vpl_splat import (
     vpl_splat_reference,
 )
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.sight_grid import cells_for
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 from ssgi_cl.truth import one_bounce
 from ssgi_cl.vpls import Vpls, choose_vpls
@@ -445,6 +446,15 @@ def room(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, A
     )
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
     return gbuffer, seen, choose_vpls(seen, 512, runtime=runtime)
+
+
+@pytest.mark.parametrize(
+    ("size", "cells"),
+    [((10, 10), 32), ((48, 95), 32), ((48, 96), 64), ((191, 100), 64), ((192, 100), 128),
+     ((2000, 3000), 128)],
+)
+def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: int) -> None:
+    assert cells_for(size) == cells
 
 
 def test_lines_of_sight_agree_with_numpy_twin(form_runtime: Runtime) -> None:

@@ -9,12 +9,13 @@ SCENE ?=
 # what its tests share once.
 PARALLEL ?= --numprocesses 2 --dist loadfile
 
-.PHONY: help setup system demo test test-all lint clean
+.PHONY: help setup system demo test test-all mutate lint clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
+	@echo "make mutate                 mutate the code at random and see which changes tests notice"
 	@echo "make lint                   check style and types"
 	@echo "make clean                  remove $(VENV), out/ and build products"
 
@@ -56,6 +57,11 @@ test-all: setup
 		[ -z "$$label" ] || { echo "on $$label"; \
 		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" $(PARALLEL) || exit 1; }; \
 	done
+
+# Works on a copy of the tree; build/mutation.md is the report. MUTATE="--help" lists the options.
+MUTATE ?=
+mutate: setup
+	$(BIN)/python -m tools.mutate $(MUTATE)
 
 # mypy does not follow an editable installation into folders of other names.
 lint: setup

@@ -214,6 +214,10 @@ class Tiles:
         camera = gbuffer.camera_struct
         pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
         rows, columns = self._facts.size
+        most_px = reach.most_px * reach.stretch
+        if camera["perspective"]:
+            # A radius limited to most_px pixels is that part of `pixels` of the depth.
+            most_px /= max(1.0 - reach.bulge * min(reach.most_px / pixels, 1.0), 1e-3)
         slopes: dict[str, float] = {}
         for name, margin in (("x", self.margin[1]), ("y", self.margin[0])):
             to = float(camera[f"to_{name}"])
@@ -224,7 +228,7 @@ class Tiles:
                 "reach_px": reach.radius * pixels * reach.stretch,
                 "far_px": reach.radius * pixels / reach.step,
                 "more_px": reach.more_px,
-                "most_px": reach.most_px * reach.stretch,
+                "most_px": most_px,
                 "bulge": reach.bulge * reach.radius,
                 "slack": reach.slack,
                 **slopes,

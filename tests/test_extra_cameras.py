@@ -94,6 +94,15 @@ def test_sizes_are_parts_of_the_cameras() -> None:
     assert all(c.size == (1, 1) for c in extra_cameras(one, [[1.0]]))
 
 
+def test_places_fill_the_view_in_both_directions() -> None:
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.8, width=80, height=60)
+    at = np.array([e.position for e in extra_cameras(camera, np.full((60, 80), 2.0), 40)])
+    # In parts of the view at their distance; centres of 12 rows and 16 columns end at 11/12, 15/16.
+    across, up = (np.abs(at[:, axis] / at[:, 2]) / math.tan(0.4) for axis in (0, 1))
+    assert 0.85 < across.max() * 60 / 80 < 1.0
+    assert 0.85 < up.max() < 1.0
+
+
 def test_where_nothing_is_seen_none_is_placed() -> None:
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), width=9, height=7)
     assert extra_cameras(camera, np.full((7, 9), np.inf)) == []

@@ -233,6 +233,22 @@ def test_tilted_plane_has_a_border_and_nothing_else(with_normals: bool) -> None:
     assert found["elsewhere"].sum() == 54 * 74
 
 
+def test_a_floor_seen_at_a_slant_meets_a_wall_without_a_silhouette() -> None:
+    # The wall is 5 away, the floor .03 below the eye: from the crease to the next row the floor's
+    # depth changes by more than a metre, and no wall's pixel lies in the floor's plane. But the
+    # floor's pixels lie within a pixel's width of the crease, so off one plane by next to nothing.
+    camera = view()
+    _, sy, _, oy = camera.pixel_to_view
+    slope = np.broadcast_to((sy * (np.arange(60) + 0.5) + oy)[:, None], (60, 80))
+    floor = np.where(slope < 0.0, -0.03 / np.minimum(slope, -1e-9), np.inf)
+    depth = np.minimum(floor, 5.0)
+    normal = np.where((floor < 5.0)[..., None], (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    found = metrics.regions(GBuffer(camera=camera, depth=depth, normal=normal))
+    assert np.ptp(depth[29:31], axis=0).min() > 1.0
+    assert not found["silhouettes"].any()
+    assert found["creases"][29:31, 5:75].all()
+
+
 def stepped() -> GBuffer:
     """A wall at 4 with a box at 3 before it, a bar of 2 columns at 3, a fold, and some sky."""
     camera = view()

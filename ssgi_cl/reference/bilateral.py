@@ -2,23 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.bilateral import FIT_POWER, BilateralParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.bilateral import BilateralParams
+
+FIT_POWER = 4
+"""Exponent n of a fit: (1 - d^2 / (2 n sigma^2))^n is the Gaussian of d as n grows."""
 
 LEAST_FACING = 0.0017
 """About the cosine between a normal and the line of sight below which a surface counts as no more
 tilted: exactly so in the middle of the view."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Blur:
+    """What the fields of the same names in `BilateralParams` say, with the same defaults."""
+
+    radius: int = 4
+    sigma: float = 0.0
+    depth_sigma: float = 0.01
+    normal_sigma: float = 0.5
+    passes: int = 1
+    separable: bool = True
+
+
 def bilateral_reference(
-    image: ArrayLike, gbuffer: GBuffer | SurfaceView, params: BilateralParams | None = None
+    image: ArrayLike, gbuffer: GBuffer | SurfaceView, params: BilateralParams | Blur | None = None
 ) -> NDArray[np.float64]:
     """Return the blurred image, [rows, columns] or [rows, columns, channels] as given."""
-    params = params or BilateralParams()
+    params = params or Blur()
     view = gbuffer if isinstance(gbuffer, SurfaceView) else SurfaceView.of(gbuffer)
     value = np.asarray(image, np.float64)
     flat = value.ndim == 2
@@ -63,7 +83,7 @@ def off_plane(
     return np.abs(view.flatness(other) - plane) / np.abs(own)
 
 
-def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams) -> Doubles:
+def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Doubles:
     """Return how well pixels fit a surface, 1 at best; the weight is the power of what is > 0.
 
     Args:
@@ -80,7 +100,8 @@ def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams) -> Doubles:
 
 
 def _blurred(
-    value: Doubles, view: SurfaceView, params: BilateralParams, offsets: list[tuple[int, int]]
+    value: Doubles, view: SurfaceView, params: BilateralParams | Blur,
+    offsets: list[tuple[int, int]],
 ) -> Doubles:
     rows, columns = view.size
     depth, normal = view.inner(view.depth), view.inner(view.normal)

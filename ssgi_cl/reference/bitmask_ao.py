@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +13,36 @@ from numpy.typing import NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, Slice, Tap, finished
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.bitmask_ao import BitmaskParams
 
 SECTORS = 32
+MOST_TAPS = 64
+"""Of a side of a slice."""
 
 
 def bitmask_reference(
-    gbuffer: GBuffer, params: BitmaskParams | None = None
+    gbuffer: GBuffer, params: BitmaskParams
 ) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    params = params or BitmaskParams()
+    first = replace(params, taps=taps_of(params, gbuffer.layers)[0])
     return finished(
-        gbuffer, params.in_front_of(gbuffer.layers), lambda scan: openness(scan, params),
+        gbuffer, first, lambda scan: openness(scan, params),
         params.thickness, params.end,
     )
+
+
+def taps_of(params: BitmaskParams, layers: int) -> tuple[int, int]:
+    """Return the taps of a side in the first of so many layers, and in each of the others.
+
+    Joined, as many as in a single layer times (10 + layers) / 7, rounded to even, and a third of
+    those, rounded up; otherwise the same everywhere.
+    """
+    if not params.joined or layers == 1:
+        return params.taps, params.taps
+    first = min(round(params.taps * (10 + layers) / 7), MOST_TAPS)
+    return first, (first + 2) // 3
 
 
 def openness(scan: Scan, params: BitmaskParams) -> Doubles:
@@ -54,7 +72,7 @@ def hidden_by(
     scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
 ) -> Iterator[tuple[NDArray[np.bool_], Doubles, Doubles]]:
     """Give what one layer hides on a side, from near to far: where, between which cotangents."""
-    taps = scan.distinct_taps(plane, side, layer, params.deeper(len(scan.depths)))
+    taps = scan.distinct_taps(plane, side, layer, taps_of(params, len(scan.depths))[1])
     if not params.joined:
         for tap in taps:
             yield tap.counts, tap.back, tap.cot

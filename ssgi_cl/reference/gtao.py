@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,19 +11,21 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.occlusion import finished as complete
 from ssgi_cl.reference.slices import Scan, Slice, finished, scanned
-from ssgi_cl.techniques.bent_normals import LEAST_OPEN
-from ssgi_cl.techniques.gtao import GtaoParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.gtao import GtaoParams
+
+LEAST_OPEN = 0.02
+"""What a bent normal has along the normal at least; unoccluded, it has 1."""
 
 
-def gtao_reference(gbuffer: GBuffer, params: GtaoParams | None = None) -> NDArray[np.float64]:
+def gtao_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    params = params or GtaoParams()
     return finished(gbuffer, params, lambda scan: openness(scan, params))
 
 
-def bent_reference(gbuffer: GBuffer, params: GtaoParams | None = None) -> NDArray[np.float64]:
+def bent_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
     """Return bent normals [rows, columns, 3], world space; 0 where nothing is."""
-    params = params or GtaoParams()
     scan, full = scanned(gbuffer, params)
     bend = complete(np.where(scan.active[..., None], bends(scan, params), 0.0), scan.view, full,
                     params)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, finished
-from ssgi_cl.techniques.hbao import HbaoParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.hbao import HbaoParams
 
 
-def hbao_reference(gbuffer: GBuffer, params: HbaoParams | None = None) -> NDArray[np.float64]:
+def hbao_reference(gbuffer: GBuffer, params: HbaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    params = params or HbaoParams()
     return finished(gbuffer, params, lambda scan: openness(scan, params))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,14 @@ from numpy.typing import NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.patterns import tile_disk
 from ssgi_cl.reference.shade import Lamp, direct_reference
-from ssgi_cl.techniques.lamp_shadows import LampShadowParams, tile_pattern
-from ssgi_cl.techniques.ssao import DEPTH_BIAS
 
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.lamp_shadows import LampShadowParams
+
+DEPTH_BIAS = 2e-6
+"""Height of a surface that counts as none, relative to depth: 34 * 2^-24."""
 ONSET = 0.02  # radii
 NEAREST_TAP = 1.3  # px
 NEAREST_END = 0.01
@@ -21,10 +26,9 @@ NEAREST_END = 0.01
 
 
 def lamp_shadows_reference(
-    gbuffer: GBuffer, lights: Sequence[Light], params: LampShadowParams | None = None
+    gbuffer: GBuffer, lights: Sequence[Light], params: LampShadowParams
 ) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 of all lamps, none with a shadow map."""
-    params = params or LampShadowParams()
     view = SurfaceView.of(gbuffer)
     depth = np.asarray(gbuffer.depth, np.float64)
     layers = depth if depth.ndim == 3 else depth[None]
@@ -64,7 +68,7 @@ def _ways(view: SurfaceView, position: Doubles, light: Lamp, radius: float) -> D
     east = np.stack([1.0 + sign * x * x * a, sign * x * y * a, -sign * x], axis=-1)
     north = np.stack([x * y * a, sign + y * y * a, -y], axis=-1)
     rows, columns = np.indices(position.shape[:2])
-    points = tile_pattern()[0][rows % 4, columns % 4] * extent
+    points = tile_disk()[0][rows % 4, columns % 4] * extent
     way = towards * distance[..., None] + points[..., :1] * east + points[..., 1:] * north
     scaled: Doubles = way * reach[..., None]
     return scaled
@@ -93,7 +97,7 @@ def _shadow(
     most = np.minimum(1.0, np.minimum(_inside(own_column, dx, columns), _inside(own_row, dy, rows)))
     span = (most - nearest) / params.taps
     tile_row, tile_column = np.indices(depth.shape)
-    jitter = tile_pattern()[1][tile_row % 4, tile_column % 4]
+    jitter = tile_disk()[1][tile_row % 4, tile_column % 4]
     start, change = view.flatness(depth), view.flatness(-end[..., 2]) - view.flatness(depth)
     floor = params.bias * params.radius + DEPTH_BIAS * depth
     shadow = np.zeros(depth.shape)

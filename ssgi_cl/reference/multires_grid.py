@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.bilateral import off_plane
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.multires_grid import MultiresGridParams, bound_scale
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.multires_grid import MultiresGridParams
 
 BESIDE = ((0, -1), (0, 1), (-1, 0), (1, 0))
 """Rows and columns to neighbours, two in the row, two in the column."""
@@ -26,7 +29,7 @@ Integers = NDArray[np.int_]
 
 
 def multires_grid_reference(
-    gbuffer: GBuffer, truth: ArrayLike, bound: float, params: MultiresGridParams | None = None
+    gbuffer: GBuffer, truth: ArrayLike, bound: float, params: MultiresGridParams
 ) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
     """Return what interpolation makes of an image computed at some of its pixels.
 
@@ -40,23 +43,28 @@ def multires_grid_reference(
         Values [rows, columns, channels], and [rows, columns] the step of the level that computed a
         pixel, 0 where it was interpolated or nothing is.
     """
-    params = params or MultiresGridParams()
     view = SurfaceView.of(gbuffer)
     image = np.asarray(truth, np.float64)
     there = np.isfinite(view.inner(view.depth))
     steps = np.where(there, 1, 0)
-    coarsest = params.spacings[0]
+    coarsest = params.coarsest
+    spacings = [coarsest >> level for level in range(coarsest.bit_length())]
     values = np.where(there[..., None], image, 0.0)[::coarsest, ::coarsest]
     computed = np.zeros(view.size, int)
     computed[::coarsest, ::coarsest] = coarsest * steps[::coarsest, ::coarsest]
-    for step in params.spacings[1:]:
+    for step in spacings[1:]:
         level = _Level(view, step, params)
-        guess, share = level.interpolate(values, bound * bound_scale(step))
+        guess, share = level.interpolate(values, bound * bound_share(step))
         here = there[::step, ::step]
         values = guess + share[..., None] * (image[::step, ::step] - guess)
         values = np.where(here[..., None], values, 0.0)
         computed[::step, ::step] += step * (here & (share > 0.0))
     return values, computed
+
+
+def bound_share(step: int) -> float:
+    """Return the largest error at points `step` pixels apart over that asked for: 3.5 step^-2/3."""
+    return 3.5 / float(np.cbrt(step)) ** 2
 
 
 @dataclass(frozen=True)

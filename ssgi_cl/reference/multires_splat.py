@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.multires_grid import multires_grid_reference
 from ssgi_cl.reference.vpl_splat import vpl_splat_reference
-from ssgi_cl.techniques.multires_splat import MultiresSplatParams
-from ssgi_cl.techniques.vpl_splat import VplSplatParams
 from ssgi_cl.vpls import Vpls
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.multires_splat import MultiresSplatParams
+
+
+@dataclass(frozen=True)
+class EveryLight:
+    """What the fields of the same names in `VplSplatParams` say: all lights at every pixel."""
+
+    cutoff: float
+    unit_distance: float
+    near: str
+    interleave: bool = False
+    refine: float = 0.0
 
 
 def multires_splat_reference(
@@ -28,8 +43,6 @@ def multires_splat_reference(
         E [rows, columns, 3] in W/m^2, and [rows, columns] the step of the level that computed a
         pixel, 0 where it was interpolated or nothing is.
     """
-    every = VplSplatParams(
-        cutoff=params.cutoff, unit_distance=params.unit_distance, near=params.near
-    )
+    every = EveryLight(params.cutoff, params.unit_distance, params.near)
     truth = vpl_splat_reference(gbuffer, vpls, every)
     return multires_grid_reference(gbuffer, truth, params.error * mean, params)

@@ -5,10 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ssgi_cl.reference.bilateral import bilateral_reference
+from ssgi_cl.reference.bilateral import Blur, bilateral_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
+
+RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+"""Name -> pixels of the image from one that is computed to the next."""
+DEPTH_SIGMA = 0.002
+"""Of the blur, per pixel of its image; the angle's is that of `Blur`."""
+JOINED_SIGMA = 0.4
+"""Standard deviation in pixels of the blur of joined taps, over its radius + 1."""
+
+
+def blur_of(params: Any) -> Blur:
+    """Return the blur that parameters of ambient occlusion ask for."""
+    step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
+    joined = getattr(params, "joined", False)
+    return Blur(
+        radius=params.blur_radius, passes=params.blur_passes, depth_sigma=DEPTH_SIGMA * step,
+        sigma=JOINED_SIGMA * (params.blur_radius + 1) if joined else 0.0,
+    )
 
 
 def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
@@ -18,10 +34,10 @@ def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: An
         openness: [rows, columns] of `view`, or [rows, columns, channels].
         view: the G-buffer at the size of `params.resolution`.
         full: the same at full size.
-        params: with the fields that `ssgi_cl.techniques.occlusion` reads.
+        params: those of `OcclusionParams`.
     """
     step = RESOLUTIONS[params.resolution]
-    blur = params.blur
+    blur = blur_of(params)
     late = step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0
     if late and openness.ndim > 2:
         a = upsample_reference(openness, full, step=step, background=1.0)

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import surfaces
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.rsm_gather import RsmGatherParams
-from ssgi_cl.techniques.rsm_samples import (
-    cap_pattern,
-    cube_turns,
-    disk_pattern,
-    square_points,
-    tile_turns,
-)
+from ssgi_cl.reference.patterns import cap_pattern, disk_pattern, square_points, tile_turns
+from ssgi_cl.reference.rsm import face_rotations, texels
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.rsm_gather import RsmGatherParams
 
 LEAST = 1e-18
 """Of a squared distance in square scene units, as in kernels/rsm_gather/receiver.clh."""
@@ -36,7 +32,7 @@ class Discs:
     @classmethod
     def of(cls, rsm: ReflectiveShadowMap) -> Self:
         """Return all texels in one row, positions relative to the first camera's."""
-        position, normal, area = surfaces(rsm)
+        position, normal, area = texels(rsm)
         flux = np.asarray(rsm.flux, np.float64) * np.isfinite(rsm.depth)[..., None]
         return cls(
             position=position.reshape(-1, 3), normal=normal.reshape(-1, 3),
@@ -52,23 +48,23 @@ class Discs:
 
 
 def rsm_gather_reference(
-    gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams | None = None
+    gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams
 ) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2, gathered for every pixel."""
-    return gathered(SurfaceView.of(gbuffer), rsm, params or RsmGatherParams())
+    return gathered(SurfaceView.of(gbuffer), rsm, params)
 
 
 def gathered(view: SurfaceView, rsm: ReflectiveShadowMap, params: RsmGatherParams) -> Doubles:
     """Return the irradiance of all pixels of a view, whatever the resolution."""
     rows, columns = view.size
     points, normals = receivers(view, rsm)
-    texels = Discs.of(rsm)
+    discs = Discs.of(rsm)
     if params.pattern in ("flux", "all"):
-        samples = texels if params.pattern == "all" else drawn_by_flux(rsm, params.samples)
+        samples = discs if params.pattern == "all" else drawn_by_flux(rsm, params.samples)
         row = [irradiance(p, n, samples) for p, n in zip(points, normals, strict=True)]
     else:
         row = [
-            irradiance(points[y], normals[y], _round_pixels(points[y], y, rsm, texels, params))
+            irradiance(points[y], normals[y], _round_pixels(points[y], y, rsm, discs, params))
             for y in range(rows)
         ]
     there = np.isfinite(view.inner(view.depth))
@@ -177,7 +173,7 @@ def _in_cap(
     direction = pattern[..., :3] @ frame
     main = np.abs(direction).argmax(axis=-1)
     face = 2 * main + (np.take_along_axis(direction, main[..., None], -1)[..., 0] < 0.0)
-    local = np.einsum("psij,psj->psi", cube_turns()[face], direction)
+    local = np.einsum("psij,psj->psi", face_rotations()[face], direction)
     camera = rsm.cameras[0]
     rows, columns = camera.size
     to_x, to_y, at_x, at_y = camera.pixel_to_view

@@ -4,25 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.occlusion import RESOLUTIONS
 from ssgi_cl.reference.occlusion import finished as complete
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.slices import (
-    DEPTH_BIAS,
-    GROUP,
-    LEAST_FACING,
-    NEAREST_TAP,
-    SIMILAR,
-    TILE,
-    SliceParams,
-    pattern,
-)
+from ssgi_cl.reference.patterns import slice_pattern
 
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.slices import SliceParams
+
+TILE = 4
+"""Rows and columns after which the pattern repeats."""
+GROUP = 16
+"""Pixels that scan together, every `TILE`-th of a row."""
+SIMILAR = 0.4
+"""Those whose 1 / depth is at least this part of the nearest's share the length of its slices."""
+NEAREST_TAP = 1.3
+"""Distance of the nearest tap, px; rounded at any angle it is another pixel (at 45 degrees,
+1.3 / sqrt(2) = .92 of a column and a row)."""
+DEPTH_BIAS = 4e-6
+"""Height of a tap that counts as none, relative to the distance from the eye: 67 * 2^-24."""
+LEAST_FACING = 0.05
+"""Least cosine between normal and line of sight, in units of which heights are measured."""
 FAR = 1e9
 """Offset of a tap that is not there, px."""
 
@@ -190,7 +198,7 @@ class Scan:
     def slices(self) -> Iterator[Slice]:
         """Give the slices of every pixel."""
         params = self.params
-        table = pattern(params)
+        table = slice_pattern(params)
         y, x = np.indices(self.view.size)
         y, x = y % TILE, x % TILE
         normal, length = self.normal, np.sqrt(self.sight)

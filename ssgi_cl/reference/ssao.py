@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.reference.occlusion import finished
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.ssao import DEPTH_BIAS, SsaoParams, reflected_points
+from ssgi_cl.reference.occlusion import RESOLUTIONS, finished
+from ssgi_cl.reference.patterns import reflected_points
 
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ssao import SsaoParams
+
+DEPTH_BIAS = 2e-6
+"""Height of a surface that counts as none, relative to depth: 34 * 2^-24."""
 ONSET = 0.02  # radii
 NEAREST_SAMPLE = 1e-3
 """Samples nearer to the eye than this share of the pixel's depth are not counted."""
 
 
-def ssao_reference(gbuffer: GBuffer, params: SsaoParams | None = None) -> NDArray[np.float64]:
+def ssao_reference(gbuffer: GBuffer, params: SsaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same points as the kernel, blurred and upsampled alike."""
-    params = params or SsaoParams()
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.sky import cones_of, looked_up
 from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.reference.ssdo_sides import sides_of
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
 
 FIRST = 0.0625
 """Where the first piece of a side begins if its plane passes below the receiver, px from that."""

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.tiles import TILE, Reach
+
+if TYPE_CHECKING:
+    from ssgi_cl.tiles import Reach
+
+TILE = 16
+"""Pixels of a tile's side."""
 
 Doubles = NDArray[np.float64]
 

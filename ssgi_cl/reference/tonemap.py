@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.techniques.tonemap import MIDDLE_GREY
+MIDDLE_GREY = 0.18
+"""Reflectance of a photographer's grey card (Reinhard et al. 2002, eq. 2)."""
 
 
 def encoded_reference(

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.bilateral import fit_of, off_plane
+from ssgi_cl.reference.bilateral import FIT_POWER, Blur, fit_of, off_plane
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.bilateral import FIT_POWER, BilateralParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.bilateral import BilateralParams
 
 LEAST_WEIGHT = 1e-6
 """Of all samples together, below which none of them fits."""
@@ -31,7 +34,7 @@ def upsample_reference(
 ) -> NDArray[np.float64]:
     """Return an image of 1 / step of the size at full size, [rows, columns(, channels)]."""
     view = gbuffer if isinstance(gbuffer, SurfaceView) else SurfaceView.of(gbuffer)
-    params = BilateralParams(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
+    params = Blur(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
     value = np.asarray(image, np.float64)
     flat = value.ndim == 2
     value = value[..., None] if flat else value
@@ -50,7 +53,7 @@ def upsample_reference(
 
 
 def _corners(
-    value: Doubles, view: SurfaceView, params: BilateralParams, step: int
+    value: Doubles, view: SurfaceView, params: BilateralParams | Blur, step: int
 ) -> Iterator[tuple[Doubles, Doubles, Doubles]]:
     """Yield weight, fit and value of each of the four coarse pixels round every pixel."""
     y, x = np.indices(view.size)
@@ -63,7 +66,7 @@ def _corners(
             yield weight, fit, value[ty // step, tx // step]
 
 
-def _best(value: Doubles, view: SurfaceView, params: BilateralParams, step: int) -> Doubles:
+def _best(value: Doubles, view: SurfaceView, params: BilateralParams | Blur, step: int) -> Doubles:
     """Return the value of the best of the four coarse pixels, the first one where none is there."""
     _, most, best = next(corners := _corners(value, view, params, step))
     for _, fit, sample in corners:
@@ -75,7 +78,7 @@ def _best(value: Doubles, view: SurfaceView, params: BilateralParams, step: int)
 def upsample_blur_reference(
     image: ArrayLike,
     gbuffer: GBuffer | SurfaceView,
-    params: BilateralParams,
+    params: BilateralParams | Blur,
     *,
     step: int = 2,
     background: float = 0.0,
@@ -95,7 +98,7 @@ def upsample_blur_reference(
 
 
 def _pass(
-    value: Doubles, known: Bools, view: SurfaceView, params: BilateralParams, step: int,
+    value: Doubles, known: Bools, view: SurfaceView, params: BilateralParams | Blur, step: int,
     y: Integers, x: Integers, *, along: int,
 ) -> tuple[Doubles, Bools]:
     """Return the mean of the `known` samples along rows (1) or columns (0), and where any fits.
@@ -122,7 +125,7 @@ def _pass(
 
 def _fit(
     view: SurfaceView, at: tuple[Integers, Integers], other: tuple[Integers, Integers],
-    params: BilateralParams,
+    params: BilateralParams | Blur,
 ) -> tuple[Doubles, Integers, Integers]:
     """Return how well the pixels (rows, columns) `other` fit the surfaces of those `at`.
 

@@ -5,16 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_vpls import lobe_share
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.techniques.vpl_splat import VplSplatParams
-from ssgi_cl.vpls import PARTS, SHARPEST, Vpls
+from ssgi_cl.vpls import Vpls
+
+if TYPE_CHECKING:
+    from ssgi_cl.reference.multires_splat import EveryLight
+    from ssgi_cl.techniques.vpl_splat import VplSplatParams
 
 Doubles = NDArray[np.float64]
+
+PARTS = 16
+"""Of a light: as many as tiles of 4 x 4 pixels have subsets."""
+SHARPEST = 1000.0
+"""Greatest exponent of a lobe."""
 
 Sight = Callable[[Doubles, Doubles, Doubles, Doubles], NDArray[np.bool_]]
 """Points and normals [n, 3] of receivers, and a light's -> where the light is hidden [n]."""
@@ -44,7 +52,9 @@ def receivers(gbuffer: GBuffer) -> tuple[NDArray[np.bool_], Doubles, Doubles]:
     return seen, point, np.where(behind, -normal, normal)
 
 
-def vpl_splat_reference(gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams) -> Doubles:
+def vpl_splat_reference(
+    gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams | EveryLight
+) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by all lights, without visibility or blur.
 
     With `interleave`, pixel (x, y) takes the lights i with i % 16 = (y % 4) * 4 + x % 4, times 16;
@@ -110,7 +120,8 @@ def vpl_sight_reference(
 
 
 def form_factor(
-    point: Doubles, normal: Doubles, vpls: Vpls, index: int, params: VplSplatParams
+    point: Doubles, normal: Doubles, vpls: Vpls, index: int,
+    params: VplSplatParams | EveryLight,
 ) -> Doubles:
     """Return irradiance per flux [points] by light `index`, cut as the parameters say."""
     way = vpls.position[index] - point
@@ -123,7 +134,7 @@ def form_factor(
         exponent = min(max(vpls.gloss[index], 1.0), SHARPEST)
         sharp = (exponent - 1.0) / (1.0 + (exponent - 1.0) * area / (4.0 * math.pi * squared))
         turned = float(vpls.axis[index] @ vpls.normal[index])
-        share = float(lobe_share(np.array([exponent]), np.array([turned]))[0])
+        share = lobe_share(exponent, turned)
         lobe = np.where(emitted > 0.0, np.minimum(cosine, 1.0) ** (sharp + 1.0), 0.0)
         sphere = squared * 2.0 * math.pi * share / (sharp + 2.0)
     spread = sphere + area if params.near == "disk" else np.maximum(sphere, area)
@@ -133,6 +144,20 @@ def form_factor(
         weight = np.maximum(np.minimum(weight, 2.0 * (weight - cut)), 0.0)
     result: Doubles = weight
     return result
+
+
+def lobe_share(exponent: float, cosine: float) -> float:
+    """Return the fit to `lobe_share_exact` that light is defined with, within 0.4 % of it.
+
+    1 - exp(-1.1 sqrt(q) - .7123 q) / 2 with q = -(n + .6374) ln(sine).
+
+    Args:
+        exponent: n >= 1.
+        cosine: of the axis to the normal, in [0, 1] or clipped to it.
+    """
+    sine = math.sqrt(max(1.0 - min(max(cosine, 0.0), 1.0) ** 2, 1e-30))
+    q = -(exponent + 0.6374) * math.log(sine)
+    return 1.0 - 0.5 * math.exp(-1.1 * math.sqrt(q) - 0.7123 * q)
 
 
 def lobe_share_exact(exponent: float, cosine: float) -> float:

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.reference.sight_grid import SightGridReference
-from ssgi_cl.vpls import LUMINANCE, Vpls
+from ssgi_cl.vpls import Vpls
 
 Doubles = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
 AXES = (1.0, 0.94, 1.13)

@@ -8,12 +8,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import mirrored_axes, surfaces
-from ssgi_cl.flux_curve import hilbert_order
 from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.vpls import PARTS, SHARPEST, Vpls, cut_evenly
+from ssgi_cl.reference.rsm import hilbert_order, mirrored_axes, texels
+from ssgi_cl.vpls import Vpls
 
 Doubles = NDArray[np.float64]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB (ITU-R BT.709)."""
+SHARPEST = 1000.0
+"""Greatest exponent of a lobe."""
+PARTS = 16
+"""Of a light, for interleaved sampling in tiles of 4 x 4 pixels."""
 
 
 def choose_vpls_reference(
@@ -34,7 +40,7 @@ def choose_vpls_reference(
     importance = np.sqrt(np.clip(gloss, 1.0, SHARPEST) + 1.0) if glossy else np.ones(len(amounts))
 
     def cut(pieces: int) -> Vpls:
-        return lit_by(*cut_evenly(amounts.T, pieces, importance))
+        return lit_by(*cut_evenly(amounts, pieces, importance))
 
     return replace(cut(count), parts=cut(PARTS * count) if parts else None)
 
@@ -43,7 +49,7 @@ def _lit_texels(
     rsm: ReflectiveShadowMap, *, glossy: bool
 ) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Return position, normal, flux and area, axis and exponent of lit texels along the curve."""
-    position, normal, area = surfaces(rsm)
+    position, normal, area = texels(rsm)
     power, gloss = (rsm.specular_flux, rsm.gloss) if glossy else (rsm.flux, np.ones_like(area))
     flux = np.asarray(power, np.float64) * np.isfinite(rsm.depth)[..., None]
     size, faces = rsm.cameras[0].size, len(rsm.cameras)
@@ -59,3 +65,32 @@ def _lit_texels(
         mirrored_axes(rsm).reshape(-1, 3)[order],
         np.asarray(gloss, np.float64).ravel()[order],
     )
+
+
+def cut_evenly(
+    amounts: Doubles, count: int, importance: Doubles
+) -> tuple[NDArray[np.intp], Doubles, Doubles]:
+    """Cut a row of texels into pieces of equal luminous flux times importance.
+
+    Piece by piece along the row; a texel at a border is divided in proportion.
+
+    Args:
+        amounts: [texels, 4] RGB flux and area, luminous flux > 0.
+        count: of pieces.
+        importance: [texels].
+
+    Returns:
+        Which texel is at the middle of each piece, and the pieces' flux [count, 3] and area.
+    """
+    weight = amounts[:, :3] @ LUMINANCE * importance
+    end = np.cumsum(weight)
+    start = np.concatenate([[0.0], end[:-1]])
+    middle, sums = np.zeros(count, np.intp), np.zeros((count, 4))
+    for piece in range(count):
+        low, high = end[-1] * piece / count, end[-1] * (piece + 1) / count
+        first, last = np.searchsorted(end, low, "right"), np.searchsorted(start, high, "left")
+        own = slice(first, max(last, first + 1))
+        inside = np.minimum(end[own], high) - np.maximum(start[own], low)
+        sums[piece] = np.maximum(inside / weight[own], 0.0) @ amounts[own]
+        middle[piece] = min(np.searchsorted(end, 0.5 * (low + high)), len(end) - 1)
+    return middle, sums[:, :3], sums[:, 3]

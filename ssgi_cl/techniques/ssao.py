@@ -218,16 +218,12 @@ class Ssao(OcclusionTechnique):
         params = self.params
         if not params.hemisphere or params.outside != "unknown":
             return None
-        camera, whole = gbuffer.camera_struct, gbuffer.whole
-        # A point of the ball is seen along another line of sight, whose slope adds to its offset.
-        steepest = max(
-            abs(float(camera[f"at_{axis}"]) + edge * float(camera[f"to_{axis}"]))
-            for axis, end in (("x", whole[1]), ("y", whole[0])) for edge in (0, end)
-        )
+        # A point r d of the ball round a receiver at depth z and slope s projects at an offset of
+        # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
         return Reach(
             radius=max(params.radius),  # type: ignore[arg-type]  # a tuple once checked
-            stretch=1.0 + steepest * float(camera["perspective"]), more_px=2.0 * self._step,
-            most_px=params.max_radius_px, step=self._step, bulge=1.0, slack=1e-6,
+            more_px=2.0 * self._step, most_px=params.max_radius_px, step=self._step, bulge=1.0,
+            slack=1e-6,
         )
 
     def _occlude(

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ssgi_cl.bench import suite
 from ssgi_cl.bench.case import Case
 from ssgi_cl.bench.cases import FAMILIES
+from ssgi_cl.bench.cases.ssao import ssao_subject
 from ssgi_cl.bench.context import Context, TruthSettings
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.ssao import SsaoParams
 
 SMALL = (45, 60)
 
@@ -58,6 +61,14 @@ def test_presets_are_measured_with_the_layers_that_are_asked_for(runtime: Runtim
     assert (low.note, deep.note) == ("", "several depth layers, and a tenth of overscan")
     assert list(deep.truths) == ["world"]
     deep.run()
+
+
+def test_reads_are_counted_at_the_size_at_which_they_are_made(runtime: Runtime) -> None:
+    context = Context(runtime, cornell_box(), SMALL)
+    seen = np.count_nonzero(context.seen)
+    for resolution, part in (("full", 1), ("half", 4), ("quarter", 16)):
+        made = ssao_subject(context, SsaoParams(resolution=resolution, samples=12))
+        assert made.samples == seen * 12 / part
 
 
 @pytest.mark.parametrize(

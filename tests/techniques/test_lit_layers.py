@@ -136,6 +136,28 @@ def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
         assert expected[3:].any()
 
 
+def test_backs_see_the_sky_of_the_other_side(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # What a sky sends to a normal it sends to the opposite one when it is mirrored at its middle:
+    # rows from the top are those from the bottom, and columns lie half a turn further on.
+    device = on_device(layered(rng, emits=False), form_runtime)
+    mirrored = np.roll(SKY[::-1], SKY.shape[1] // 2, axis=1)
+    both = LitLayers(form_runtime, device.whole, 2, backs=True)
+    fronts = LitLayers(form_runtime, device.whole, 2)
+    with form_runtime.frame():
+        found = both.run(device, [Environment(SKY)])
+        assert found is not None
+        found = found.download()
+    for half, sky in ((found[:6], SKY), (found[6:], mirrored)):
+        with form_runtime.frame():
+            expected = fronts.run(device, [Environment(sky)])
+            assert expected is not None
+            expected = expected.download()
+        np.testing.assert_allclose(half, expected, atol=1e-5 * expected.max())
+    assert np.abs(found[6:] - found[:6]).max() > 0.05 * found.max()
+
+
 def test_records_have_radiance_to_the_bit_and_normals(
     form_runtime: Runtime, rng: np.random.Generator
 ) -> None:

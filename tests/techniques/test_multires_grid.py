@@ -81,7 +81,7 @@ def test_every_kernel_form_agrees_with_numpy_twin(
     gbuffer = scene(name, camera(size=SIZE), rng)
     truth = light(SIZE, 0.5)
     values, computed = run(form_runtime, gbuffer, truth, bound)
-    expected, steps = multires_grid_reference(gbuffer, truth, bound)
+    expected, steps = multires_grid_reference(gbuffer, truth, bound, MultiresGridParams())
     off = (np.abs(values - expected) > EXACT).any(axis=-1)
     # With no error allowed, whether something is a straight line is decided by rounding.
     assert off.mean() <= FLIPS
@@ -95,7 +95,7 @@ def test_kernel_agrees_with_numpy_twin_in_every_camera_and_with_a_margin(
 ) -> None:
     gbuffer = scene("ball", camera(kind, SIZE), rng, margin=(3, 6))
     values, computed = run(runtime, gbuffer, light(SIZE))
-    expected, steps = multires_grid_reference(gbuffer, light(SIZE), 0.02)
+    expected, steps = multires_grid_reference(gbuffer, light(SIZE), 0.02, MultiresGridParams())
     assert (np.abs(values - expected) > EXACT).any(axis=-1).mean() <= FLIPS
     assert (computed != steps).mean() <= FLIPS
 
@@ -247,7 +247,7 @@ def test_every_size_works(form_runtime: Runtime, size: tuple[int, int]) -> None:
     gbuffer = trace(seen, [tilted(seen, 20.0)])
     truth = light(size)
     values, computed = run(form_runtime, gbuffer, truth)
-    expected, steps = multires_grid_reference(gbuffer, truth, 0.02)
+    expected, steps = multires_grid_reference(gbuffer, truth, 0.02, MultiresGridParams())
     np.testing.assert_allclose(values, expected, atol=EXACT)
     np.testing.assert_array_equal(computed, steps)
 

@@ -19,6 +19,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.lamps import Lamp, Lamps
 from ssgi_cl.techniques.slices import SliceTechnique
+from ssgi_cl.techniques.ssao import Ssao, SsaoParams
 from ssgi_cl.tiles import TILE, Reach, Tiles
 
 from . import analytic
@@ -223,6 +224,59 @@ def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
         tiles.look(device)
         known = tiles.open(device, technique.reach(device))
         assert 0 < known.flat < known.total
+        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+
+
+@pytest.mark.parametrize(
+    ("radius", "most_px"), [(2.0, math.inf), (3.0, math.inf), (4.0, 60.0)], ids=str
+)
+def test_points_before_a_wall_are_seen_farther_across_the_image(
+    runtime: Runtime, radius: float, most_px: float
+) -> None:
+    # A point of the ball that lies nearer to the eye, and aslant, projects up to
+    # sqrt(1 + slope^2) / (1 - radius / depth) times as far from the receiver as the radius; here
+    # 2.4 / .4. Points lie near the ball's surface, and the step is as high as they are.
+    size = (200, 400)
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=1.8, width=size[1], height=size[0])
+    across = np.array([np.cos(0.2), np.sin(0.2), 0.0])
+    wall = analytic.Plane((0.0, 0.0, -5.0), (0.0, 0.0, 1.0))
+    params = SsaoParams(
+        radius=radius, max_radius_px=most_px, samples=64, length_power=0.2, blur_passes=0
+    )
+    technique = Ssao(runtime, size, params)
+    flat = 0
+    for begins in np.arange(-2.0, 9.0, 0.62):
+        step = analytic.Plane((0.0, 0.0, 0.95 * radius - 5.0), (0, 0, 1), (across, begins))
+        device = uploaded(runtime, analytic.trace(camera, [wall, step]))
+        tiles = Tiles(runtime, size)
+        expected = technique.run(device).download()
+        tiles.look(device)
+        known = tiles.open(device, technique.reach(device))
+        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        flat += known.flat
+    assert flat > 0
+
+
+@pytest.mark.parametrize("name", ["gtao", "bitmask_ao"])
+def test_tiles_look_as_far_as_the_nearest_that_scan_with_them(runtime: Runtime, name: str) -> None:
+    # Pixels of a row that scan together show a near wall on the left and, behind its end, a far one
+    # or nothing. Over the near one's radius, .3 or 57 px, lies a step.
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.7, width=192, height=140)
+    end = ((-1.0, 0.0, 0.0), 0.25)
+    near = analytic.Plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), end)
+    step = analytic.Plane((0.0, 0.0, -0.9), (0.0, 0.0, 1.0), ((0.0, -1.0, 0.0), 0.12))
+    far = analytic.Plane((0.0, 0.0, -6.0), (0.0, 0.0, 1.0))
+    entry = TECHNIQUES[name]
+    make: Any = entry.technique
+    params = entry.params(radius=0.3, blur_passes=0)  # type: ignore[call-arg]
+    technique = make(runtime, (140, 192), params, (0, 0), 1)
+    for behind in ([far], []):
+        device = uploaded(runtime, analytic.trace(camera, [near, step, *behind]))
+        tiles = Tiles(runtime, (140, 192))
+        expected = technique.run(device).download()
+        tiles.look(device)
+        known = tiles.open(device, technique.reach(device))
+        assert 0 < known.open < known.total
         np.testing.assert_array_equal(technique.run(device, known).download(), expected)
 
 

@@ -97,7 +97,8 @@ def test_black_pixels_do_not_count_in_the_exposure() -> None:
     radiance = np.zeros((30, 30, 3), np.float32)
     assert auto_exposure(radiance) == 1.0
     radiance[:, ::2] = 2.0
-    assert math.isclose(auto_exposure(radiance), MIDDLE_GREY / 2.0, rel_tol=1e-9)
+    # Grey cards reflect 18 %.
+    assert math.isclose(auto_exposure(radiance), 0.09, rel_tol=1e-9)
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3, 4])

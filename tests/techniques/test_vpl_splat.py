@@ -25,6 +25,7 @@ from ssgi_cl.reference.vpl_splat import (
     vpl_splat_reference,
 )
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.sight_grid import cells_for
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 from ssgi_cl.truth import one_bounce
 from ssgi_cl.vpls import Vpls, choose_vpls
@@ -448,6 +449,15 @@ def room(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, A
     return gbuffer, seen, choose_vpls(seen, 512, runtime=runtime)
 
 
+@pytest.mark.parametrize(
+    ("size", "cells"),
+    [((10, 10), 32), ((48, 95), 32), ((48, 96), 64), ((191, 100), 64), ((192, 100), 128),
+     ((2000, 3000), 128)],
+)
+def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: int) -> None:
+    assert cells_for(size) == cells
+
+
 def test_lines_of_sight_agree_with_numpy_twin(form_runtime: Runtime) -> None:
     gbuffer, seen, vpls = room(form_runtime)
     params = VplSplatParams(
@@ -527,6 +537,29 @@ def test_a_wall_blocks_light_and_open_space_does_not(
         assert tested[beyond].mean() < most * free[beyond].mean()
     else:
         np.testing.assert_array_equal(tested, free)
+
+
+def test_a_wall_blocks_the_parts_of_near_lights(form_runtime: Runtime) -> None:
+    gbuffer, vpls = parted_floor(form_runtime, 0.4)
+    # All lights count as near: of each, a pixel takes one of 16 parts, which lie where it does.
+    whole = Vpls(vpls.position[::8], vpls.normal[::8], vpls.flux[::8], np.ones(32))
+    each = np.repeat(np.arange(32), 16)
+    parts = Vpls(
+        whole.position[each], whole.normal[each], whole.flux[each] / 16.0, np.full(512, 1.0 / 16.0)
+    )
+    lights = replace(whole, parts=parts)
+    params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64, "refine": 100.0}
+    free, tested = (
+        irradiance(form_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True)
+    )
+    # The whole lights alone would give another result: parts are smaller.
+    assert not np.allclose(free, irradiance(form_runtime, gbuffer, whole, **params), rtol=0.01)
+    seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
+    x, z = np.full((2, *seen.shape), np.nan)
+    x[seen], z[seen] = point[:, 0], point[:, 2]
+    beyond = (x > 0.2) & (x < 0.9) & (abs(z) < 0.4)
+    assert free[beyond].mean() > 0.01
+    assert tested[beyond].mean() < 0.02 * free[beyond].mean()
 
 
 def test_dark_maps_and_lights_a_million_times_brighter_are_no_trouble(runtime: Runtime) -> None:

@@ -77,7 +77,8 @@ def light(kind: int, shadow: int, add: int) -> dict[str, int]:
 
 def combine(*switches: int) -> dict[str, int]:
     names = ("DIRECT", "AO", "BOUNCES", "INDIRECT", "EMISSION", "AMBIENT", "SKY")
-    return {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+    macros = {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+    return {**macros, "AMBIENT_SIZE": 64 * macros["SHADE_SKY"]}
 
 
 def disk(listed: int, rotated: int, sphere: int) -> dict[str, int]:
@@ -145,8 +146,11 @@ USES = {
         (LIT,),
         [
             {"LIT_LAMPS": lamps, "LIT_AMBIENT": sky, "LIT_OPENNESS": openness,
-             "LIT_EMISSION": emission, "LIT_RECORDS": emission, "LIT_STEP": step}
-            for lamps, sky, openness, emission, step in ((0, 0, 0, 1, 1), (1, 1, 1, 0, 2))
+             "LIT_EMISSION": emission, "LIT_RECORDS": emission, "LIT_STEP": step,
+             "AMBIENT_SIZE": 64 * (step // 2)}
+            for lamps, sky, openness, emission, step in (
+                (0, 0, 0, 1, 1), (0, 1, 0, 1, 1), (1, 1, 1, 0, 2)
+            )
         ],
     ),
     "multires/cluster_order.cl": Use((CAMERA, VPL)),
@@ -416,7 +420,10 @@ def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
         for form in FORMS:
             for macros in USES[path].macros:
                 images = int(form.storage == "image")
-                options = {"SSGI_LANES": form.lanes, "SSGI_IMAGES": images, **macros}
+                options = {
+                    "SSGI_LANES": form.lanes, "SSGI_IMAGES": images,
+                    "SSGI_IMAGE_ROWS": 2048, **macros,
+                }
                 done = subprocess.run(
                     [
                         clang, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header",

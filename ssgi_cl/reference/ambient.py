@@ -25,7 +25,8 @@ def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> D
     steps = np.sum(np.abs(flat), axis=-1, keepdims=True)
     # Of barycentric coordinates on a face, scaled so that vertices are whole numbers, the fractions
     # sum to 0, 1 or 2: a vertex, a triangle with a vertex on top, or one with an edge on top.
-    scaled = np.abs(flat) / np.where(steps > 0.0, steps, 1.0) * FACE
+    # Rounded, as what falls short of a vertex by 1e-15 has other sums.
+    scaled = np.round(np.abs(flat) / np.where(steps > 0.0, steps, 1.0) * FACE, 9)
     whole = np.floor(scaled)
     part = scaled - whole
     inverted = np.rint(part.sum(axis=-1)) == 2.0
@@ -48,7 +49,7 @@ def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> D
 
 
 def irradiance(
-    environments: Sequence[Environment], normal: Doubles, rows: int = 180, columns: int = 360
+    environments: Sequence[Environment], normal: Doubles, rows: int = 90, columns: int = 180
 ) -> Doubles:
     """Return E [n, 3] = Int L max(0, n.w) dw in W/m^2 for normals [n, 3] in world space.
 
@@ -81,6 +82,8 @@ def irradiance(
             axis=-1,
         ).reshape(-1, 3)
         lit = image.reshape(-1, 3)
+        some = lit.any(axis=-1)
+        vector, lit = vector[some], lit[some]
         for first in range(0, len(normal), 64):
             cosine = normal[first : first + 64] @ vector.T
             total[first : first + 64] += np.maximum(cosine, 0.0, out=cosine) @ lit

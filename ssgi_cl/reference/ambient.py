@@ -83,8 +83,8 @@ def irradiance(
         ).reshape(-1, 3)
         lit = image.reshape(-1, 3)
         some = lit.any(axis=-1)
-        vector, lit = vector[some], lit[some]
-        for first in range(0, len(normal), 64):
-            cosine = normal[first : first + 64] @ vector.T
-            total[first : first + 64] += np.maximum(cosine, 0.0, out=cosine) @ lit
+        vector, lit = np.ascontiguousarray(vector[some].T), lit[some]
+        for first in range(0, len(normal), 16):
+            cosine = normal[first : first + 16] @ vector
+            total[first : first + 16] += np.maximum(cosine, 0.0, out=cosine) @ lit
     return total

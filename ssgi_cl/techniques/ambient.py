@@ -122,12 +122,15 @@ def part_vectors(image: Doubles) -> Doubles:
 
 def _convolved(vectors: Doubles) -> Doubles:
     """Return E [size + 1, size + 1, 3] at the vertices: the sum of max(0, n.V) over the parts."""
-    normal = vertices()
+    normal = vertices().reshape(-1, 3)
     total = np.empty_like(normal)
-    cosines = np.empty((len(normal[0]), len(vectors)))
+    # A few normals at a time, so that the products stay in the cache.
+    kept = np.empty((16, len(vectors)))
     for colour in range(3):
         parts = np.ascontiguousarray(vectors[:, colour].T)
-        for row, normals in enumerate(normal):
-            np.matmul(normals, parts, out=cosines)
-            total[row, :, colour] = np.maximum(cosines, 0.0, out=cosines).sum(axis=-1)
-    return total
+        for first in range(0, len(normal), 16):
+            some = normal[first : first + 16]
+            products = np.matmul(some, parts, out=kept[: len(some)])
+            np.maximum(products, 0.0, out=products)
+            total[first : first + 16, colour] = products.sum(axis=-1)
+    return total.reshape(AMBIENT_SIZE + 1, AMBIENT_SIZE + 1, 3)

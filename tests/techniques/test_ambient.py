@@ -61,7 +61,7 @@ def looked_up(runtime: Runtime, skies: list[Environment], normal: Doubles) -> Do
     return result.download().reshape(3, -1).T.astype(np.float64)
 
 
-def everywhere(count: int = 1500) -> Doubles:
+def everywhere(count: int = 1000) -> Doubles:
     """Return normals [n, 3] of equal areas (a Fibonacci lattice)."""
     y = 1.0 - (np.arange(count) + 0.5) / count * 2.0
     turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
@@ -225,7 +225,7 @@ def test_a_constant_environment_gives_pi_times_its_radiance(runtime: Runtime) ->
 @pytest.mark.parametrize("name", ["17 x 31", "one texel of 3 x 2", "two suns"])
 def test_every_kernel_form_interpolates_as_the_twin_does(every_form: Runtime, name: str) -> None:
     skies = [Environment(SKIES[name]), Environment((0.1, 0.2, 0.3))]
-    normal = np.concatenate([everywhere(500), creases(), vertices().reshape(-1, 3)[::7]])
+    normal = np.concatenate([everywhere(300), creases(), vertices().reshape(-1, 3)[::31]])
     found = looked_up(every_form, skies, normal)
     expected = ambient_reference(skies, normal)
     # E changes by less than a tenth of its greatest within a cell, where coordinates round by
@@ -247,7 +247,7 @@ def test_what_faces_away_from_the_only_light_stays_black(runtime: Runtime) -> No
     found = looked_up(runtime, [sky], normal)
     # A triangle of the octahedron is 4.4 degrees wide at most, the texel 2.8.
     away = cosine < -math.sin(math.radians(4.4 + 1.4))
-    assert away.sum() > 500
+    assert away.sum() > 400
     np.testing.assert_array_equal(found[away], 0.0)
 
 

@@ -42,7 +42,7 @@ class Ambient:
     """
 
     def __init__(self, runtime: Runtime) -> None:
-        self.irradiance = runtime.array(np.zeros((AMBIENT_SIZE + 1) ** 2 * 3, np.float32))
+        self.irradiance = runtime.array(np.zeros((AMBIENT_SIZE + 1) ** 2 * 4, np.float32))
         self.macros = {"AMBIENT_SIZE": 0}
         self.shines = False
         self._environments: list[Environment] = []
@@ -57,7 +57,9 @@ class Ambient:
         total = sum((irradiance_map(e) for e in environments), np.zeros(3))
         self.macros = {"AMBIENT_SIZE": AMBIENT_SIZE if total.ndim == 3 else 0}
         self.shines = bool(total.any())
-        self.irradiance.upload(np.minimum(total, BRIGHTEST).astype(np.float32))
+        quads = np.zeros((*total.shape[:-1], 4), np.float32)
+        quads[..., :3] = np.minimum(total, BRIGHTEST)
+        self.irradiance.upload(quads)
         self._environments = environments
         return True
 

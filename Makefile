@@ -16,7 +16,7 @@ help:
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
-	@echo "make lint                   check style and types"
+	@echo "make lint                   check style and types, and kernels with clang"
 	@echo "make clean                  remove $(VENV), out/ and build products"
 
 setup: $(STAMP)
@@ -69,6 +69,7 @@ lint: setup
 	@rm -rf build/types && mkdir -p build/types/ssgi_cl
 	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
 	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
+	$(BIN)/python -m pytest --quiet --numprocesses 2 tests/lint_kernel_files.py
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,36 +105,6 @@ class Environment:
             _set(self, "radiance", image)
         else:
             _set(self, "radiance", check.rgb("radiance", radiance, "W m^-2 sr^-1"))
-
-    def irradiance_coefficients(self) -> NDArray[np.float64]:
-        """Return [9, 3] float64: irradiance E(n) = sum_i c_i b_i(n) in W/m^2.
-
-        The basis is 1, x, y, z, xy, yz, zx, 3z^2 - 1, x^2 - y^2 of the world-space normal: the
-        spherical harmonics up to degree 2 (Ramamoorthi and Hanrahan 2001, eq. 7 to 12), with their
-        constants folded into the coefficients. A constant environment L gives pi L exactly.
-        """
-        radiance = np.asarray(self.radiance, dtype=np.float64)
-        result = np.zeros((9, 3))
-        if radiance.ndim == 1:
-            result[0] = math.pi * radiance
-            return result
-        rows, columns = radiance.shape[:2]
-        polar_edges = np.linspace(0.0, math.pi, rows + 1)
-        polar = 0.5 * (polar_edges[1:] + polar_edges[:-1])[:, None]
-        azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * math.pi
-        x = np.sin(polar) * np.sin(azimuth)
-        y = np.cos(polar) * np.ones_like(azimuth)
-        z = -np.sin(polar) * np.cos(azimuth)
-        solid_angle = (np.cos(polar_edges[:-1]) - np.cos(polar_edges[1:])) * 2.0 * math.pi / columns
-        basis = np.stack(
-            [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3.0 * z * z - 1.0, x * x - y * y]
-        )
-        # Squares of the normalisation of each basis function, times the cosine lobe's A_l.
-        band = np.array([1.0 / 4.0, *[3.0 / 4.0] * 3, *[15.0 / 4.0] * 3, 5.0 / 16.0, 15.0 / 16.0])
-        lobe = np.array([1.0, *[2.0 / 3.0] * 3, *[1.0 / 4.0] * 5])
-        moments = np.einsum("brc,r,rcd->bd", basis, solid_angle, radiance)
-        coefficients: NDArray[np.float64] = (band * lobe)[:, None] * moments
-        return coefficients
 
 
 Light = SpotLight | PointLight | DirectionalLight | Environment

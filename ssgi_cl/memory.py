@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import DeviceError
 from ssgi_cl.opencl import opencl
 from ssgi_cl.window import Window, copy_window
 
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
 
 GUARD = 16
 """Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
-
-IMAGE_ROWS = 16384
-"""Rows of an image that holds a plane, at most; SSGI_IMAGE_ROWS there."""
 
 Size = tuple[int, int]
 """(rows, columns)"""
@@ -99,6 +95,10 @@ class Plane:
 
     Layout: kernels/common/gbuffer.clh. On a device that shares the host's memory, uploads and
     downloads are one copy between numpy's array and the mapped memory, and `view` is none at all.
+
+    Raises:
+        DeviceError: kernels read images, and the device has none so large.
+        DeviceMemoryError: there is no room.
     """
 
     def __init__(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
@@ -107,6 +107,7 @@ class Plane:
         self.size = size
         self.outside = outside
         self._rows, self.pitch = plane_shape(count, size)
+        self._image_shape = runtime.image_shape(self._rows, self.pitch)
         self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
         self._image: Any = None
         self._image_is_current = False
@@ -198,31 +199,23 @@ class Plane:
 
     def argument(self) -> Any:
         """Return what a kernel reads: the buffer, or an image with the same contents."""
-        if self.runtime.form.storage == "buffer":
+        if self._image_shape is None:
             return self.buffer
         cl = opencl()
 
-        # Rows that are too many for an image lie to the right of the first.
-        firsts = range(0, self._rows, IMAGE_ROWS)
-        shape = (len(firsts) * self.pitch, min(self._rows, IMAGE_ROWS))
+        rows, columns = self._image_shape
         if self._image is None:
-            device = self.runtime.device
-            largest = device.image2d_max_width, device.image2d_max_height
-            if shape[0] > largest[0] or shape[1] > largest[1]:
-                raise DeviceError(
-                    f"{self.runtime.info.label} has images of at most {largest[0]} x {largest[1]} "
-                    f"elements: {shape[0]} x {shape[1]} are needed; use storage 'buffer'"
-                )
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
-            self.runtime.take(shape[0] * shape[1] * 4, self)
-            self._image = cl.create_image(self.runtime.context, flags, layout, shape)
+            self.runtime.take(rows * columns * 4, self)
+            self._image = cl.create_image(self.runtime.context, flags, layout, (columns, rows))
         if not self._image_is_current:
-            for number, first in enumerate(firsts):
+            # Rows that are too many for an image lie to the right of the first.
+            for number, first in enumerate(range(0, self._rows, rows)):
                 event = cl.enqueue_copy(
                     self.runtime.queue, self._image, self.buffer, offset=first * self.pitch * 4,
                     origin=(number * self.pitch, 0),
-                    region=(self.pitch, min(self._rows - first, IMAGE_ROWS)),
+                    region=(self.pitch, min(self._rows - first, rows)),
                 )
                 self.runtime.record("copy to image", event)
             self._image_is_current = True

@@ -14,10 +14,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import drivers, sources
+from ssgi_cl import drivers, image_limits, sources
 from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
+from ssgi_cl.image_limits import ImageLimits
 from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import opencl
@@ -69,6 +70,7 @@ class Runtime:
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
+        self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
         self.room = Room(info.label, device.global_mem_size, device.max_mem_alloc_size)
         self.short_header = device.platform.name == "Portable Computing Language"
         self._programs: dict[str, Any] = {}
@@ -105,7 +107,7 @@ class Runtime:
             reason = info.speeds.get(str(form))
             if isinstance(reason, str):
                 raise DeviceError(f"{info.label} cannot run {form}: {reason}")
-        key = (info.driver, info.platform, info.device, form)
+        key = (info.driver, info.platform, info.device, form, os.environ.get(image_limits.VARIABLE))
         runtime = _OPENED.get(key)
         if runtime is None:
             _load_driver(info)
@@ -127,6 +129,18 @@ class Runtime:
             )
             return plane
         return Plane(self, count, size, outside)
+
+    def image_shape(self, rows: int, pitch: int) -> Size | None:
+        """Return (rows, columns) of the image that holds `rows` rows of `pitch` float32.
+
+        None where kernels read buffers.
+
+        Raises:
+            DeviceError: the device has no image so large.
+        """
+        if self._image_limits is None:
+            return None
+        return self._image_limits.shape(self.info.label, rows, pitch)
 
     def array(self, values: NDArray[Any]) -> DeviceArray:
         """Return new device memory that holds a copy of `values` (at least one element)."""
@@ -252,10 +266,12 @@ class Runtime:
     def _kernel(
         self, name: str, source: str, text: str, macros: Mapping[str, int], most_lanes: int = 16
     ) -> Kernel:
+        limits = self._image_limits
         options = [
             "-cl-std=CL1.2",
             f"-DSSGI_LANES={min(self.form.lanes, most_lanes)}",
             f"-DSSGI_IMAGES={int(self.form.storage == 'image')}",
+            *([f"-DSSGI_IMAGE_ROWS={limits.rows}"] if limits else []),
             *(f"-D{macro}={value}" for macro, value in sorted(macros.items())),
         ]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()

@@ -1,13 +1,11 @@
-"""The kernel files: one kernel each, headers, macros, literals, and a C compiler's warnings."""
+"""The kernel files: one kernel each, headers, macros and literals."""
 
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -16,7 +14,6 @@ from ssgi_cl import sources
 from ssgi_cl.device_gbuffer import VIEW_ROTATION
 from ssgi_cl.device_rsm import FACE
 from ssgi_cl.device_vpls import PLACE, VPL
-from ssgi_cl.drivers import FORMS
 from ssgi_cl.flux_curve import CURVE
 from ssgi_cl.rasterize import rasterizer, shadow_map
 from ssgi_cl.structs import CAMERA, Struct
@@ -77,7 +74,8 @@ def light(kind: int, shadow: int, add: int) -> dict[str, int]:
 
 def combine(*switches: int) -> dict[str, int]:
     names = ("DIRECT", "AO", "BOUNCES", "INDIRECT", "EMISSION", "AMBIENT", "SKY")
-    return {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+    macros = {f"SHADE_{name}": switch for name, switch in zip(names, switches, strict=True)}
+    return {**macros, "AMBIENT_SIZE": 64 * macros["SHADE_SKY"]}
 
 
 def disk(listed: int, rotated: int, sphere: int) -> dict[str, int]:
@@ -145,8 +143,11 @@ USES = {
         (LIT,),
         [
             {"LIT_LAMPS": lamps, "LIT_AMBIENT": sky, "LIT_OPENNESS": openness,
-             "LIT_EMISSION": emission, "LIT_RECORDS": emission, "LIT_STEP": step}
-            for lamps, sky, openness, emission, step in ((0, 0, 0, 1, 1), (1, 1, 1, 0, 2))
+             "LIT_EMISSION": emission, "LIT_RECORDS": emission, "LIT_STEP": step,
+             "AMBIENT_SIZE": 64 * (step // 2)}
+            for lamps, sky, openness, emission, step in (
+                (0, 0, 0, 1, 1), (0, 1, 0, 1, 1), (1, 1, 1, 0, 2)
+            )
         ],
     ),
     "multires/cluster_order.cl": Use((CAMERA, VPL)),
@@ -330,18 +331,6 @@ USES = {
 }
 """Every kernel. A new one belongs here."""
 
-WARNINGS = [
-    "-Weverything", "-Werror",
-    "-Wno-unused-parameter",  # a kernel keeps its arguments whatever its switches say
-    "-Wno-unused-macros",  # and so does a file its macros
-    "-Wno-declaration-after-statement",  # forbidden before C99
-    "-Wno-comma",  # takes a vector's literal for the operator
-    "-Wno-float-equal",  # comparisons with what was stored as it is
-    "-Wno-padded",  # of structs that stay in registers; the host's have no padding
-    "-Wno-bad-function-cast",  # of floor() and its kin, whose results are whole
-    "-Wno-missing-variable-declarations",  # a sampler can't be static
-]
-
 every_kernel = pytest.mark.parametrize("path", sources.kernel_names())
 every_use = pytest.mark.parametrize("path", USES)
 
@@ -402,28 +391,3 @@ def test_every_literal_is_a_float_or_an_integer(path: str) -> None:
     # 1.0 without an f is a double in OpenCL C, which devices need not have.
     number = r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(?![\w.])"
     assert re.findall(number, code_of(text_of(path))) == []
-
-
-@every_use
-def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
-    clang = shutil.which("clang-15")
-    if clang is None:
-        pytest.skip("clang-15 is not installed")
-    prelude = tmp_path / "generated.h"
-    prelude.write_text("\n".join(struct.text for struct in USES[path].structs) + "\n")
-    # Included, not flattened, so that functions unused in the kernel's own file are found.
-    with as_file(files("ssgi_cl.kernels")) as folder:
-        for form in FORMS:
-            for macros in USES[path].macros:
-                images = int(form.storage == "image")
-                options = {"SSGI_LANES": form.lanes, "SSGI_IMAGES": images, **macros}
-                done = subprocess.run(
-                    [
-                        clang, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header",
-                        "-fsyntax-only", *WARNINGS, f"-I{folder}", "-include", str(prelude),
-                        *(f"-D{name}={value}" for name, value in options.items()),
-                        str(folder / path),
-                    ],
-                    capture_output=True, text=True, check=False,
-                )
-                assert done.returncode == 0, f"{form}, {macros}:\n{done.stderr}"

@@ -6,10 +6,11 @@
 // Reads:   depth, normal, albedo, emission  with margin: image `layer`, or 3 layer + c
 //          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
 //          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
-//          ambient   [9][3] coefficients, see shade/ambient.clh
+//          ambient   W/m^2 (LIT_AMBIENT 1), see shade/ambient.clh
 // Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is; with LIT_RECORDS 1
 //                    layer `image` of records, see lit_layers/records.clh, where something is
-// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS (0, 1); LIT_STEP
+// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS (0, 1); LIT_STEP;
+//          AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin; open_size columns and rows of `openness`
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    memory: 13 planes read, 3 or 4 written; one scattered read per pixel with openness
@@ -20,8 +21,9 @@
 #include "shade/ambient.clh"
 
 #if !defined(LIT_LAMPS) || !defined(LIT_AMBIENT) || !defined(LIT_OPENNESS) ||                      \
-    !defined(LIT_EMISSION) || !defined(LIT_RECORDS) || !defined(LIT_STEP)
-#error "LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS, LIT_STEP must be defined"
+    !defined(LIT_EMISSION) || !defined(LIT_RECORDS) || !defined(LIT_STEP) ||                       \
+    !defined(AMBIENT_SIZE)
+#error "LIT_LAMPS, _AMBIENT, _OPENNESS, _EMISSION, _RECORDS, _STEP, AMBIENT_SIZE must be defined"
 #endif
 
 __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
@@ -67,10 +69,14 @@ __kernel void lit_layers(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
 #endif
 #endif
     vfloat sent[3];
+#if LIT_AMBIENT
+    vfloat environment[3];
+    ssgi_ambient(ambient, nx, ny, nz, environment);
+#endif
     for (int c = 0; c < 3; ++c) {
         vfloat light = zero;
 #if LIT_AMBIENT
-        light = ssgi_ambient(ambient, c, nx, ny, nz);
+        light = environment[c];
 #if LIT_OPENNESS
         light = light * a;
 #endif

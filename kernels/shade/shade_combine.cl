@@ -9,11 +9,12 @@
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          openness  [rows, columns] A (SHADE_AO 1)
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1; 2: times A, which it reads too)
+//          ambient   W/m^2 (SHADE_AMBIENT 1), see shade/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any
-//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too
-// Params:  ambient coefficients, view to world rotation
+//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too; AMBIENT_SIZE, see `ambient`
+// Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/camera.clh"
@@ -22,8 +23,8 @@
 
 #if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_BOUNCES) ||                     \
     !defined(SHADE_INDIRECT) || !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) ||             \
-    !defined(SHADE_SKY)
-#error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT and _SKY must be defined"
+    !defined(SHADE_SKY) || !defined(AMBIENT_SIZE)
+#error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT, _SKY, AMBIENT_SIZE: undefined"
 #endif
 
 #if SHADE_BOUNCES
@@ -73,9 +74,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
     const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
     const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
-    for (int c = 0; c < 3; ++c) {
-        light[c] = ssgi_ambient(ambient, c, nx, ny, nz);
-    }
+    ssgi_ambient(ambient, nx, ny, nz, light);
 #if SHADE_AO
     const vfloat a = ssgi_load(openness, size, 0, x, y);
     for (int c = 0; c < 3; ++c) {

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.reference.ambient import ambient_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.multi_bounce import multi_bounce_reference
 
@@ -94,18 +95,6 @@ def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles
         strength = np.where(along >= np.cos(light.cone_angle), strength, 0.0)
     irradiance: Doubles = strength[..., None] * np.asarray(light.intensity)
     return irradiance
-
-
-def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> Doubles:
-    """Return irradiance [..., 3] in W/m^2: the environments' quadratic functions of the normal."""
-    x, y, z = np.moveaxis(normal, -1, 0)
-    basis = np.stack(
-        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3.0 * z * z - 1.0, x * x - y * y], axis=-1
-    )
-    coefficients = np.zeros((9, 3))
-    for environment in environments:
-        coefficients += environment.irradiance_coefficients()
-    return np.maximum(basis @ coefficients, 0.0)
 
 
 def sky_reference(environments: Sequence[Environment], camera: Camera) -> Doubles:

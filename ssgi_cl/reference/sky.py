@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.lights import Environment
 from ssgi_cl.reference.bitmask_ao import sector_of
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, Slice
@@ -90,28 +89,4 @@ def texel(sky: Doubles, direction: Doubles) -> Doubles:
         np.clip(((w + 1.0) * 0.5 * size).astype(int), 0, size - 1) for w in (u, v)
     )
     result: Doubles = sky[row, column]
-    return result
-
-
-def irradiance(environment: Environment, normal: Doubles) -> Doubles:
-    """Return E [n, 3] W/m^2 on surfaces with world-space normals [n, 3], texel by texel."""
-    radiance = np.asarray(environment.radiance, np.float64)
-    if radiance.ndim == 1:
-        return np.pi * np.broadcast_to(radiance, (len(normal), 3))
-    rows, columns = radiance.shape[:2]
-    edges = np.linspace(0.0, np.pi, rows + 1)
-    polar = 0.5 * (edges[1:] + edges[:-1])[:, None]
-    azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * np.pi
-    way = np.stack(
-        [
-            np.sin(polar) * np.sin(azimuth),
-            np.broadcast_to(np.cos(polar), (rows, columns)),
-            -np.sin(polar) * np.cos(azimuth),
-        ],
-        axis=-1,
-    )
-    solid_angle = (np.cos(edges[:-1]) - np.cos(edges[1:]))[:, None] * 2.0 * np.pi / columns
-    flux = (radiance * solid_angle[..., None]).reshape(-1, 3)
-    cosine = np.maximum(np.asarray(normal) @ way.reshape(-1, 3).T, 0.0)
-    result: Doubles = cosine @ flux
     return result

@@ -217,7 +217,7 @@ class LitLayers:
                 lamps=lamps is not None, ambient=self._ambient.shines,
                 openness=openness is not None, emission=self._emits(layer), records=records,
                 step=step,
-            ),
+            ) | self._ambient.macros,
             (LIT,),
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
@@ -239,7 +239,7 @@ class LitLayers:
             self.whole,
             reads=[
                 layer.depth, layer.normal, layer.albedo, layer.emission,
-                lamps or self._nothing, openness or self._nothing, self._ambient.coefficients,
+                lamps or self._nothing, openness or self._nothing, self._ambient.irradiance,
             ],
             writes=[to.array if isinstance(to, SenderRecords) else to],
             values=[LIT.pack(values)],
@@ -254,4 +254,5 @@ def _macros(
     return {
         "LIT_LAMPS": int(lamps), "LIT_AMBIENT": int(ambient), "LIT_OPENNESS": int(openness),
         "LIT_EMISSION": int(emission), "LIT_RECORDS": int(records), "LIT_STEP": step,
+        "AMBIENT_SIZE": 0,
     }

@@ -107,6 +107,7 @@ class Shade:
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_AMBIENT": int(ambient and self._ambient.shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
+                **self._ambient.macros,
             },
             (CAMERA, COMBINE),
         )
@@ -126,7 +127,7 @@ class Shade:
             reads=[
                 gbuffer.linear, gbuffer.normal, gbuffer.albedo, gbuffer.emission,
                 lit or self._nothing, openness or self._nothing, indirect or self._nothing,
-                self._ambient.coefficients, self._sky,
+                self._ambient.irradiance, self._sky,
             ],
             writes=[self._radiance],
             values=[gbuffer.camera_struct, COMBINE.pack(values)],

@@ -7,7 +7,8 @@ import pytest
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.lights import Environment
-from ssgi_cl.reference.sky import irradiance, texel
+from ssgi_cl.reference.ambient import irradiance
+from ssgi_cl.reference.sky import texel
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.sky import BRIGHTEST, Sky, directions, filtered
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
@@ -78,7 +79,7 @@ def test_open_plane_receives_the_integral_over_its_hemisphere(
     with runtime.frame():
         found = end.gather(device, device, None, sky).download()
     normal = np.asarray(plane.normal, np.float64)
-    wanted = irradiance(environment, normal[None] / np.linalg.norm(normal))[0]
+    wanted = irradiance([environment], normal[None] / np.linalg.norm(normal))[0]
     mean = found[1:].reshape(3, -1).mean(axis=1)
     # 32 directions round the normal with 8 heights each, in a map whose sun is 11 degrees wide: a
     # sun that is up is found within 6 %, and one at the horizon within 2 % of an upright one's.

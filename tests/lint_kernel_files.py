@@ -1,0 +1,54 @@
+"""A C compiler's warnings about the kernels; `make lint` runs this, and `make test` doesn't."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import pytest
+
+from ssgi_cl.drivers import FORMS
+
+from .test_kernel_files import USES
+
+WARNINGS = [
+    "-Weverything", "-Werror",
+    "-Wno-unused-parameter",  # a kernel keeps its arguments whatever its switches say
+    "-Wno-unused-macros",  # and so does a file its macros
+    "-Wno-declaration-after-statement",  # forbidden before C99
+    "-Wno-comma",  # takes a vector's literal for the operator
+    "-Wno-float-equal",  # comparisons with what was stored as it is
+    "-Wno-padded",  # of structs that stay in registers; the host's have no padding
+    "-Wno-bad-function-cast",  # of floor() and its kin, whose results are whole
+    "-Wno-missing-variable-declarations",  # a sampler can't be static
+]
+
+
+@pytest.mark.parametrize("path", USES)
+def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
+    clang = shutil.which("clang-15")
+    if clang is None:
+        pytest.skip("clang-15 is not installed")
+    prelude = tmp_path / "generated.h"
+    prelude.write_text("\n".join(struct.text for struct in USES[path].structs) + "\n")
+    # Included, not flattened, so that functions unused in the kernel's own file are found.
+    with as_file(files("ssgi_cl.kernels")) as folder:
+        for form in FORMS:
+            for macros in USES[path].macros:
+                images = int(form.storage == "image")
+                options = {
+                    "SSGI_LANES": form.lanes, "SSGI_IMAGES": images,
+                    "SSGI_IMAGE_ROWS": 2048, **macros,
+                }
+                done = subprocess.run(
+                    [
+                        clang, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header",
+                        "-fsyntax-only", *WARNINGS, f"-I{folder}", "-include", str(prelude),
+                        *(f"-D{name}={value}" for name, value in options.items()),
+                        str(folder / path),
+                    ],
+                    capture_output=True, text=True, check=False,
+                )
+                assert done.returncode == 0, f"{form}, {macros}:\n{done.stderr}"

@@ -26,7 +26,7 @@ from ssgi_cl.techniques.lamp_shadows import LAMP_SHADOW
 from ssgi_cl.techniques.lamps import LIGHT
 from ssgi_cl.techniques.lit_layers import LIT
 from ssgi_cl.techniques.multires_grid import MULTIRES
-from ssgi_cl.techniques.rsm_gather import GATHER, MAP
+from ssgi_cl.techniques.rsm_maps import GATHER, MAP
 from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN

@@ -15,7 +15,7 @@ from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.techniques.bilateral import BLUR
 from ssgi_cl.techniques.lamps import LIGHT
 from ssgi_cl.techniques.lit_layers import LIT
-from ssgi_cl.techniques.rsm_gather import GATHER, MAP
+from ssgi_cl.techniques.rsm_maps import GATHER, MAP
 from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN

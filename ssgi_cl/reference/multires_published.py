@@ -34,12 +34,13 @@ def multires_published_reference(
     for level in range(levels - 1, -1, -1):
         own = np.zeros((*kept[level].shape, 3))
         for texel in np.argwhere(kept[level]):
-            middle = tuple(np.minimum((texel << level) + (1 << level) // 2, np.array(view.size) - 1))
+            centre = (texel << level) + (1 << level) // 2
+            middle = tuple(np.minimum(centre, np.array(view.size) - 1))
             own[tuple(texel)] = _irradiance(points[middle], normals[middle], vpls, view)
         if level == levels - 1:
             light, lit = own, kept[level]
         else:
-            light, lit = _upsampled(light, lit, own, kept[level])
+            light, lit = upsampled(light, lit, own, kept[level])
     return light, kept
 
 
@@ -106,7 +107,7 @@ def _irradiance(point: Doubles, normal: Doubles, vpls: Vpls, view: SurfaceView) 
     return result
 
 
-def _upsampled(
+def upsampled(
     coarse: Doubles, coarse_lit: NDArray[np.bool_], fine: Doubles, fine_lit: NDArray[np.bool_]
 ) -> tuple[Doubles, NDArray[np.bool_]]:
     """Return light of a finer level from that of a coarser one and from its own subsplats."""
@@ -126,7 +127,8 @@ def _upsampled(
                     taps[i, j] = coarse[up] if coarse_lit[up] else fine[own]
             if not there[1, 1]:
                 continue
-            tents = [np.array([1.0 - t, 1.0, t]) for t in (0.25 + 0.5 * (y % 2), 0.25 + 0.5 * (x % 2))]
+            # The nearer neighbour of the parent has 3/4, the farther 1/4.
+            tents = [np.array([0.75, 1.0, 0.25])[:: -1 if at % 2 else 1] for at in (y, x)]
             weight = np.outer(*tents) * there
             for i in (0, 2):
                 for j in (0, 2):

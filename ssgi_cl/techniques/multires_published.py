@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -163,7 +164,7 @@ class MultiresPublished:
             "subsplat variation", self.size, reads=[gbuffer.depth, gbuffer.normal],
             writes=[variation[0]], values=[_int2(gbuffer.whole), _int2(gbuffer.margin)],
         )
-        for finer, coarser in zip(variation, variation[1:], strict=False):
+        for finer, coarser in pairwise(variation):
             self._mip.run(
                 "subsplat mip", coarser.size, reads=[finer], writes=[coarser],
                 values=[_int2(finer.size)],

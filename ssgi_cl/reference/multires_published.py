@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,10 +68,10 @@ def subsplats(
             (extent >= -1.0) & (extent <= normal_threshold)
             & (variation <= depth_threshold * 3.0 / level)
         )
-    return [
-        own & ~(_doubled(enough[level + 1], own.shape) if level + 1 < levels else False)
-        for level, own in enumerate(enough)
+    finer = [
+        own & ~_doubled(coarser, own.shape) for own, coarser in pairwise(enough)
     ]
+    return [*finer, enough[-1]]
 
 
 def _windows(values: Doubles) -> Doubles:

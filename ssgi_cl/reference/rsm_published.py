@@ -108,8 +108,9 @@ def _in_disk(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Doubles]:
     """Return rows and columns of the samples round a point, and how many texels each stands for."""
     first = np.arange(settings.samples)
-    xi1, angle = (first + 0.5) / settings.samples, first * TURN
-    share = xi1**2 / np.sum(xi1**2)
+    xi1: Doubles = (first + 0.5) / settings.samples
+    angle: Doubles = first * TURN
+    share: Doubles = xi1**2 / np.sum(xi1**2)
     if len(rsm.cameras) == 6:
         return _in_cap(x, rsm, settings, xi1, angle, share)
     camera = rsm.cameras[0]

@@ -108,8 +108,8 @@ def _in_disk(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Doubles]:
     """Return rows and columns of the samples round a point, and how many texels each stands for."""
     first = np.arange(settings.samples)
-    xi1: Doubles = (first + 0.5) / settings.samples
-    angle: Doubles = first * TURN
+    xi1 = np.asarray((first + 0.5) / settings.samples, np.float64)
+    angle = np.asarray(first * TURN, np.float64)
     share: Doubles = xi1**2 / np.sum(xi1**2)
     if len(rsm.cameras) == 6:
         return _in_cap(x, rsm, settings, xi1, angle, share)

@@ -201,7 +201,7 @@ def rsm_gather(
             interpolation of the paper.
         radius: of the disk in sides of the map (of a point light's face), > 0. Method "unbiased":
             of the patterns "fixed" and "rotated", by default as far as the furthest corner of the
-            map; "published": 0.3 by default.
+            map; "published": 0.5 by default.
         pattern: method "unbiased": "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
         resolution: method "unbiased": "full", or "adaptive" for fewer pixels where light is smooth.
         runtime: the device; by default the fastest found.

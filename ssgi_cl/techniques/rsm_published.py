@@ -35,12 +35,14 @@ class RsmPublishedParams(Params):
     """Parameters of gathering as published (Dachsbacher and Stamminger 2005, sections 4.1, 4.2).
 
     The paper gives numbers for the samples and for the low-resolution pass alone (32 x 32 or 64 x
-    64 pixels of 512 x 512). The others are choices of this library.
+    64 pixels of 512 x 512). The others are choices of this library: of radii from 0.1 to 1.5 sides,
+    0.5 errs least against all texels in the scenes parlour and workshop. Weights add up to the
+    texels that the disk covers.
     """
 
     samples: int = param(400, "texels of each map that a pixel gathers from", low=1, high=65536)
     radius: float = param(
-        0.3, "of the disk round the pixel's place in the map, r_max",
+        0.5, "of the disk round the pixel's place in the map, r_max",
         unit="sides of a face of the map", low=0.0, above=True, high=4.0,
     )
     offset: float = param(

@@ -182,6 +182,7 @@ def gathered(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield rsm_gather(
         given.single, lamp, 50, pattern="fixed", resolution="adaptive", runtime=runtime
     )
+    yield rsm_gather(given.single, given.maps, 50, method="published", runtime=runtime)
 
 
 def splatted(given: Inputs, runtime: Runtime) -> Iterator[Array]:
@@ -219,6 +220,7 @@ TECHNIQUES: Mapping[str, Callable[[Inputs, Runtime], Iterator[Array]]] = {
         multires_splat(
             given.gbuffer, given.maps, 256, cutoff=0.01, near="clamped", runtime=runtime
         ),
+        multires_splat(given.gbuffer, given.maps, 256, method="published", runtime=runtime),
     )),
     "shading": shaded,
     "tone mapping": lambda given, runtime: iter((

@@ -26,6 +26,7 @@ from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
 from ssgi_cl.techniques.multi_bounce import multi_bounce
+from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.multires_splat import (
     MultiresSplat,
     MultiresSplatParams,
@@ -33,6 +34,7 @@ from ssgi_cl.techniques.multires_splat import (
 )
 from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
 from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
+from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.techniques.shade import Shade, shade
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
 from ssgi_cl.techniques.ssdo import Ssdo, ssdo
@@ -66,6 +68,8 @@ __all__ = [
     "KernelSourceError",
     "Light",
     "MissingExtraError",
+    "MultiresPublished",
+    "MultiresPublishedParams",
     "MultiresSplat",
     "MultiresSplatParams",
     "PassTime",
@@ -75,6 +79,8 @@ __all__ = [
     "Renderer",
     "RsmGather",
     "RsmGatherParams",
+    "RsmPublished",
+    "RsmPublishedParams",
     "Runtime",
     "SceneError",
     "Shade",

@@ -49,6 +49,8 @@ from ssgi_cl.techniques.ssdo_params import SsdoParams
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
               help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
               "lists them with their units.")
+@click.option("--method", metavar="NAME", help="Short for --set method=NAME: how ssdo finds "
+              "surfaces, 'published' as its paper has it if there is such a method.")
 @click.option("--preset", metavar="NAME", help="Where parameters without --set come from: low, "
               "medium, high or ultra; by default the technique's defaults.")
 @click.option("--error", type=float, metavar="RMSE", help="Instead of a preset: the fastest "
@@ -69,7 +71,7 @@ from ssgi_cl.techniques.ssdo_params import SsdoParams
 def apply_command(
     technique: str, source: Path | None, output: Path | None, fov: float | None,
     ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
-    preset: str | None, error: float | None, budget_ms: float | None,
+    method: str | None, preset: str | None, error: float | None, budget_ms: float | None,
     sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, no_normals: bool,
     device: str | None, as_json: bool,
 ) -> None:
@@ -91,6 +93,8 @@ def apply_command(
     if output is None:
         raise click.UsageError("Missing option '-o' / '--output'.")
     checked_output(output, (".exr",))
+    if method is not None:
+        settings = (*settings, f"method={method}")
     parameters = dict(_setting(text, technique, params) for text in settings)
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     parameters |= {name: value for name, value in asked.items() if value is not None}

@@ -59,6 +59,8 @@ if TYPE_CHECKING:
               "once: of lamps, by virtual point lights (multires is fastest, vpl can be blocked by "
               "walls) or gathered, or of all lights within --ao-radius by ssdo, which hides "
               "ambient light too; by default none.")
+@click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
+              "it: 'published' for the method as its paper has it; by default the library's own.")
 @click.option("--vpls", type=int, default=1024, show_default=True,
               help="Virtual point lights of --indirect multires and vpl.")
 @click.option("--glossy-vpls", type=int, default=0, show_default=True,
@@ -109,6 +111,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         arguments: dict[str, Any] = {
             "ao": False if options["ao"] == "none" else options["ao"],
             "indirect": options["indirect"],
+            "method": options["method"],
             "vpls": options["vpls"],
             "glossy_vpls": options["glossy_vpls"],
             "indirect_ao": options["indirect_ao"],

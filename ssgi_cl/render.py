@@ -14,7 +14,7 @@ from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, Spo
 from ssgi_cl.plan import Needs, chosen_skips
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
-from ssgi_cl.render_params import ao_name, bounce_name, bounce_params
+from ssgi_cl.render_params import ao_name, bounce_method, bounce_name, bounce_params
 from ssgi_cl.renderer import Renderer
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
@@ -37,6 +37,7 @@ def render(
     ao_samples: int | None = None,
     multi_bounce: bool = False,
     indirect: bool | str | None = None,
+    method: str | None = None,
     vpls: int = 1024,
     glossy_vpls: int = 0,
     indirect_ao: bool = False,
@@ -70,6 +71,9 @@ def render(
             lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
             light of environments too, so `ao` is not needed). What surfaces emit is
             seen and lights nothing. True for "multires", None or False for none.
+        method: how `indirect` computes it, out of the methods of its technique: those of
+            `multires_splat`, `rsm_gather` and `ssdo`, "published" among them; None for the default.
+            "multires" as published lets no wall block light.
         vpls: virtual point lights of "multires" and "vpl" in all, 1 to 2^24.
         glossy_vpls: more lights of "vpl" for what glossy surfaces mirror, 0 to 2^24.
         indirect_ao: whether A dims the light that "multires", "vpl" and "gather" reflect too, for
@@ -116,6 +120,7 @@ def render(
     outputs, skips = outputs if outputs is None else tuple(outputs), chosen_skips(skips)
     Needs.of(outputs, skips)
     dims, indirect = ao_name(ao, ao_samples), bounce_name(indirect)
+    method = bounce_method(indirect, method)
     if multi_bounce and indirect == "ssdo":
         raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
     if indirect_ao and (dims is None or indirect in (None, "ssdo")):
@@ -142,7 +147,7 @@ def render(
     if ao_radius is None:
         extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
         ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
-    bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls)
+    bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
     params: Any = None
     if dims is not None and indirect != "ssdo":
         samples = {} if ao_samples is None else {"samples": ao_samples}

@@ -7,19 +7,27 @@ from typing import Any
 from ssgi_cl import check
 from ssgi_cl.memory import Size
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.multires_splat import MultiresSplatParams
+from ssgi_cl.techniques import TECHNIQUES, multires_splat, rsm_gather
+from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
+from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.rsm_gather import RsmGatherParams
+from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
+from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.techniques.slices import SliceTechnique
 from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.vpl_splat import VplSplatParams
+from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 
 AO_DEFAULT = "gtao"
 BOUNCES = ("multires", "vpl", "gather", "ssdo")
 """The first is the default of one bounce."""
 
-BounceParams = MultiresSplatParams | VplSplatParams | RsmGatherParams | SsdoParams
+LampBounceParams = (
+    MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams
+    | RsmPublishedParams
+)
+BounceParams = LampBounceParams | SsdoParams
+LampBounce = MultiresSplat | MultiresPublished | VplSplat | RsmGather | RsmPublished
+"""What computes the light of lamps that surfaces reflect."""
 
 
 def ao_name(ao: object, samples: int | None) -> str | None:
@@ -59,20 +67,67 @@ def bounce_name(indirect: object) -> str | None:
     return None if indirect is None else check.choice("indirect", indirect, BOUNCES)
 
 
+def bounce_methods(name: str | None) -> tuple[str, ...]:
+    """Return the methods of a bounce by its name; none if there is but one way to compute it."""
+    if name == "ssdo":
+        fields: dict[str, Any] = SsdoParams.__dataclass_fields__
+        choices: tuple[str, ...] = fields["method"].metadata["choices"]
+        return choices
+    methods = {"multires": multires_splat.METHODS, "gather": rsm_gather.METHODS}
+    return tuple(methods.get(name or "", ()))
+
+
+def bounce_method(name: str | None, method: object) -> str | None:
+    """Return the method of a bounce that is asked for, or None for its default.
+
+    Raises:
+        ValueError: the bounce has no such method.
+    """
+    methods = bounce_methods(name)
+    if method is None:
+        return None
+    if not methods:
+        raise ValueError(
+            f"method is {method!r}: expected None with indirect={name!r}, which has no methods"
+        )
+    return check.choice("method", method, methods)
+
+
 def bounce_params(
-    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0
+    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0,
+    method: str | None = None,
 ) -> BounceParams | None:
     """Return the parameters of a bounce by its name, or None; `radius` is that of SSDO."""
     if name is None:
         return None
+    if name == "multires" and method == "published":
+        return MultiresPublishedParams(vpls=vpls)
     if name == "multires":
         if layers >= 2:  # lines of sight are shared by lights, which a hundredth would not show
             return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
         return MultiresSplatParams(vpls=vpls)
     if name == "ssdo":
-        return SsdoParams(radius=radius, resolution="half", emission=False)
+        chosen: dict[str, Any] = {} if method is None else {"method": method}
+        return SsdoParams(radius=radius, resolution="half", emission=False, **chosen)
+    if name == "gather" and method == "published":
+        return RsmPublishedParams()
     if name == "gather":
         return RsmGatherParams(resolution="adaptive")
     return VplSplatParams(
         vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=layers >= 2
     )
+
+
+def lamp_bounce(
+    runtime: Runtime, size: Size, params: LampBounceParams, margin: Size
+) -> LampBounce:
+    """Return what computes the light of lamps that surfaces reflect, by its parameters."""
+    if isinstance(params, RsmGatherParams):
+        return RsmGather(runtime, size, params, margin)
+    if isinstance(params, RsmPublishedParams):
+        return RsmPublished(runtime, size, params, margin)
+    if isinstance(params, MultiresPublishedParams):
+        return MultiresPublished(runtime, size, params)
+    if isinstance(params, MultiresSplatParams):
+        return MultiresSplat(runtime, size, params)
+    return VplSplat(runtime, size, params)

@@ -23,17 +23,18 @@ from ssgi_cl.plan import Needs, Stages, chosen_skips
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import device_scene, downloaded
-from ssgi_cl.render_params import BounceParams
+from ssgi_cl.render_params import BounceParams, LampBounce, lamp_bounce
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import kind_name, power
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.multires_splat import MultiresSplat
 from ssgi_cl.techniques.occlusion import OcclusionParams
 from ssgi_cl.techniques.rsm_gather import RsmGather
+from ssgi_cl.techniques.rsm_published import RsmPublished
 from ssgi_cl.techniques.shade import Shade
 from ssgi_cl.techniques.ssdo import Ssdo
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.tonemap import Tonemap, auto_exposure
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.vpl_splat import VplSplatParams
 from ssgi_cl.tiles import TileFacts, Tiles
 from ssgi_cl.window import Window
 
@@ -93,19 +94,15 @@ class Renderer:
         self._ao: Occluder | None = None
         if ao is not None and not near:
             self._ao = Occluder(runtime, size, ao, margin, layers, self.skips)
-        self._bounce: MultiresSplat | VplSplat | RsmGather | None = None
+        self._bounce: LampBounce | None = None
         self._ssdo: Ssdo | None = None
         self._views: FurtherViews | None = None
         if isinstance(indirect, SsdoParams):
             near_params = replace(indirect, bent_normals=False)  # a picture has none
             self._ssdo = Ssdo(runtime, size, near_params, margin, layers, attributes)
             self._views = FurtherViews(runtime, views) if views else None
-        elif isinstance(indirect, MultiresSplatParams):
-            self._bounce = MultiresSplat(runtime, size, indirect)
-        elif isinstance(indirect, VplSplatParams):
-            self._bounce = VplSplat(runtime, size, indirect)
         elif indirect is not None:
-            self._bounce = RsmGather(runtime, size, indirect, margin)
+            self._bounce = lamp_bounce(runtime, size, indirect, margin)
         self._tiles: Tiles | None = None
         if self.skips & ({"tiles"} if near else {"tiles", "lights", "layers"}):
             self._tiles = Tiles(runtime, size, margin, layers, pieces=near)
@@ -333,14 +330,13 @@ class Renderer:
         return set(idle)
 
     def _reflected(
-        self, bounce: MultiresSplat | VplSplat | RsmGather, seen: DeviceGBuffer,
-        rsm: DeviceRsm | None,
+        self, bounce: LampBounce, seen: DeviceGBuffer, rsm: DeviceRsm | None
     ) -> Plane | None:
         """Queue the passes of one bounce; return its plane of irradiance, or None if it is dark."""
         if rsm is None:
             self.runtime.skip(bounce.name, "no light that a map could be made of")
             return None
-        if isinstance(bounce, RsmGather):
+        if isinstance(bounce, (RsmGather, RsmPublished)):
             return bounce.run(seen, rsm)
         return bounce.run(seen, None, [rsm])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -198,7 +198,7 @@ def on_device_rsms(
 
     Maps of one size would share the memory that `on_device_rsm` keeps, so each has its own here.
     """
-    given = (rsms,) if isinstance(rsms, (ReflectiveShadowMap, DeviceRsm)) else tuple(rsms)
+    given = tuple(rsms) if isinstance(rsms, Iterable) else (rsms,)
     maps = []
     for index, rsm in enumerate(given):
         if index == 0 or not isinstance(rsm, ReflectiveShadowMap):

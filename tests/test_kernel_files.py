@@ -23,7 +23,9 @@ from ssgi_cl.techniques.lamp_shadows import LAMP_SHADOW
 from ssgi_cl.techniques.lamps import LIGHT
 from ssgi_cl.techniques.lit_layers import LIT
 from ssgi_cl.techniques.multires_grid import MULTIRES
-from ssgi_cl.techniques.rsm_gather import GATHER, MAP
+from ssgi_cl.techniques.multires_published import SUBSPLAT
+from ssgi_cl.techniques.rsm_maps import GATHER, MAP
+from ssgi_cl.techniques.rsm_published import INTERPOLATE
 from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
@@ -78,9 +80,10 @@ def combine(*switches: int) -> dict[str, int]:
     return {**macros, "AMBIENT_SIZE": 64 * macros["SHADE_SKY"]}
 
 
-def disk(listed: int, rotated: int, sphere: int) -> dict[str, int]:
+def disk(listed: int, rotated: int, sphere: int, points: int) -> dict[str, int]:
     return {
-        "RSM_GATHER_LISTED": listed, "RSM_GATHER_ROTATED": rotated, "RSM_GATHER_SPHERE": sphere
+        "RSM_GATHER_LISTED": listed, "RSM_GATHER_ROTATED": rotated, "RSM_GATHER_SPHERE": sphere,
+        "RSM_GATHER_POINTS": points,
     }
 
 
@@ -173,6 +176,13 @@ USES = {
             for n, line in ((0, 2), (1, 2), (1, 3))
         ],
     ),
+    "multires_published/subsplat_mip.cl": Use(),
+    "multires_published/subsplat_refine.cl": Use((SUBSPLAT,)),
+    "multires_published/subsplat_shade.cl": Use(
+        (CAMERA, VPL), [{"VPL_NEAR": 0, "VPL_CUT": 0, "SUBSPLAT_ROWS": rows} for rows in (1, 4)]
+    ),
+    "multires_published/subsplat_upsample.cl": Use(),
+    "multires_published/subsplat_variation.cl": Use(),
     "probe/probe_gather.cl": Use(),
     "raster/raster_attributes.cl": Use(
         rasterizer.STRUCTS,
@@ -195,7 +205,8 @@ USES = {
     "rsm/rsm_normals.cl": Use((VIEW_ROTATION,)),
     "rsm_gather/rsm_gather_bound.cl": Use(),
     "rsm_gather/rsm_gather_disk.cl": Use(
-        (CAMERA, GATHER, MAP), [disk(0, 0, 0), disk(1, 1, 0), disk(0, 1, 1)]
+        (CAMERA, GATHER, MAP),
+        [disk(0, 0, 0, 0), disk(1, 1, 0, 0), disk(0, 1, 1, 0), disk(1, 0, 1, 1)],
     ),
     "rsm_gather/rsm_gather_pick.cl": Use(),
     "rsm_gather/rsm_gather_same.cl": Use(
@@ -203,6 +214,8 @@ USES = {
     ),
     "rsm_gather/rsm_gather_sums.cl": Use((SUMS,)),
     "rsm_gather/rsm_gather_texels.cl": Use(),
+    "rsm_published/rsm_published_interpolate.cl": Use((CAMERA, INTERPOLATE)),
+    "rsm_published/rsm_published_lattice.cl": Use(),
     "shade/shade_combine.cl": Use(
         (CAMERA, COMBINE),
         [combine(0, 0, 0, 0, 0, 0, 0), combine(1, 1, 1, 1, 1, 1, 1), combine(0, 1, 0, 2, 0, 1, 0)],

@@ -15,7 +15,9 @@ from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.techniques.bilateral import BLUR
 from ssgi_cl.techniques.lamps import LIGHT
 from ssgi_cl.techniques.lit_layers import LIT
-from ssgi_cl.techniques.rsm_gather import GATHER, MAP
+from ssgi_cl.techniques.multires_published import SUBSPLAT
+from ssgi_cl.techniques.rsm_maps import GATHER, MAP
+from ssgi_cl.techniques.rsm_published import INTERPOLATE
 from ssgi_cl.techniques.rsm_samples import SUMS
 from ssgi_cl.techniques.shade import COMBINE
 from ssgi_cl.techniques.sight_grid import TURN
@@ -26,7 +28,7 @@ from ssgi_cl.techniques.upsample import UPSAMPLE
 
 STRUCTS = (
     CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, LIT, COMBINE, SPLIT,
-    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, SUMS, VPL, TURN,
+    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, INTERPOLATE, SUBSPLAT, SUMS, VPL, TURN,
 )
 
 

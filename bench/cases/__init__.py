@@ -12,9 +12,11 @@ from . import (
     converged,
     floor,
     lecture,
+    multires_published,
     multires_splat,
     rasterize,
     rsm_gather,
+    rsm_published,
     shade,
     skips,
     slices,
@@ -36,12 +38,14 @@ OWN: Mapping[str, Family] = {
     **upsample.FAMILIES,
     **shade.FAMILIES,
     **rsm_gather.FAMILIES,
+    **rsm_published.FAMILIES,
     **ssdo.FAMILIES,
     **rasterize.FAMILIES,
     **skips.FAMILIES,
     **vpl_splat.FAMILIES,
     **vpl_lobes.FAMILIES,
     **multires_splat.FAMILIES,
+    **multires_published.FAMILIES,
 }
 """This library's."""
 

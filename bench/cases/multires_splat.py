@@ -48,14 +48,14 @@ class MultiresByError(Own):
             vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
             light_error=self.light_share * few, coarsest=self.coarsest,
         )
-        vpls = _chosen(context, params.vpls)
+        vpls = chosen_lights(context, params.vpls)
         technique = MultiresSplat(context.runtime, context.size, params)
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return _array(technique.run(context.gbuffer, vpls))
+            return array_of(technique.run(context.gbuffer, vpls))
 
-        off = image() - _all_lights(context, vpls)
+        off = image() - all_lights(context, vpls)
         share = sum(technique.grid.counts().values()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
@@ -68,7 +68,8 @@ class MultiresByError(Own):
             moved=pixels * PIXEL_BYTES,
             truths=truths,
             note=f"{len(vpls)} lights, chosen before; {100 * share:.1f} % of the pixels computed; "
-            f"off all lights at all pixels by {_relative(off, image()):.2f} % of the mean (RMSE)",
+            f"off all lights at all pixels by {relative_rmse(off, image()):.2f} % of the mean "
+            "(RMSE)",
         )
 
 
@@ -94,7 +95,7 @@ class MultiresWalls(Own):
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return _array(technique.run(gbuffer, None, maps))
+            return array_of(technique.run(gbuffer, None, maps))
 
         image()
         share = sum(technique.grid.counts().values()) / pixels
@@ -109,7 +110,7 @@ class MultiresWalls(Own):
         )
 
 
-def _chosen(context: Context, count: int) -> Vpls:
+def chosen_lights(context: Context, count: int) -> Vpls:
     """Return lights from maps of the lamps."""
     if not context.lamps:
         raise ValueError(f"{context.view.name} has no lamp: expected at least one")
@@ -120,17 +121,18 @@ def _chosen(context: Context, count: int) -> Vpls:
     return choose_vpls(maps, count, runtime=context.runtime)
 
 
-def _all_lights(context: Context, vpls: Vpls) -> NDArray[np.float32]:
+def all_lights(context: Context, vpls: Vpls) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
     params = VplSplatParams(vpls=len(vpls), cutoff=0.0, refine=0.0)
-    return _array(VplSplat(context.runtime, context.size, params).run(context.gbuffer, vpls))
+    return array_of(VplSplat(context.runtime, context.size, params).run(context.gbuffer, vpls))
 
 
-def _array(plane: Plane) -> NDArray[np.float32]:
+def array_of(plane: Plane) -> NDArray[np.float32]:
+    """Return [rows, columns, channels] of a plane."""
     return np.moveaxis(plane.download(), 0, -1)
 
 
-def _relative(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:
+def relative_rmse(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:
     """Return a root of mean squares in percent of the mean of an image, where anything is lit."""
     lit = np.any(image > 0.0, axis=-1)
     rmse = math.sqrt(np.mean(off[lit] ** 2)) if lit.any() else 0.0

@@ -8,15 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.rasterize import rsm
 from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-
-MAP_SIZE = 512
-"""Texels along a side of each map."""
+from .vpl_splat import drawn_maps
 
 
 @dataclass(frozen=True)
@@ -34,40 +30,26 @@ class RsmGatherFamily(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
-        if not context.lamps:
-            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-        runtime, gbuffer = context.runtime, context.gbuffer
+        maps, gbuffer = drawn_maps(context), context.gbuffer
         params = RsmGatherParams(
             samples=samples, pattern=self.pattern, resolution=self.resolution
         )
-        roads = []
-        for lamp in context.lamps:
-            seen = rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime)
-            device = DeviceRsm(runtime, seen.cameras[0].size, len(seen.cameras))
-            device.upload(seen)
-            roads.append((RsmGather(runtime, context.size, params), device))
-
-        def run() -> None:
-            for technique, device in roads:
-                technique.run(gbuffer, device)
+        technique = RsmGather(context.runtime, context.size, params)
 
         def image() -> NDArray[np.float32]:
-            total = np.zeros((*context.size, 3), np.float32)
-            for technique, device in roads:
-                total += technique(gbuffer, device)
-            return total
+            return technique(gbuffer, maps)
 
         # Samples that are the same for all pixels need no scattered reads, others ten each.
         pixels = int(np.count_nonzero(context.seen))
         note = "without drawing the maps and, as long as they stay, without drawing samples"
         if self.resolution != "full":
-            run()
-            share = 100.0 * sum(technique.computed for technique, _ in roads) / len(roads)
-            pixels = int(0.01 * share * pixels)
-            note += f"; {share:.1f} % of the pixels computed"
-        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(roads)
+            image()
+            share = technique.computed
+            pixels = int(share * pixels)
+            note += f"; {100.0 * share:.1f} % of the pixels computed"
+        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(maps)
         return Subject(
-            run=run,
+            run=lambda: technique.run(gbuffer, maps),
             image=image,
             quantity="bounce",
             samples=reads,

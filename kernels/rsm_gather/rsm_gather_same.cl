@@ -7,8 +7,9 @@
 //          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
 //          samples  params.samples records, see records.clh
 //          shares   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
-// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With RSM_GATHER_LISTED that
-//                      share of the light is added, at the listed pixels alone
+// Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With params.add the light is
+//                      added to what is there; with RSM_GATHER_LISTED that share of it is added, at
+//                      the listed pixels alone
 // Macros:  RSM_GATHER_LISTED (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item; or any number of work-items for the list
 // Cost:    21 operations and a division per pixel and sample
@@ -29,7 +30,7 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
     for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
         const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, shares, irradiance);
+            rsm_write(rsm_nothing(), r, start, size, shares, irradiance, params);
             continue;
         }
         RsmSum sum = rsm_nothing();
@@ -51,6 +52,6 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, shares, irradiance);
+        rsm_write(sum, r, start, size, shares, irradiance, params);
     }
 }

@@ -50,7 +50,7 @@ class Discs:
 def rsm_gather_reference(
     gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams
 ) -> Doubles:
-    """Return irradiance [rows, columns, 3] in W/m^2, gathered for every pixel."""
+    """Return irradiance [rows, columns, 3] in W/m^2 by one map, gathered for every pixel."""
     return gathered(SurfaceView.of(gbuffer), rsm, params)
 
 
@@ -149,7 +149,7 @@ def _round_pixels(
     radius = np.linalg.norm(np.maximum(middle, 2.0 * half - middle), axis=-1)
     if np.isfinite(params.radius):
         radius = np.full(len(points), params.radius * max(rows, columns))
-    pattern = _turned(disk_pattern(params.samples, params.weights), turn)
+    pattern = _turned(disk_pattern(params.samples, "unbiased"), turn)
     at = middle[:, None] + radius[:, None, None] * pattern[..., :2]
     inside = (at >= 0.0).all(axis=-1) & (at < 2.0 * half).all(axis=-1)
     column, line = np.moveaxis(np.clip(np.floor(at), 0, 2.0 * half - 1.0).astype(np.intp), -1, 0)
@@ -169,7 +169,7 @@ def _in_cap(
     along = np.stack([-x * y * a, 1.0 - y * y * a, -y], axis=-1)
     frame = np.stack([across, along, points / length], axis=1)
     reach = min(0.5 * np.pi * params.radius, np.pi)
-    pattern = _turned(cap_pattern(params.samples, params.weights, reach), turn)
+    pattern = _turned(cap_pattern(params.samples, "unbiased", reach), turn)
     direction = pattern[..., :3] @ frame
     main = np.abs(direction).argmax(axis=-1)
     face = 2 * main + (np.take_along_axis(direction, main[..., None], -1)[..., 0] < 0.0)

@@ -74,7 +74,10 @@ class BilateralParams(Params):
 
 
 class Bilateral:
-    """The blur, prepared for images of one size with `channels` values a pixel."""
+    """The blur, prepared for images of one size with `channels` values a pixel.
+
+    Tomasi and Manduchi 1998. Departs: see `bilateral_blur`.
+    """
 
     def __init__(
         self, runtime: Runtime, size: Size, params: BilateralParams | None = None, channels: int = 1
@@ -157,6 +160,11 @@ def bilateral_blur(
     **params: float | bool,
 ) -> NDArray[np.float32]:
     """Blur an image without crossing the edges of what it shows.
+
+    Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", as a cross-bilateral
+    filter (Eisemann and Durand 2004; Petschnigg et al. 2004). Departs: depth is compared with the
+    pixel's tangent plane; the Gaussians of depth and normal are powers that end, so that what is
+    beyond weighs 0.
 
     Args:
         image: [rows, columns] or [rows, columns, 3] float32 of the G-buffer's size, finite.

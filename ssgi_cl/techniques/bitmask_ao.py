@@ -82,7 +82,10 @@ class BitmaskParams(SliceParams):
 
 
 class BitmaskAo(SliceTechnique[BitmaskParams]):
-    """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments."""
+    """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    Therrien et al. 2023. Departs: see `bitmask_ao`.
+    """
 
     name = "bitmask_ao"
     defaults = BitmaskParams
@@ -114,6 +117,10 @@ def bitmask_ao(
     **params: Any,
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from the sectors of slices that surfaces of some thickness cover.
+
+    Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask". Departs: sectors
+    are equal parts of the cosine-weighted measure (`sectors="angle"`: equal angles, as published);
+    neighbouring taps on one surface cover what lies between them; all depth layers are read.
 
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and each covers

@@ -49,6 +49,8 @@ class GtaoParams(SliceParams):
 class Gtao(SliceTechnique[GtaoParams]):
     """GTAO, prepared for images of one size; see `SliceTechnique` for the arguments.
 
+    Jimenez et al. 2016. Departs: see `gtao`.
+
     With `bent_normals`, the plane that `run` returns has four images: A, and x, y, z of the bent
     normal in world space, of unit length; 0 where nothing is.
     """
@@ -152,6 +154,11 @@ def gtao(
     **params: Any,
 ) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Compute cosine-weighted ambient occlusion from the highest horizons round each pixel.
+
+    Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion". Departs: a
+    horizon is measured from the tangent plane, slices weigh by the azimuth that they stand for, and
+    the sum is divided by that of open slices, so that a plane is unoccluded; `falloff` is that of
+    XeGTAO (Intel 2021); all depth layers are read.
 
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its

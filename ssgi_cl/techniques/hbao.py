@@ -32,7 +32,10 @@ class HbaoParams(SliceParams):
 
 
 class Hbao(SliceTechnique[HbaoParams]):
-    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments."""
+    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    Bavoil and Sainz 2008. Departs: see `hbao`.
+    """
 
     name = "hbao"
     defaults = HbaoParams
@@ -65,6 +68,10 @@ def hbao(
     **params: Any,
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
+
+    Bavoil and Sainz 2008, "Image-Space Horizon-Based Ambient Occlusion". Departs: elevations are
+    measured from the tangent plane across the line of sight, directions weigh by the azimuth that
+    they stand for, and the sum is divided by what they could hide, so that a plane is unoccluded.
 
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its

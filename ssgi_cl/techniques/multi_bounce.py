@@ -21,6 +21,8 @@ def multi_bounce(ao: ArrayLike, albedo: ArrayLike) -> NDArray[np.float32]:
     Occlusion") fitted to paths traced in scenes of a single albedo: good where
     neighbouring surfaces are of similar colour. Never below A, and 1 where A is.
 
+    As published.
+
     Args:
         ao: A [rows, columns] in [0, 1].
         albedo: [rows, columns, 3] linear reflectance in [0, 1], or one RGB for all pixels, or one

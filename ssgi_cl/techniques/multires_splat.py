@@ -18,7 +18,9 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
+from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
@@ -28,7 +30,7 @@ from ssgi_cl.vpls import Vpls
 
 @dataclass(frozen=True, kw_only=True)
 class MultiresSplatParams(MultiresGridParams, VplParams):
-    """Parameters of multiresolution splatting (Nichols and Wyman 2009), besides the grid's.
+    """Parameters of multiresolution splatting, method "adaptive", besides the grid's.
 
     At 800 x 600 with 1024 lights the defaults compute 3 % of the pixels of the Cornell box and
     24 % of the hall's; against all lights at all pixels the error (RMSE) is 0.6 and 0.7 % of the
@@ -58,6 +60,9 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
 
 class MultiresSplat:
     """Multiresolution splatting, prepared for images of one size.
+
+    After Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination". Departs:
+    see `multires_splat`; `MultiresPublished` is the method as published.
 
     Args:
         runtime: the device.
@@ -168,34 +173,51 @@ class MultiresSplat:
         return out
 
 
+METHODS = {
+    "adaptive": Method(MultiresSplat, MultiresSplatParams),
+    "published": Method(MultiresPublished, MultiresPublishedParams),
+}
+"""The first is the default."""
+
+
 def multires_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     vpls: int = 1024,
-    error: float = 0.01,
+    error: float | None = None,
     *,
+    method: str = "adaptive",
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights, where it is not smooth.
 
-    Pixels in between are interpolated. As `vpl_splat` with `cutoff=0` and `refine=0`, but for the
-    error that is allowed.
+    Pixels in between are interpolated. After Nichols and Wyman 2009, "Multiresolution Splatting for
+    Indirect Illumination"; with `cutoff=0` and `refine=0`, `vpl_splat` gives what it is close to.
+
+    Departs, with method "adaptive": where to compute is decided by the light's differences, to an
+    error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
+    walls may block light. Method "published" is as published: a min-max mipmap of depth and normals
+    decides, see `MultiresPublishedParams`.
 
     Args:
         gbuffer: what the camera sees.
         rsms: a reflective shadow map, or one for each light.
         vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
-        error: of interpolation as a share of the mean irradiance, >= 0; see `MultiresSplatParams`.
+        error: method "adaptive": of interpolation as a share of the mean irradiance, >= 0, by
+            default 0.01; see `MultiresSplatParams`.
+        method: "adaptive", or "published" for subsplats found by geometry alone.
         runtime: the device; by default the fastest found.
-        **params: the other fields of `MultiresSplatParams`.
+        **params: the other fields of `MultiresSplatParams` or, with method "published", of
+            `MultiresPublishedParams`.
 
     Returns:
         E [rows, columns, 3] float32 in W/m^2, at most 1e30; 0 where nothing is.
 
     Raises:
-        TypeError, ValueError: an argument of the wrong type or out of range; the message says
-            which, its value and what is allowed.
+        TypeError, ValueError: an argument of the wrong type or out of range, or one of another
+            method; the message says which, its value and what is allowed.
     """
-    chosen = MultiresSplatParams(vpls=vpls, error=error, **params)
-    return lit_by_maps(MultiresSplat, chosen, gbuffer, rsms, runtime)
+    given = {"vpls": vpls, **({} if error is None else {"error": error}), **params}
+    chosen: Any = chosen_params(METHODS, method, given)
+    return lit_by_maps(METHODS[method].technique, chosen, gbuffer, rsms, runtime)

@@ -43,6 +43,8 @@ _GROWTH = 1.5  # of the number of rays from one such look to the next
 class RayAo:
     """Ambient occlusion of a scene from rays, prepared for many cameras.
 
+    Zhukov, Iones and Kronin 1998. Departs: see `ray_ao`.
+
     Args:
         scene: triangles; copied, so that the scene itself need not be kept.
 
@@ -287,6 +289,11 @@ def ray_ao(
 
     Rays start above their triangle by 1e-6 of its size and of its distance from the scene's
     origin; what is nearer than that is not seen.
+
+    Monte Carlo integration of ambient occlusion as defined by Zhukov, Iones and Kronin 1998, "An
+    Ambient Light Illumination Model". Departs: W is a falloff with distance that the caller
+    chooses; points are a low-discrepancy sequence moved from pixel to pixel (Cranley and Patterson
+    1976).
 
     Args:
         scene: what `rasterize.load_scene` returns; its search tree is kept as long as the scene.

@@ -1,56 +1,33 @@
-"""One bounce of light gathered from a reflective shadow map, without indirect visibility."""
+"""One bounce of light gathered from reflective shadow maps, without indirect visibility."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
+from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import (
-    CAMERA,
-    ROTATION,
-    Struct,
-    camera_values,
-    floats,
-    rotation_values,
-)
-from ssgi_cl.techniques.multires_grid import Level, MultiresGrid, MultiresGridParams
-from ssgi_cl.techniques.rsm_samples import (
-    FluxSamples,
-    TexelRecords,
-    cap_pattern,
-    cube_turns,
-    disk_pattern,
-    tile_turns,
-)
+from ssgi_cl.techniques.methods import Method, chosen_params
+from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.rsm_maps import MapSampling, RsmMaps, camera_of
+from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.vpls import on_device_rsms
 
 RESOLUTIONS = ("full", "adaptive")
 
-GATHER = Struct(
-    "RsmGatherParams",
-    (
-        *floats(*ROTATION, "x", "y", "z"),
-        *((name, "int") for name in ("margin_columns", "margin_rows", "samples")),
-    ),
-)
-MAP = Struct(
-    "RsmMapParams",
-    (*floats(*ROTATION, "radius", "density"), ("columns", "int"), ("rows", "int")),
-)
+
 @dataclass(frozen=True, kw_only=True)
 class RsmGatherParams(Params):
-    """Parameters of gathering from a reflective shadow map (Dachsbacher and Stamminger 2005).
+    """Parameters of gathering from reflective shadow maps, method "unbiased".
 
     In the time of 400 samples in a disk, which lie scattered in memory, 6400 drawn by flux have
     0.33 to 0.66 of the error (against all texels; Cornell box and both lamps of the hall). A disk
@@ -58,7 +35,7 @@ class RsmGatherParams(Params):
     0.75, 1 and 1.42 sides, which is 0.75 for one lamp and 1 for the others.
     """
 
-    samples: int = param(400, "texels that a pixel gathers from", low=1, high=65536)
+    samples: int = param(400, "texels of each map that a pixel gathers from", low=1, high=65536)
     pattern: str = param(
         "flux", "'flux': drawn in proportion to flux, the same for all pixels; 'fixed': a disk "
         "round the pixel's place in the map; 'rotated': the disk turned from pixel to pixel, noise "
@@ -68,10 +45,6 @@ class RsmGatherParams(Params):
     radius: float = param(
         math.inf, "of the disk; by default as far as the furthest corner of the map",
         unit="sides of a face of the map", low=0.0, above=True, high=math.inf,
-    )
-    weights: str = param(
-        "unbiased", "of samples in the disk: what their density lacks, or as in the paper, which "
-        "does not converge to the sum over all texels", choices=("unbiased", "paper"),
     )
     resolution: str = param(
         "full", "'full': light is gathered for all pixels; 'adaptive': for those alone between "
@@ -91,6 +64,9 @@ class RsmGatherParams(Params):
 
 class RsmGather:
     """Gathering, prepared for images of one size.
+
+    After Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departs: see `rsm_gather`;
+    `RsmPublished` is the method as published.
 
     Args:
         runtime: the device.
@@ -113,13 +89,12 @@ class RsmGather:
         self.runtime = runtime
         self.size = size
         self.margin = margin
-        self._texels: TexelRecords | None = None
-        self._picked: FluxSamples | None = None
-        self._current: tuple[DeviceRsm, int] | None = None
-        # Without a list kernels get one and shares that they don't read.
-        self._no_list = runtime.empty(1, np.int32)
-        self._no_shares = runtime.plane(1, (1, 1))
+        self._maps = RsmMaps(
+            runtime,
+            MapSampling(pattern=params.pattern, samples=params.samples, radius=params.radius),
+        )
         self._grid: MultiresGrid | None = None
+        self._dark: Plane | None = None
         if params.resolution == "adaptive":
             self._grid = MultiresGrid(
                 runtime, size,
@@ -131,12 +106,6 @@ class RsmGather:
             self._bounds = runtime.kernel("rsm_gather/rsm_gather_bound.cl")
         else:
             self._irradiance = runtime.plane(3, size)
-        if params.pattern in ("fixed", "rotated"):
-            self._pattern = runtime.empty(4 * params.samples, np.float32)
-            self._is_cap: bool | None = None
-            turn = tile_turns()
-            table = np.stack([np.cos(turn), np.sin(turn)], axis=1)  # row, function, column
-            self._turns = runtime.array(table.astype(np.float32))
 
     @property
     def computed(self) -> float:
@@ -145,29 +114,32 @@ class RsmGather:
             return 1.0
         return sum(self._grid.counts().values()) / (self.size[0] * self.size[1])
 
-    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, rsms: DeviceRsm | Sequence[DeviceRsm]) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
         Nothing is allocated after the first call with maps of one size, and what depends on the
-        map alone is made when it changes.
+        maps alone is made when they change.
+
+        Args:
+            gbuffer: what the camera sees.
+            rsms: a map, or several, whose light is summed; without any the result is 0.
 
         Raises:
             ValueError: a G-buffer of another size or margin, an empty one, or a map whose faces do
                 not suit the pattern.
         """
-        if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
-            raise ValueError(
-                f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
-                f"expected {self.size} and {self.margin}"
-            )
-        if gbuffer.camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
-        self._prepare(rsm)
+        camera = camera_of(gbuffer, self.size, self.margin)
+        maps = (rsms,) if isinstance(rsms, DeviceRsm) else tuple(rsms)
+        if not maps:
+            self.runtime.skip(self.name, "no light")
+            self._dark = self._dark or self.runtime.plane(3, self.size)
+            return self._dark
+        self._maps.prepare(maps)
         if self._grid is None:
-            self._gather(gbuffer, gbuffer.camera, rsm, self._irradiance)
+            self._maps.gather(gbuffer, camera, self._irradiance)
             return self._irradiance
         for level in self._grid.levels(gbuffer, self._bound):
-            self._gather(level.source, gbuffer.camera, rsm, level.values, level)
+            self._maps.gather(level.source, camera, level.values, level)
             if level.number == 0:
                 self._bounds.run(
                     "mean", level.size, [level.list], [level.values, self._bound],
@@ -178,166 +150,80 @@ class RsmGather:
     def __call__(
         self,
         gbuffer: GBuffer | DeviceGBuffer,
-        rsm: ReflectiveShadowMap | DeviceRsm,
+        rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
         out: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
         """Return irradiance [rows, columns, 3] float32 in W/m^2, written to `out` if given."""
-        device, light = on_device(gbuffer, self.runtime), on_device_rsm(rsm, self.runtime)
+        device, maps = on_device(gbuffer, self.runtime), on_device_rsms(rsms, self.runtime)
         if out is None:
             out = np.empty((*self.size, 3), np.float32)
         with self.runtime.frame():
-            self.run(device, light).download(np.moveaxis(out, -1, 0))
+            self.run(device, maps).download(np.moveaxis(out, -1, 0))
         return out
 
-    def _prepare(self, rsm: DeviceRsm) -> None:
-        """Queue what makes the samples of the map, unless they are those of last time."""
-        if self.params.pattern in ("fixed", "rotated"):
-            self._check_faces(rsm)
-            self._set_pattern(cap=rsm.faces == 6)
-        if self._texels is None or self._texels.size != rsm.size:
-            self._texels = TexelRecords(self.runtime, rsm.size)
-            self._current = None
-            if self.params.pattern == "flux":
-                self._picked = FluxSamples(self.runtime, self._texels, self.params.samples)
-        before, self._current = self._current, (rsm, rsm.version)
-        if before is not None and before[0] is rsm and before[1] == rsm.version:
-            return
-        self._texels.update(rsm)
-        if self._picked is not None:
-            self._picked.update()
 
-    def _set_pattern(self, *, cap: bool) -> None:
-        params = self.params
-        if self._is_cap is cap:
-            return
-        self._is_cap = cap
-        values = (
-            cap_pattern(params.samples, params.weights, min(0.5 * math.pi * params.radius, math.pi))
-            if cap
-            else disk_pattern(params.samples, params.weights)
-        )
-        self._pattern.upload(values.astype(np.float32))
-
-    def _gather(
-        self, source: Any, camera: Camera, rsm: DeviceRsm, result: Plane,
-        level: Level | None = None,
-    ) -> None:
-        """Queue the gathering for all pixels of `source`, or for those of the level's list."""
-        kernel, reads, values, samples = self._road(rsm, listed=level is not None)
-        to_map = rsm.from_view(camera)
-        packed = GATHER.pack(
-            {
-                **rotation_values(to_map[:, :3]),
-                **dict(zip("xyz", to_map[:, 3], strict=True)),
-                "margin_columns": source.margin[1],
-                "margin_rows": source.margin[0],
-                "samples": samples,
-            }
-        )
-        grid = local = None
-        if level is not None:
-            # Each work-item takes every so-many-th piece of the list, whose length the host does
-            # not know; a GPU has enough of them for one piece each.
-            pieces = -(-result.size[0] * result.size[1] // self.runtime.form.lanes)
-            is_gpu = self.runtime.info.kind == "gpu"
-            grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
-        listed = self._no_list if level is None else level.list
-        shares = self._no_shares if level is None else level.shares
-        kernel.run(
-            "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
-            reads=[source.depth, source.normal, listed, *reads, shares],
-            writes=[result], values=[source.camera_struct, packed, *values], grid=grid, local=local,
-        )
-
-    def _road(self, rsm: DeviceRsm, *, listed: bool) -> tuple[Kernel, list[Any], list[Any], int]:
-        """Return the kernel, its further arguments and the number of samples."""
-        params, texels = self.params, self._texels
-        assert texels is not None  # noqa: S101  _prepare made them
-        macros = {"RSM_GATHER_LISTED": int(listed)}
-        if params.pattern in ("flux", "all"):
-            samples = self._picked or texels
-            kernel = self.runtime.kernel(
-                "rsm_gather/rsm_gather_same.cl", macros, (CAMERA, GATHER)
-            )
-            return kernel, [samples.records], [], samples.count
-        kernel = self.runtime.kernel(
-            "rsm_gather/rsm_gather_disk.cl",
-            {
-                **macros,
-                "RSM_GATHER_ROTATED": int(params.pattern == "rotated"),
-                "RSM_GATHER_SPHERE": int(rsm.faces == 6),
-            },
-            (CAMERA, GATHER, MAP),
-        )
-        camera = rsm.cameras[0]
-        light = camera_values(camera)
-        rows, columns = rsm.face_size
-        values = {
-            **rotation_values(camera.view[:3, :3]),
-            "radius": params.radius * max(rows, columns) if math.isfinite(params.radius) else 0.0,
-            "density": 1.0 / abs(light["to_x"] * light["to_y"]),
-            "columns": columns,
-            "rows": rows,
-        }
-        reads = [texels.records, self._pattern, self._turns]
-        return kernel, reads, [CAMERA.pack(light), MAP.pack(values)], params.samples
-
-    def _check_faces(self, rsm: DeviceRsm) -> None:
-        if rsm.faces == 1:
-            return
-        turns = [camera.view[:3, :3] for camera in rsm.cameras]
-        if rsm.faces != 6 or not np.allclose(turns, cube_turns(), atol=1e-6):
-            raise ValueError(
-                f"the reflective shadow map has {rsm.faces} faces: expected one, or the six of "
-                "rasterize.rsm (+x, -x, +y, -y, +z, -z) for the patterns 'fixed' and 'rotated'"
-            )
+METHODS = {
+    "unbiased": Method(RsmGather, RsmGatherParams),
+    "published": Method(RsmPublished, RsmPublishedParams),
+}
+"""The first is the default."""
 
 
 def rsm_gather(
     gbuffer: GBuffer | DeviceGBuffer,
-    rsm: ReflectiveShadowMap | DeviceRsm,
+    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     samples: int = 400,
     *,
+    method: str = "unbiased",
     radius: float | None = None,
-    weights: str = "unbiased",
-    pattern: str = "flux",
-    resolution: str = "full",
+    pattern: str | None = None,
+    resolution: str | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
-    """Compute irradiance by light that the surfaces in a reflective shadow map reflect once.
+    """Compute irradiance by light that the surfaces in reflective shadow maps reflect once.
 
-    E(x) = sum over texels of flux cos cos / (pi d^2 + area) (Dachsbacher and Stamminger 2005, eq.
-    1, each texel a disc of the surface that it stands for); walls between texel and pixel cast no
-    shadow, and what glossy surfaces mirror is left out (`vpl_splat` has both).
+    E(x) = sum over texels of flux cos cos / (pi d^2 + area) (after Dachsbacher and Stamminger
+    2005, "Reflective Shadow Maps", eq. 1). Walls between texel and pixel cast no shadow, and what
+    glossy surfaces mirror is left out (`vpl_splat` has both).
+
+    Departs, with method "unbiased": each texel is a disc of the surface that it stands for, so E is
+    bounded; samples are drawn in proportion to flux (Clarberg et al. 2005) or weighted by what
+    their density lacks, so they converge to the sum over all texels; where to interpolate is
+    decided by the light's differences. Method "published" is as published: see
+    `RsmPublishedParams`.
 
     Args:
         gbuffer: depth, and normals if there are any.
-        rsm: what `rasterize.rsm` returns.
-        samples: texels that each pixel gathers from, 1 to 65536.
-        radius: of the disk of "fixed" and "rotated" in sides of the map (of a point light's face),
-            > 0; by default as far as the furthest corner of the map, so that nothing is left out.
-        weights: "unbiased", or "paper" for those of the paper.
-        pattern: "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
-        resolution: "full", or "adaptive" for fewer pixels where light is smooth.
+        rsms: what `rasterize.rsm` returns, or several of them, whose light is summed.
+        samples: texels of each map that a pixel gathers from, 1 to 65536.
+        method: "unbiased", or "published" for the disk of samples, weights, low-resolution pass and
+            interpolation of the paper.
+        radius: of the disk in sides of the map (of a point light's face), > 0. Method "unbiased":
+            of the patterns "fixed" and "rotated", by default as far as the furthest corner of the
+            map; "published": 0.5 by default.
+        pattern: method "unbiased": "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
+        resolution: method "unbiased": "full", or "adaptive" for fewer pixels where light is smooth.
         runtime: the device; by default the fastest found.
-        **params: the other fields of `RsmGatherParams`.
+        **params: the other fields of `RsmGatherParams` or, with method "published", of
+            `RsmPublishedParams`.
 
     Returns:
         Irradiance E [rows, columns, 3] float32 in W/m^2, not clamped to 1; 0 where nothing is.
 
     Raises:
-        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
-            which, its value and what is allowed.
+        TypeError, ValueError: a parameter of the wrong type or out of range, or one of another
+            method; the message says which, its value and what is allowed.
     """
-    chosen = RsmGatherParams(
-        samples=samples, radius=math.inf if radius is None else radius, weights=weights,
-        pattern=pattern, resolution=resolution, **params,
-    )
+    given = {"radius": radius, "pattern": pattern, "resolution": resolution}
+    given = {name: value for name, value in given.items() if value is not None}
+    chosen: Any = chosen_params(METHODS, method, {"samples": samples, **given, **params})
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
-    technique: RsmGather = runtime.prepared(
-        (RsmGather, device.size, device.margin, chosen),
-        lambda: RsmGather(runtime, device.size, chosen, device.margin),
+    kind: Any = METHODS[method].technique
+    technique = runtime.prepared(
+        (kind, device.size, device.margin, chosen),
+        lambda: kind(runtime, device.size, chosen, device.margin),
     )
-    return technique(device, rsm)
+    result: NDArray[np.float32] = technique(device, rsms)
+    return result

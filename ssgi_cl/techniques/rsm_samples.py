@@ -133,7 +133,7 @@ class TexelRecords:
             }
             self._sums.run(
                 "rsm sums", size, reads=[], writes=[self.sums], values=[SUMS.pack(values)],
-                grid=size, local=(1, min(size[1], 64)),
+                grid=size,
             )
 
     def level_table(self) -> NDArray[np.int32]:
@@ -170,5 +170,5 @@ class FluxSamples:
             "rsm pick", (1, self.count),
             reads=[self._texels.records, self._texels.sums, self._table, self._points],
             writes=[self.records], values=[np.int32(self._depth)], grid=(1, self.count),
-            local=(1, min(self.count, 16)),
+            local=(1, 16),
         )

@@ -169,6 +169,8 @@ def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
 class Ssao(OcclusionTechnique):
     """SSAO, prepared for images of one size.
 
+    Mittring 2007; Filion and McNaughton 2008. Departs: see `ssao`.
+
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
@@ -279,6 +281,11 @@ def ssao(
     **params: Any,
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from points in a ball round each pixel.
+
+    Mittring 2007, "Finding Next Gen: CryEngine 2", and Filion and McNaughton 2008, "StarCraft II
+    Effects and Techniques". Departs: with `hemisphere` (the default) a surface occludes only where
+    it rises above the receiver's tangent plane; points are a low-discrepancy sequence; A is raised
+    to `contrast`.
 
     Args:
         gbuffer: depth, and normals if there are any; with a margin, samples reach into it.

@@ -17,7 +17,10 @@ LARGEST_EXPOSURE = 1e30
 
 
 class Tonemap:
-    """Tone mapping, prepared for images of one size."""
+    """Tone mapping, prepared for images of one size.
+
+    Narkowicz 2015; Reinhard et al. 2002. Departs: see `tonemap`.
+    """
 
     def __init__(self, runtime: Runtime, size: Size, curve: str = "filmic") -> None:
         self.runtime = runtime
@@ -93,6 +96,10 @@ def tonemap(
     runtime: Runtime | None = None,
 ) -> NDArray[np.uint8]:
     """Turn linear radiance into an sRGB picture.
+
+    The filmic curve is the fit of the ACES reference transform by Narkowicz 2015; automatic
+    exposure is the log-average of Reinhard et al. 2002, "Photographic Tone Reproduction for Digital
+    Images". Departs: pixels that are black don't count in that average.
 
     Args:
         radiance: [rows, columns, 3] float32, finite, >= 0.

@@ -105,7 +105,10 @@ class ReducedGBuffer:
 
 
 class Upsample:
-    """The joint-bilateral upsampling, prepared for one full size, step and number of channels."""
+    """The joint-bilateral upsampling, prepared for one full size, step and number of channels.
+
+    Kopf et al. 2007. Departs: see `upsample`.
+    """
 
     def __init__(
         self,
@@ -252,6 +255,10 @@ def upsample(
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Bring an image of half or quarter size to the size of the G-buffer, along surfaces.
+
+    Kopf et al. 2007, "Joint Bilateral Upsampling". Departs: of the 2 x 2 nearest pixels alone;
+    depth is compared with the pixel's tangent plane; a pixel that none of them fits takes the one
+    that fits best.
 
     Args:
         image: [ceil(rows / step), ceil(columns / step)] or with 3 channels, float32; its pixel

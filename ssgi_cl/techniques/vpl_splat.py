@@ -79,6 +79,8 @@ class VplSplatParams(VplParams):
 class VplSplat:
     """Splatting, prepared for images of one size.
 
+    Keller 1997; Dachsbacher and Stamminger 2006. Departs: see `vpl_splat`.
+
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
@@ -334,6 +336,12 @@ def vpl_splat(
     **params: Any,
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights.
+
+    Keller 1997, "Instant Radiosity"; Dachsbacher and Stamminger 2006, "Splatting Indirect
+    Illumination". Departs: a light is a disc (form factor of Nichols, Shopf and Wyman 2009), chosen
+    along a Hilbert curve through the map; the cutoff fades and what it leaves out is restored;
+    lights give way to their parts near by; tiles cull lights in place of splats; walls may block
+    light.
 
     Args:
         gbuffer: what the camera sees.

@@ -162,7 +162,10 @@ CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
     "ssdo points": directional("points"),
     "rsm gather": one_bounce(
         rsm_gather, samples=(1, 50), pattern=("flux", "fixed", "rotated", "all"),
-        resolution=("full", "adaptive"), weights=("unbiased", "paper"),
+        resolution=("full", "adaptive"),
+    ),
+    "rsm gather as published": one_bounce(
+        rsm_gather, method=("published",), samples=(1, 50), spacing=(1, 2, 8), radius=(0.1, 2.0),
     ),
     "vpl splat": one_bounce(
         vpl_splat, vpls=(1, 100), cutoff=(0.0, 0.01), near=("disk", "clamped"),
@@ -170,6 +173,10 @@ CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
     ),
     "multires splat": one_bounce(
         multires_splat, vpls=(1, 100), near=("disk", "clamped"), coarsest=(1, 16)
+    ),
+    "multires splat as published": one_bounce(
+        multires_splat, method=("published",), vpls=(1, 100), levels=(1, 2, 7),
+        depth_threshold=(0.0, 1.0),
     ),
     "shade": shading,
     "blur": blurring,

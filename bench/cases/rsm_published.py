@@ -1,0 +1,50 @@
+"""Gathering from reflective shadow maps as published, by the number of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
+
+from ..case import Family, Own, Subject, count_of
+from ..context import Context
+from .vpl_splat import drawn_maps
+
+
+@dataclass(frozen=True)
+class RsmPublishedFamily(Own):
+    """Irradiance by one bounce of all lamps; the setting is the number of samples of each."""
+
+    SETTINGS: tuple[str, ...] = ("100", "400", "1600")
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Draw the maps and make gathering ready."""
+        samples = count_of(setting, "a number of samples", 1, 65536)
+        maps, gbuffer = drawn_maps(context), context.gbuffer
+        params = RsmPublishedParams(samples=samples)
+        technique = RsmPublished(context.runtime, context.size, params)
+
+        def image() -> NDArray[np.float32]:
+            return technique(gbuffer, maps)
+
+        image()
+        share = technique.computed
+        pixels = int(share * context.size[0] * context.size[1])
+        return Subject(
+            run=lambda: technique.run(gbuffer, maps),
+            image=image,
+            quantity="bounce",
+            samples=10.0 * pixels * samples * len(maps),
+            truths={
+                "world": context.bounce,
+                "assumption": lambda: context.bounce(visibility=False),
+            },
+            note=f"without drawing the maps; {100 * share:.1f} % of the pixels gathered for",
+        )
+
+
+FAMILIES: Mapping[str, Family] = {"rsm-gather-published": RsmPublishedFamily()}

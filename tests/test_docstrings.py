@@ -1,0 +1,39 @@
+"""Docstrings of techniques name the paper that they implement, and where they depart from it."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+import pytest
+
+import ssgi_cl as gi
+
+TECHNIQUES = {
+    name: value
+    for name, value in vars(gi).items()
+    if name in gi.__all__ and callable(value)
+    and value.__module__.startswith("ssgi_cl.techniques.") and not name.endswith("Params")
+}
+
+
+def test_every_technique_is_looked_at() -> None:
+    functions = {name for name, value in TECHNIQUES.items() if inspect.isfunction(value)}
+    assert functions == {
+        "bilateral_blur", "bitmask_ao", "gtao", "hbao", "multi_bounce", "multires_splat", "ray_ao",
+        "rsm_gather", "shade", "ssao", "ssdo", "tonemap", "upsample", "vpl_splat",
+    }
+
+
+IN_PARAMS = {"ssdo", "Ssdo"}
+"""Whose methods `SsdoParams` describes, papers included."""
+
+
+@pytest.mark.parametrize("name", sorted(TECHNIQUES.keys() - IN_PARAMS))
+def test_a_technique_names_its_paper_and_where_it_departs(name: str) -> None:
+    value: Any = TECHNIQUES[name]
+    text = " ".join((inspect.getdoc(value) or "").split())
+    # An author and a year, such as "Kopf et al. 2007".
+    assert re.search(r"\b[A-Z][a-z]+\b[\w ,.]* (19|20)\d\d\b", text), text
+    assert re.search(r"\bDeparts\b|[Aa]s published", text), text

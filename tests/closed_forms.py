@@ -120,3 +120,25 @@ def hidden_by_sphere(camera: Camera, lift: float, weighting: str) -> Doubles:
     point = camera.position - point * (camera.position[1] / point[..., 1:2])  # on the floor
     away: Doubles = np.linalg.norm(point - (0.0, lift, 0.0), axis=-1)
     return lift / away**3 if weighting == "cosine" else 1.0 - np.sqrt(1.0 - away**-2)
+
+
+def lit_by_wall(distance: ArrayLike, left: ArrayLike, right: ArrayLike, height: float) -> Doubles:
+    """Return the form factor of a floor element to a rectangle that stands on the floor.
+
+    Two rectangles whose common lower corner is the foot of the element's perpendicular (Siegel and
+    Howell, "Thermal Radiation Heat Transfer", configuration of an element and a rectangle in planes
+    at 90 degrees).
+
+    Args:
+        distance: from the element to the rectangle's plane, > 0.
+        left, right: from the perpendicular's foot to the rectangle's ends; negative if the foot
+            lies beyond that end.
+        height: of the rectangle.
+    """
+    c = np.asarray(distance, np.float64)
+    up = np.hypot(c, height)
+    result: Doubles = sum(
+        (np.arctan(side / c) - c / up * np.arctan(side / up)) / (2.0 * math.pi)
+        for side in (np.asarray(left, np.float64), np.asarray(right, np.float64))
+    )
+    return result

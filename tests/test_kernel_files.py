@@ -35,6 +35,7 @@ from ssgi_cl.techniques.ssdo import SPLIT
 from ssgi_cl.techniques.ssdo_point_views import POINT_VIEWS
 from ssgi_cl.techniques.ssdo_points import POINTS
 from ssgi_cl.techniques.ssdo_views import VIEWS
+from ssgi_cl.techniques.ssdo_views_unseen import UNSEEN
 from ssgi_cl.techniques.upsample import UPSAMPLE
 from ssgi_cl.techniques.vpl_tree import CUT
 from ssgi_cl.tiles import TILES
@@ -277,9 +278,13 @@ USES = {
         (CAMERA, VIEWS),
         [
             {"VIEWS_SLICES": 2, "VIEWS_STRATA": 2, "VIEWS_TAPS": 4, "VIEWS_LAYERS": layers,
-             "VIEWS_SENDERS": senders, "VIEWS_BOUNCE": 1}
+             "VIEWS_NORMALS": layers, "VIEWS_SENDERS": senders, "VIEWS_BOUNCE": 1}
             for layers, senders in ((1, 0), (2, 2))
         ],
+    ),
+    "ssdo_views/ssdo_views_unseen.cl": Use(
+        (CAMERA, UNSEEN),
+        [{"UNSEEN_LAYERS": 2, "UNSEEN_NORMALS": 1, "SEEN_LAYERS": 2, "SEEN_NORMALS": 1}],
     ),
     "tiles/tiles_calm.cl": Use(),
     "tiles/tiles_facts.cl": Use(

@@ -4,42 +4,46 @@
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", add cameras that see what the first one misses.
 // Departs: the free sectors of a slice are split into VIEWS_STRATA parts, equal steps of the sine
-//          from the normal. Taps go in the direction of one free sector of each; the first that
-//          has come behind a surface of the other camera, no farther than its thickness or the
-//          way from tap to tap, covers all free sectors of the part. So each sector is covered
-//          once, whatever number of cameras follow one another, and its measure is that of
-//          ssdo_bitmask. Distances of taps from a place two pixels of the other camera before
-//          the receiver grow by a constant factor up to the radius: what is near is met at the
-//          other camera's resolution, and what is far in as few taps as its size needs.
+//          from the normal. A ray goes in the direction of one free sector of each; where it meets
+//          a surface of the other camera (see surfaces.clh), that covers all free sectors of the
+//          part. So each sector is covered once, whatever number of cameras follow one another,
+//          and its measure is that of ssdo_bitmask. Distances of taps from a place two pixels of
+//          the other camera before the receiver grow by a constant factor up to the radius: what
+//          is near is met at the other camera's resolution, and what is far in as few taps as its
+//          size needs. Surfaces that an earlier view shows are not met: that view has decided which
+//          sectors they cover, and to ask again covers more (see ssdo_views_unseen.cl).
 // Reads:   linear   [rows, columns] with margin: 1 / depth (orthographic: depth), or INFINITY
 //          normal   3 x likewise, view space, unit length
 //          table    [4 rows][VIEWS_SLICES][3][16 columns]: cosine and sine of a slice's angle from
 //                   +columns towards +rows, dither in [0, 1)
-//          depth    VIEWS_LAYERS x [other rows, other columns] of the other camera, scene units
-//          seen     normals there, 3 VIEWS_SENDERS images (at least 3), its view space
+//          depth    VIEWS_LAYERS x [other rows, other columns] of the other camera, scene units;
+//                   INFINITY where nothing is, or an earlier view shows what is
+//          seen     3 VIEWS_NORMALS x likewise: normals, its view space
 //          radiance 3 VIEWS_SENDERS x likewise, W m^-2 sr^-1
 // Writes:  light    image 0: A, less what is newly covered; from image VIEWS_BOUNCE on: 3 of
 //                   irradiance, W/m^2, added to (VIEWS_SENDERS > 0)
 //          masks    VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered sector
-// Macros:  VIEWS_SLICES (1..32), VIEWS_STRATA (1..16), VIEWS_TAPS (1..64), VIEWS_LAYERS (1..31),
-//          VIEWS_SENDERS (0..VIEWS_LAYERS), VIEWS_BOUNCE (>= 1)
+// Macros:  VIEWS_SLICES (1..32), VIEWS_STRATA (1..16), VIEWS_TAPS (1..64), VIEWS_LAYERS (>= 1),
+//          VIEWS_NORMALS (1..VIEWS_LAYERS; deeper layers are taken to lie across the viewing
+//          direction), VIEWS_SENDERS (0..VIEWS_NORMALS), VIEWS_BOUNCE (>= 1)
 // Launch:  SSGI_LANES receivers of a row per work-item
-// Cost:    up to VIEWS_SLICES * VIEWS_STRATA * VIEWS_TAPS * VIEWS_LAYERS scattered reads; none
-//          where the other camera sees nothing within the radius
+// Cost:    up to VIEWS_SLICES * VIEWS_STRATA * VIEWS_TAPS * VIEWS_LAYERS scattered reads, 3
+//          more where one finds a surface; none where the other camera sees nothing within the
+//          radius
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "ssdo_views/sectors.clh"
 
 #if !defined(VIEWS_SLICES) || !defined(VIEWS_STRATA) || !defined(VIEWS_TAPS) ||                    \
-    !defined(VIEWS_LAYERS) || !defined(VIEWS_SENDERS) || !defined(VIEWS_BOUNCE)
-#error "VIEWS_SLICES, _STRATA, _TAPS, _LAYERS, _SENDERS and _BOUNCE must be defined by the host"
+    !defined(VIEWS_LAYERS) || !defined(VIEWS_NORMALS) || !defined(VIEWS_SENDERS) ||                \
+    !defined(VIEWS_BOUNCE)
+#error "VIEWS_SLICES, _STRATA, _TAPS, _LAYERS, _NORMALS, _SENDERS and _BOUNCE must be defined"
 #endif
 
 #include "ssdo_views/surfaces.clh"
 
 #define VIEWS_GOLDEN 0.618033989f
-#define VIEWS_ONSET 1.0f // px that a surface must lie before the receiver to be in front of it
 #define VIEWS_BEFORE 2.0f // px from the receiver to where distances of taps grow from
 #define VIEWS_FINEST 0.0009765625f // radii: a pixel that is less wide counts as one that wide
 
@@ -121,20 +125,11 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vfloat apart = pixel * VIEWS_BEFORE;
     const vfloat octaves = v_log2(one + radius / apart) * (1.0f / (float)VIEWS_TAPS);
     const vfloat growth = v_exp2(octaves);
-    const vfloat last_way = one - one / growth;
+    const vfloat middle = v_exp2(octaves * 0.5f);
     at.floor = v_fma(at.nx, ox, v_fma(at.ny, oy, at.nz * oz)) +
                v_fma(z, v_splat(params.depth_bias), pixel * params.bias);
-    at.thick = params.thickness * v_fma(apart, last_way, pixel);
     const ViewsSight sight = views_sight(camera, slope_x, slope_y);
-    // Surfaces in front of the receiver, which ways from it begin behind.
     const int2 others = (int2)(params.columns, params.rows);
-    ViewsSurface met;
-    vint column, row;
-    const vmask here =
-        near & views_pixel(other, others, params.nearest, ox, oy, -oz, &column, &row);
-    const vint passed_here = views_before(depth, others, other, &at, column, row,
-                                          v_fma(pixel, v_splat(-VIEWS_ONSET), -oz),
-                                          v_splat_int(0), &met) & here;
 
     __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);
     bool finds = false;
@@ -187,44 +182,39 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                     v_fma(wx, v_splat(params.yx), v_fma(wy, v_splat(params.yy), wz * params.yz));
                 const vfloat dz =
                     v_fma(wx, v_splat(params.zx), v_fma(wy, v_splat(params.zy), wz * params.zz));
-                vmask open = v_ine(bits, v_splat_int(0));
-                vint passed = passed_here;
-                vfloat before = -oz;
+                const vmask open = v_ine(bits, v_splat_int(0));
                 vfloat grown = apart * v_exp2(shift * octaves);
-                ViewsSurface first = met;
-                first.found = v_splat_int(0);
-                for (int t = 0; t < VIEWS_TAPS && v_any(open); ++t, grown = grown * growth) {
-                    const vfloat reach = grown - apart;
-                    at.thick = params.thickness * v_fma(grown, last_way, pixel);
-                    const vfloat qz = -v_fma(reach, dz, oz);
-                    const vmask inside =
-                        open & views_pixel(other, others, params.nearest, v_fma(reach, dx, ox),
-                                           v_fma(reach, dy, oy), qz, &column, &row);
-                    if (!v_any(inside)) {
-                        continue;
+                ViewsRay ray = {dx, dy, dz, zero, zero};
+                ViewsSurface first;
+                first.distance = v_splat(INFINITY);
+                first.faces = first.layer = first.column = first.row = v_splat_int(0);
+                for (int t = 0; t < VIEWS_TAPS; ++t, grown = grown * growth) {
+                    const vmask going = open & v_eq(first.distance, v_splat(INFINITY));
+                    if (!v_any(going)) {
+                        break;
                     }
-                    const vint now = views_before(depth, others, other, &at, column, row, qz,
-                                                  passed, &met);
-                    const vfloat deep = v_max(at.thick, v_abs(qz - before));
-                    const vmask hit = inside & met.found & v_lt(qz - met.depth, deep);
-                    open = open & ~hit;
-                    views_keep(&first, &met, hit);
-                    passed = v_iselect(passed, now, inside);
-                    before = v_select(before, qz, inside);
+                    const vfloat reach = grown - apart;
+                    ray.to = t + 1 == VIEWS_TAPS ? radius : v_fma(grown, middle, -apart);
+                    vint column, row;
+                    const vmask inside =
+                        going & views_pixel(other, others, params.nearest, v_fma(reach, dx, ox),
+                                            v_fma(reach, dy, oy), -v_fma(reach, dz, oz), &column,
+                                            &row);
+                    if (v_any(inside)) {
+                        views_meet(depth, seen, others, other, &at, &ray, inside, column, row,
+                                   &first);
+                    }
+                    ray.from = ray.to;
                 }
-                added = added | (bits & first.found);
+                const vmask found = v_lt(first.distance, v_splat(INFINITY));
+                added = added | (bits & found);
                 // Lanes are hit at different taps: what was hit is looked up once for all.
 #if VIEWS_SENDERS > 0
-                const vmask sends = first.found & v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));
-                if (v_any(sends)) {
-                    const vint layer = v_iselect(v_splat_int(0), first.layer, sends);
+                const vmask lit = found & first.faces &
+                                  v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));
+                if (v_any(lit)) {
+                    const vint layer = v_iselect(v_splat_int(0), first.layer, lit);
                     const vint from_row = layer * (3 * params.rows) + first.row;
-                    const vfloat gx = ssgi_gather(seen, others, 0, first.column, from_row);
-                    const vfloat gy = ssgi_gather(seen, others, 1, first.column, from_row);
-                    const vfloat gz = ssgi_gather(seen, others, 2, first.column, from_row);
-                    const vfloat facing_it = v_fma(
-                        gx, ox - first.x, v_fma(gy, oy - first.y, gz * (oz + first.depth)));
-                    const vmask lit = sends & v_gt(facing_it, zero);
                     const vfloat amount = v_select(zero, v_to_float(v_count_bits(bits)), lit);
                     for (int c = 0; c < 3; ++c) {
                         const vfloat sent =

@@ -14,8 +14,6 @@ from ssgi_cl.techniques.slices import SliceParams, pattern
 from ssgi_cl.techniques.ssdo_views import DEPTH_BIAS, ViewsParams
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-IN_FRONT = 1.0
-"""Pixels that a surface must lie before the receiver to be in front of it."""
 BEFORE = 2.0
 """Pixels from the receiver to where distances of taps grow from."""
 FINEST = 2.0**-10
@@ -45,7 +43,7 @@ class _Other:
 
     view: SurfaceView
     depth: Doubles  # [layers, rows, columns]
-    normal: Doubles  # [layers that send, rows, columns, 3]
+    normal: Doubles  # [layers that have normals, rows, columns, 3]
     radiance: Doubles
     position: Doubles
     receiver_normal: Doubles
@@ -63,6 +61,7 @@ def ssdo_views_reference(
     params: ViewsParams | None = None,
     *,
     step: int = 1,
+    unseen: Doubles | None = None,
 ) -> Added:
     """Return what a further camera adds to the bitmask of every `step`-th pixel.
 
@@ -74,6 +73,8 @@ def ssdo_views_reference(
         slices: the parameters of the bitmask.
         params: see `ViewsParams`.
         step: 1, 2 or 4.
+        unseen: [layers, rows, columns] depth of `other`, +inf where earlier views show its
+            surfaces (see `unseen_reference`); None if there are no earlier views.
     """
     params = params or ViewsParams()
     view = SurfaceView.of(gbuffer)
@@ -88,7 +89,7 @@ def ssdo_views_reference(
     active = there & (wanted_px * shrink >= 1.0)
     radius = slices.radius * shrink
     further = _other(
-        gbuffer, other, radiance, position, normal, depth, radius, slices, params
+        gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params
     )
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
     tile_row, tile_column = np.indices(depth.shape)
@@ -189,6 +190,7 @@ def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
 def _other(
     gbuffer: GBuffer,
     other: GBuffer,
+    unseen: Doubles | None,
     radiance: NDArray[np.float64],
     position: Doubles,
     normal: Doubles,
@@ -215,8 +217,8 @@ def _other(
     pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
     return _Other(
         view=views[0],
-        depth=layers,
-        normal=np.stack([view.normal for view in views])[: len(radiance)],
+        depth=layers if unseen is None else unseen,
+        normal=np.stack([view.normal for view in views]),
         radiance=np.asarray(radiance, np.float64),
         position=place,
         receiver_normal=normal @ turn.T,
@@ -239,21 +241,6 @@ def _pixel(
     )
 
 
-def _in_front(
-    other: _Other, row: NDArray[np.int_], column: NDArray[np.int_], depth: Doubles,
-    thickness: Doubles,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Doubles]:
-    """Return for each layer whether it is passed, whether it also can be met, and its place."""
-    layers = other.depth[:, row, column]
-    nearer = layers < depth
-    front = np.where(nearer, layers, depth)
-    at_row, at_column = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
-    surface = np.stack([other.view.position(at_row, at_column, each) for each in front])
-    height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
-    rises = nearer & (height > other.floor)
-    return rises | (nearer & (depth - front > thickness)), rises, surface
-
-
 def _march(
     other: _Other,
     way: Doubles,
@@ -264,33 +251,37 @@ def _march(
 ) -> tuple[NDArray[np.bool_], Doubles]:
     """Return where a surface is met on the way, and the radiance that comes from it."""
     met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
-    before = -other.position[..., 2]
-    inside, row, column = _pixel(other, other.position, slices.radius)
     apart = BEFORE * other.pixel
     growth = (1.0 + other.radius / apart) ** (1.0 / params.taps)
-    last_way = 1.0 - 1.0 / growth
-    thick = params.thickness * (apart * last_way + other.pixel)
-    passed = inside & _in_front(
-        other, row, column, before - IN_FRONT * other.pixel, thick
-    )[0]
+    near = np.zeros(open_.shape)
     for tap in range(params.taps):
         grown = apart * growth ** (tap + shift)
+        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.radius
         point = other.position + (grown - apart)[..., None] * way
-        depth = -point[..., 2]
         inside, row, column = _pixel(other, point, slices.radius)
-        thick = params.thickness * (grown * last_way + other.pixel)
-        now, rises, surfaces = _in_front(other, row, column, depth, thick)
-        new = rises & ~passed
-        layer = np.argmax(new, axis=0)
-        surface = np.take_along_axis(surfaces, layer[None, ..., None], axis=0)[0]
-        deep = np.maximum(thick, np.abs(depth - before))
-        hit = open_ & ~met & inside & new.any(axis=0) & (depth + surface[..., 2] < deep)
-        sends = hit & (layer < len(other.radiance))
-        layer = np.where(sends, layer, 0)
-        facing = other.normal[layer, row, column]
-        lit = sends & (np.sum(facing * (other.position - surface), axis=-1) > 0.0)
-        light += np.where(lit[..., None], other.radiance[layer, row, column], 0.0)
+        centre = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
+        nearest, sent = np.full(open_.shape, np.inf), np.zeros((*open_.shape, 3))
+        for layer, depth in enumerate(other.depth):
+            front = depth[row, column]
+            there = open_ & ~met & inside & np.isfinite(front)
+            surface = other.view.position(*centre, np.where(there, front, 1.0))
+            height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
+            facing = np.array([0.0, 0.0, 1.0])
+            if layer < len(other.normal):
+                facing = other.normal[layer, row, column]
+            # Where the ray meets the tap's tangent plane.
+            away = np.sum((surface - other.position) * facing, axis=-1)
+            speed = np.sum(way * facing, axis=-1)
+            crosses = there & (height > other.floor) & (speed != 0.0)
+            distance = away / np.where(crosses, speed, 1.0)
+            hit = crosses & (distance >= near) & (distance < far) & (distance < nearest)
+            nearest = np.where(hit, distance, nearest)
+            lit = np.zeros_like(sent)
+            if layer < len(other.radiance):
+                lit = np.where((away < 0.0)[..., None], other.radiance[layer, row, column], 0.0)
+            sent = np.where(hit[..., None], lit, sent)
+        hit = np.isfinite(nearest)
+        light += np.where(hit[..., None], sent, 0.0)
         met |= hit
-        passed = np.where(inside, now, passed)
-        before = np.where(inside, depth, before)
+        near = far
     return met, light

@@ -55,8 +55,7 @@ class ViewSenders:
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
         """Forget all cameras but the first one, whose G-buffer is given."""
-        if isinstance(self._technique, SsdoPointViews):
-            self._technique.begin(gbuffer)
+        self._technique.begin(gbuffer)
 
     def add(
         self,

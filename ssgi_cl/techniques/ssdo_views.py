@@ -1,4 +1,4 @@
-"""Further cameras of SSDO: what they see in the directions that the first one leaves open."""
+"""Auxiliary cameras of SSDO: what they see in the directions that the first one leaves open."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.slices import SliceParams, pattern
+from ssgi_cl.techniques.ssdo_views_unseen import UnseenDepth
 
 EDGES = tuple(f"{side}_{axis}" for side, axes in (("left", "xzw"), ("right", "xzw"),
                                                  ("top", "yzw"), ("bottom", "yzw"))
@@ -24,7 +25,7 @@ EDGES = tuple(f"{side}_{axis}" for side, axes in (("left", "xzw"), ("right", "xz
 VIEWS = Struct(
     "ViewsParams",
     (
-        *floats("radius", "most_px", "thickness", "bias", "depth_bias", "nearest"),
+        *floats("radius", "most_px", "bias", "depth_bias", "nearest"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z", *EDGES),
         *(
             (name, "int")
@@ -45,10 +46,6 @@ class ViewsParams(Params):
 
     strata: int = param(2, "directions that are tried in each slice", low=1, high=16)
     taps: int = param(4, "depths read on the way in each direction", low=1, high=64)
-    thickness: float = param(
-        1.0, "of surfaces along the other camera's line of sight; the next depth layer ends them "
-        "if it is nearer", low=0.0, high=1e30, unit="ways from tap to tap, and pixels",
-    )
     bias: float = param(
         0.2, "height above the tangent plane up to which nothing hides", low=0.0, high=100.0,
         unit="px of the other camera",
@@ -72,6 +69,11 @@ class SsdoViews:
         self.params = params or ViewsParams()
         self._table = runtime.array(slice_table(slices))
         self._nothing = runtime.plane(1, (1, 1))
+        self._unseen = UnseenDepth(runtime, slices.radius)
+
+    def begin(self, gbuffer: DeviceGBuffer) -> None:
+        """Forget all views but the first one, whose G-buffer is given."""
+        self._unseen.begin(gbuffer)
 
     def add(
         self,
@@ -82,7 +84,9 @@ class SsdoViews:
         other: DeviceGBuffer,
         radiance: Plane | None,
     ) -> None:
-        """Queue the pass of one further camera.
+        """Queue the passes of one auxiliary camera.
+
+        Surfaces that a view since `begin` shows are left to it.
 
         Args:
             light: what `SsdoBitmask.gather` returned: A shrinks, the last 3 images grow.
@@ -105,6 +109,7 @@ class SsdoViews:
                 "VIEWS_STRATA": params.strata,
                 "VIEWS_TAPS": params.taps,
                 "VIEWS_LAYERS": other.layers,
+                "VIEWS_NORMALS": min(other.normal.count // 3, other.layers),
                 "VIEWS_SENDERS": senders,
                 "VIEWS_BOUNCE": max(light.count - 3, 1),
             },
@@ -114,7 +119,7 @@ class SsdoViews:
             "ssdo view",
             light.size,
             reads=[
-                source.linear, source.normal, self._table, other.depth, other.normal,
+                source.linear, source.normal, self._table, self._unseen.of(other), other.normal,
                 radiance or self._nothing,
             ],
             writes=[light, masks],
@@ -142,7 +147,6 @@ class SsdoViews:
             {
                 "radius": self.slices.radius,
                 "most_px": self.slices.max_radius_px / step,
-                "thickness": self.params.thickness,
                 "bias": self.params.bias,
                 "depth_bias": DEPTH_BIAS,
                 "nearest": 1e-3 * self.slices.radius,

@@ -156,7 +156,7 @@ class Ssdo:
                 sends = self._senders.front(gbuffer, lights, shadows)
             else:
                 openness = self._sender_openness(gbuffer, tiles) if ambient else None
-                points = self.params.method == "points"
+                points = self.params.method != "bitmask"
                 light = self._senders.records if points else self._senders.run
                 sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
                 sends = sent is not None
@@ -218,7 +218,6 @@ class Ssdo:
             size, margin, layers, _ = self._shape
             self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
         light = self._back.gather(gbuffer, source, sent, sky, tiles)
-        self._views.begin(gbuffer)
         for view in chain((first,), views):
             self._views.add(
                 light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None

@@ -47,16 +47,11 @@ class ViewSenders:
             samples=-(-params.samples // COARSER),
         )
         self._technique: SsdoViews | SsdoPointViews
-        if params.method == "points":
+        if params.method != "bitmask":
             self._technique = SsdoPointViews(runtime)
         else:
             self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
-
-    def begin(self, gbuffer: DeviceGBuffer) -> None:
-        """Forget all cameras but the first one, whose G-buffer is given."""
-        if isinstance(self._technique, SsdoPointViews):
-            self._technique.begin(gbuffer)
 
     def add(
         self,

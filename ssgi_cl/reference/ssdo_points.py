@@ -93,7 +93,7 @@ def ssdo_points_reference(
     shape = at.there.shape
     before = Gathered(
         np.ones(shape), sky_irradiance(gbuffer, at, params, sky), np.zeros((*shape, 3)),
-        np.zeros((params.directions, *shape), bool),
+        np.zeros((params.samples, *shape), bool),
     )
     nearest = NEAREST * -at.position[..., 2]
     return gathered(gbuffer, at, before, camera, at, np.eye(3), nearest, params, sky)
@@ -126,7 +126,7 @@ def gathered(
     light, bounce = before.sky.copy(), np.zeros(before.bounce.shape)
     met = before.met.copy()
     chosen = _directions(params, sky)
-    for number in range(params.directions):
+    for number in range(params.samples):
         way, cosine, length, solid_angle, side = _direction(gbuffer, at, chosen, number)
         open_ = at.active & ~before.met[number]
         search = _tap if params.method == "published" else _ray
@@ -157,7 +157,7 @@ def sky_irradiance(
     result = np.zeros((*at.there.shape, 3))
     if sky is not None:
         chosen = _directions(params, sky)
-        for number in range(params.directions):
+        for number in range(params.samples):
             side = _direction(gbuffer, at, chosen, number)[4]
             result += 0.0 if side is None else side
     return result
@@ -205,7 +205,7 @@ def receivers(view: SurfaceView, params: PointsParams, step: int) -> Receivers:
 
 def _directions(params: PointsParams, sky: ArrayLike | None) -> Directions:
     image = None if sky is None else np.asarray(sky, np.float64)
-    return directions(params.directions, image, equal=params.method == "published")
+    return directions(params.samples, image, equal=params.method == "published")
 
 
 def _direction(

@@ -9,6 +9,7 @@ then more of them are where it is bright.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,15 @@ def direction_sets(
         equal: whether directions lie evenly whatever the sky is, and all stand for 2 pi / count, as
             in equation 1 of Ritschel, Grosch and Seidel 2009.
     """
+    return _even_sets(count, equal) if sky is None else _sets(count, sky, equal)
+
+
+@lru_cache(maxsize=8)
+def _even_sets(count: int, equal: bool) -> DirectionSets:
+    return _sets(count, None, equal)
+
+
+def _sets(count: int, sky: Doubles | None, equal: bool) -> DirectionSets:
     rows, columns = CELLS
     flux = None if sky is None else cell_flux(sky)
     density = np.ones((rows // 2, columns))

@@ -50,8 +50,8 @@ class SsdoParams(OcclusionParams):
         unit="px",
     )
     samples: int = param(
-        16, "points, published: taps per pixel; those of points are shared among the root of as "
-        "many directions", low=1, high=256,
+        16, "points, published: directions per pixel, with one tap each as published, else with the "
+        "root of as many", low=1, high=256,
     )
     thickness: float = param(
         0.0, "bitmask, points: of surfaces, along the line of sight",

@@ -67,7 +67,7 @@ class SsdoPointViews:
         kernel = self.runtime.kernel(
             "ssdo_point_views/ssdo_point_views.cl",
             {
-                "POINT_VIEWS_COUNT": points.params.directions,
+                "POINT_VIEWS_COUNT": points.params.samples,
                 "POINTS_TAPS": points.params.taps,
                 "POINTS_LAYERS": other.layers,
                 "POINT_VIEWS_SENDERS": 0 if records is None else records.layers,

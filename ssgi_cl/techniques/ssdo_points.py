@@ -50,7 +50,7 @@ class PointsParams(Params):
     radius: float = param(
         0.5, "radius of the half ball", low=0.0, high=1e30, above=True, unit="scene units",
     )
-    samples: int = param(16, "taps per pixel, of all its directions", low=1, high=256)
+    samples: int = param(16, "directions per pixel", low=1, high=256)
     max_radius_px: float = param(
         math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
         unit="px",
@@ -71,13 +71,8 @@ class PointsParams(Params):
 
     @property
     def taps(self) -> int:
-        """Taps of a direction: as many as directions; one as published."""
+        """Taps of a direction: the root of the number of directions; one as published."""
         return 1 if self.method == "published" else math.isqrt(self.samples)
-
-    @property
-    def directions(self) -> int:
-        """Directions of a pixel."""
-        return self.samples // self.taps
 
 
 class SurfacePlanes:
@@ -163,7 +158,7 @@ class SsdoPoints:
         self._turn: NDArray[np.float64] | None = None
         self._planes: dict[Any, SurfacePlanes] = {}
         self._records: dict[Any, SenderRecords] = {}
-        fields, count = 11, self.params.directions
+        fields, count = 11, self.params.samples
         self._directions = runtime.empty(64 * count * fields, np.float32)
         self.bounces = False
         self.kept: DeviceArray | None = None
@@ -211,7 +206,7 @@ class SsdoPoints:
         kernel = self.runtime.kernel(
             "ssdo_points/ssdo_points.cl",
             {
-                "POINTS_COUNT": self.params.directions,
+                "POINTS_COUNT": self.params.samples,
                 "POINTS_TAPS": self.params.taps,
                 "POINTS_LAYERS": layers,
                 "POINTS_SENDERS": senders,
@@ -269,7 +264,7 @@ class SsdoPoints:
         """Bring the directions to the device, unless those of this sky and camera are there."""
         if self._sets is None or image is not self._lit:
             equal = self.params.method == "published"
-            self._sets = direction_sets(self.params.directions, image, equal=equal)
+            self._sets = direction_sets(self.params.samples, image, equal=equal)
             self._lit = image
             self._turn = None
         if self._turn is None or not np.array_equal(turn, self._turn):

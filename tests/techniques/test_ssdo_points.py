@@ -29,8 +29,8 @@ ROUNDING = 1e-4
 published, a fade-out that multiplies a rounding of some 1e-6 radii by 7."""
 FLIPS = 4e-3
 """Share of pixels in which one direction may meet another pixel or nothing: a pixel position is
-rounded to about 2^-18 px, each of 16 taps has up to two for each of two layers, and two points of a
-ray agree within a limit."""
+rounded to about 2^-18 px, each of 16 directions has up to four taps with two for each of two
+layers, and two points of a ray agree within a limit."""
 
 
 def gathered(
@@ -225,8 +225,7 @@ def test_unhidden_sky_gives_its_irradiance(runtime: Runtime) -> None:
     normal *= -np.sign(normal @ (made.view[2, :3] * -1.0)) or 1.0
     cosine = np.maximum(cell_centres() @ normal, 0.0)
     expected = (cell_flux(sky) * cosine[..., None]).sum(axis=(0, 1))
-    # A pixel has 32 directions for the whole sphere, half of them where the sun is: to the rest, a
-    # tile has 128 of them, each 0.3 radians wide.
+    # A pixel has 32 directions for the whole sphere, half of them where the sun is.
     np.testing.assert_allclose(found.sky[:44, :60].mean(axis=(0, 1)), expected, rtol=0.06)
 
 

@@ -120,3 +120,23 @@ def hidden_by_sphere(camera: Camera, lift: float, weighting: str) -> Doubles:
     point = camera.position - point * (camera.position[1] / point[..., 1:2])  # on the floor
     away: Doubles = np.linalg.norm(point - (0.0, lift, 0.0), axis=-1)
     return lift / away**3 if weighting == "cosine" else 1.0 - np.sqrt(1.0 - away**-2)
+
+
+def beside_wall(x: Doubles, z: Doubles, height: float, width: float) -> Doubles:
+    """Return the irradiance over pi L on a floor from a wall that sends the radiance L.
+
+    The form factor of a rectangle across the receiver's plane (Howell, "A Catalog of Radiation Heat
+    Transfer Configuration Factors", B-4), of its halves to either side of the receiver.
+
+    Args:
+        x: distance of the receiver from the wall's plane, > 0.
+        z: its distance along the wall from the wall's middle.
+        height: of the wall, from the floor on.
+        width: of the wall.
+    """
+
+    def from_corner(side: Doubles) -> Doubles:
+        away = np.hypot(x, height)
+        return (np.arctan(side / x) - x / away * np.arctan(side / away)) / (2.0 * math.pi)
+
+    return from_corner(0.5 * width - z) + from_corner(0.5 * width + z)

@@ -56,8 +56,8 @@ class PointsParams(Params):
         unit="px",
     )
     thickness: float = param(
-        0.0, "points: taps this far behind a surface, along the line of sight, meet it too; that of "
-        "each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii",
+        0.0, "points: taps this far behind a surface, along the line of sight, meet it too; that "
+        "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii",
     )
     bias: float = param(
         0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0,

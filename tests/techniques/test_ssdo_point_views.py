@@ -224,5 +224,5 @@ def test_empty_gbuffer_and_points_that_keep_nothing_are_refused(runtime: Runtime
             case.plane, case.points, case.device, DeviceGBuffer(runtime, SIZE), None
         )
     points = SsdoPoints(runtime, SIZE, 1, PARAMS)
-    with pytest.raises(ValueError, match="points keeps no directions: expected one that was made with"):
+    with pytest.raises(ValueError, match="points keeps no directions: expected one that"):
         case.views.add(case.plane, points, case.device, case.device, None)

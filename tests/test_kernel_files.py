@@ -243,7 +243,7 @@ USES = {
         [
             {"POINT_VIEWS_COUNT": 4, "POINTS_TAPS": taps, "POINTS_LAYERS": layers,
              "POINT_VIEWS_SENDERS": senders, "POINT_VIEWS_STEP": step, "POINT_VIEWS_SKY": sky,
-             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": sky}
+             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": 2 * sky}
             for taps, layers, senders, step, sky, published in (
                 (4, 1, 0, 1, 0, 0), (4, 2, 1, 2, 1, 0), (1, 2, 1, 2, 1, 1)
             )
@@ -258,7 +258,8 @@ USES = {
         [
             {"POINTS_COUNT": 4, "POINTS_TAPS": taps, "POINTS_LAYERS": layers,
              "POINTS_SENDERS": senders, "POINTS_STEP": step, "POINTS_SKY": sky,
-             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": sky, "POINTS_KEPT": sky}
+             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": layers - 1 - published,
+             "POINTS_KEPT": sky}
             for taps, layers, senders, step, sky, published in (
                 (4, 1, 0, 1, 0, 0), (4, 2, 2, 2, 1, 0), (1, 3, 1, 4, 0, 1)
             )

@@ -140,11 +140,11 @@ class Frames(Own):
     """Scene to picture as published: SSAO, and SSDO with as many samples in its place.
 
     The setting is what dims and reflects light, and the number of samples: "ssao-8", "direct-8"
-    (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "points-16" (the same
-    samples, corrected so that light is conserved), "bitmask-2" (the default method with as many
-    slices), "bitmask-layers-2" (the same with a second layer), "views-2" (with four extra cameras). The
-    rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as many layers,
-    "cameras-4" is one of a layer and those of as many extra cameras.
+    (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "points-16" (the
+    same, corrected so that light is conserved), "bitmask-2" (the default method with as many
+    slices), "bitmask-layers-2" (the same with a second layer), "views-2" (with four extra
+    cameras). The rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as
+    many layers, "cameras-4" is one of a layer and those of as many extra cameras.
     """
 
     SETTINGS = (

@@ -10,14 +10,15 @@
 //                   fields of ssdo_points
 //          planes   POINTS_LAYERS layers of the other camera, with its margin, see
 //                   ssdo_points/ssdo_planes.cl
-//          thickness of its front layer, likewise; with POINTS_THICKNESS 0 not read
+//          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 alone
 //          senders  POINT_VIEWS_SENDERS layers of its records, see lit_layers/records.clh
 // Writes:  gathered as ssdo_points wrote it: A and the sky's light shrink, the bounce's grows
 //          kept     ceil(POINT_VIEWS_COUNT / 32) images of int as a plane, a bit for each direction
 //                   that meets something
-// Macros:  POINT_VIEWS_COUNT (1..256 directions), POINTS_TAPS (1..16 of a direction), POINTS_LAYERS
+// Macros:  POINT_VIEWS_COUNT (1..256 directions), POINTS_TAPS (1..18 of a direction), POINTS_LAYERS
 //          (>= 1), POINT_VIEWS_SENDERS (0..POINTS_LAYERS), POINT_VIEWS_STEP (1, 2, 4 pixels from
-//          one receiver to the next), POINT_VIEWS_SKY, POINTS_PUBLISHED, POINTS_THICKNESS (0, 1)
+//          one receiver to the next), POINT_VIEWS_SKY, POINTS_PUBLISHED (0, 1),
+//          POINTS_THICKNESS (0..2)
 // Launch:  SSGI_LANES receivers of a row per work-item
 // Cost:    that of ssdo_points, for directions that are still open
 
@@ -27,6 +28,7 @@
 #error "the macros of the header must be defined by the host"
 #endif
 
+#define POINTS_SURE 1
 #include "ssdo_points/search.clh"
 
 // The struct PointViewsParams is generated from ssgi_cl.techniques.ssdo_point_views.

@@ -13,7 +13,7 @@
 //          In a row, receivers are taken by column modulo 4, so that lanes have the same directions
 //          and read places next to one another.
 // Reads:   depth, normal  image 0 and the first three, with margin: receivers, view space
-//          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 0 not read
+//          thickness of the front layer, likewise, scene units; read with POINTS_THICKNESS 2 alone
 //          planes   POINTS_LAYERS layers, see ssdo_points/ssdo_planes.cl
 //          senders  POINTS_SENDERS layers of records, see lit_layers/records.clh, with margin, of
 //                   the sides that the camera sees
@@ -25,10 +25,10 @@
 //          nothing is: 1, and 0
 //          kept     with POINTS_KEPT ceil(POINTS_COUNT / 32) images of int as a plane, a bit for
 //                   each direction that meets something
-// Macros:  POINTS_COUNT (1..256 directions), POINTS_TAPS (1..16 of a direction), POINTS_LAYERS
+// Macros:  POINTS_COUNT (1..256 directions), POINTS_TAPS (1..18 of a direction), POINTS_LAYERS
 //          (>= 1), POINTS_SENDERS (0..POINTS_LAYERS layers that send light), POINTS_STEP (1, 2, 4
-//          pixels from one receiver to the next), POINTS_SKY, POINTS_PUBLISHED, POINTS_THICKNESS,
-//          POINTS_KEPT (0, 1)
+//          pixels from one receiver to the next), POINTS_SKY, POINTS_PUBLISHED, POINTS_KEPT (0, 1),
+//          POINTS_THICKNESS (0..2)
 // Launch:  one lane: a work-item a receiver; else 16 for pieces of 4 SSGI_LANES columns, which make
 //          strips of 256 columns and one or more rows, strip by strip
 // Cost:    per receiver and direction up to 2 POINTS_TAPS POINTS_LAYERS quads, and a record of what
@@ -40,6 +40,7 @@
 #error "the macros POINTS_* of the header must be defined by the host"
 #endif
 
+#define POINTS_SURE 0
 #include "ssdo_points/search.clh"
 
 #define POINTS_FIELDS (POINTS_SKY ? 11 : 5)

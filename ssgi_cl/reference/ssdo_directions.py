@@ -73,7 +73,7 @@ def directions(
         owner = np.abs(along).argmax(axis=1)
         for number in range(count):
             mine = owner == number
-            share = max(np.count_nonzero(mine), 1e-3) / len(cells)
+            share = max(float(np.count_nonzero(mine)), 1e-3) / len(cells)
             result.solid_angle[y, x, number] = 2.0 * np.pi * (1.0 / count if equal else share)
             if result.light is not None:
                 ahead = along[:, number] >= 0.0
@@ -91,7 +91,8 @@ def _bayer(row: int, column: int) -> int:
 def _root_of_r3() -> float:
     """Return the real root of g^4 = g + 1."""
     roots = np.roots([1.0, 0.0, 0.0, -1.0, -1.0])
-    return float(max(root.real for root in roots if abs(root.imag) < 1e-9))
+    real: Doubles = roots.real[np.abs(roots.imag) < 1e-9]
+    return float(real.max())
 
 
 def _placed(density: Doubles, u: float, v: float) -> Doubles:
@@ -100,7 +101,7 @@ def _placed(density: Doubles, u: float, v: float) -> Doubles:
     row, up = _found(rows, u)
     column, along = _found(density[row], v)
     turn = (column + along) / AROUND - 0.5
-    return _towards(np.float64(1.0 - (row + up) / (UP // 2)), np.float64(turn))
+    return _towards(np.array(1.0 - (row + up) / (UP // 2)), np.array(turn))
 
 
 def _found(weights: Doubles, u: float) -> tuple[int, float]:

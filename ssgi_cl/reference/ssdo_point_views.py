@@ -1,5 +1,4 @@
-"""Auxiliary views of SSDO from directions in float64, as `ssgi_cl.techniques.ssdo_point_views` says.
-"""
+"""Auxiliary views of SSDO in float64, as `ssgi_cl.techniques.ssdo_point_views` says."""
 
 from __future__ import annotations
 
@@ -46,6 +45,5 @@ def ssdo_point_views_reference(
     shift = other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]
     seen = replace(own, position=own.position @ turn.T + shift, normal=own.normal @ turn.T)
     nearest = NEAREST * params.radius
-    return gathered(
-        gbuffer, own, before, camera_of(other, radiance), seen, turn, nearest, params, sky
-    )
+    camera = camera_of(other, radiance, auxiliary=True)
+    return gathered(gbuffer, own, before, camera, seen, turn, nearest, params, sky)

@@ -63,11 +63,19 @@ class Hit:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """What a camera sees: its layers, the thickness of the front one, radiance [layers, ...]."""
+    """What a camera sees.
+
+    Attributes:
+        layers: its depth layers.
+        thickness: of the front one, or None.
+        radiance: [layers, rows, columns, 3] of those that send, or None.
+        auxiliary: whether it isn't the first one.
+    """
 
     layers: list[SurfaceView]
     thickness: NDArray[np.float32] | None
     radiance: Doubles | None
+    auxiliary: bool
 
 
 def ssdo_points_reference(
@@ -163,10 +171,12 @@ def sky_irradiance(
     return result
 
 
-def camera_of(gbuffer: GBuffer, radiance: ArrayLike | None) -> Camera:
+def camera_of(
+    gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False
+) -> Camera:
     """Return what a G-buffer's camera sees."""
     sent = None if radiance is None else np.asarray(radiance, np.float64)
-    return Camera(layers_of(gbuffer), gbuffer.first("thickness"), sent)
+    return Camera(layers_of(gbuffer), gbuffer.first("thickness"), sent, auxiliary)
 
 
 def layers_of(gbuffer: GBuffer) -> list[SurfaceView]:
@@ -226,43 +236,51 @@ def _direction(
 
 
 def _pixel(
-    view: SurfaceView, point: Doubles, nearest: Doubles | float
+    view: SurfaceView, point: Doubles, nearest: Doubles | float, *, beside: bool = False
 ) -> tuple[Masks, NDArray[np.int_], NDArray[np.int_]]:
-    """Return whether points are in the image, and row and column."""
+    """Return whether points are in the image, and row and column.
+
+    With `beside` those of the nearest pixel that shares a corner with that of the point.
+    """
     visible = -point[..., 2] > nearest
     row, column = view.pixel(np.where(visible[..., None], point, [0.0, 0.0, -1.0]))
     rows, columns = view.depth.shape
     inside = visible & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    row = np.clip(np.floor(row), 0, rows - 1).astype(int)
-    column = np.clip(np.floor(column), 0, columns - 1).astype(int)
-    return inside, row, column
+    y, x = np.floor(row), np.floor(column)
+    if beside:
+        y = y + np.where(row - y < 0.5, -1.0, 1.0)
+        x = x + np.where(column - x < 0.5, -1.0, 1.0)
+    y, x = np.clip(y, 0, rows - 1).astype(int), np.clip(x, 0, columns - 1).astype(int)
+    return inside, y, x
 
 
 def _surface(view: SurfaceView, row: NDArray[np.int_], column: NDArray[np.int_]) -> Doubles:
     """Return the points that the middles of pixels show; anything where nothing is."""
     depth = view.depth[row, column]
-    return view.position(row + 0.5, column + 0.5, np.where(np.isfinite(depth), depth, 1.0))
+    y, x = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
+    return view.position(y, x, np.where(np.isfinite(depth), depth, 1.0))
 
 
 def _cut(
-    view: SurfaceView, at: Receivers, way: Doubles, t: Doubles, nearest: Doubles | float
+    view: SurfaceView, at: Receivers, way: Doubles, cosine: Doubles, t: Doubles,
+    nearest: Doubles | float, *, beside: bool = False,
 ) -> tuple[Masks, Masks, Doubles, Doubles, Doubles, NDArray[np.int_], NDArray[np.int_]]:
     """Cut rays by the tangent planes of the pixels that show their points at t.
 
     Returns:
-        Whether the image has something there; whether the ray is cut within the radius; where; the
-        receiver's height above the plane; how far the point lies behind it along the line of
-        sight; row and column.
+        Whether the image has something there; whether the ray is cut within the radius and above
+        the floor; where; the receiver's height above the plane; how far the point lies behind it
+        along the line of sight; row and column.
     """
     point = at.position + t[..., None] * way
-    inside, row, column = _pixel(view, point, nearest)
+    inside, row, column = _pixel(view, point, nearest, beside=beside)
     there = inside & np.isfinite(view.depth[row, column])
     surface, normal = _surface(view, row, column), view.normal[row, column]
     height = np.sum((at.position - surface) * normal, axis=-1)
     along = np.sum(way * normal, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         where = -height / along
-        ok = there & (where > 0.0) & (where <= at.radius)
+        ok = there & (where > 0.0) & (where <= at.radius) & (where * cosine > at.floor)
     sight = point / np.maximum(-point[..., 2:], 1e-30)
     if view.camera.is_orthographic:
         sight = np.broadcast_to([0.0, 0.0, -1.0], point.shape)
@@ -282,14 +300,19 @@ def _ray(
         t = at.radius * ((length + tap) / params.taps) ** 1.5
         looks = open_ & (t < best)
         for number, view in enumerate(camera.layers):
-            there, ok, next_, height, gap, row, column = _cut(view, at, way, t, nearest)
+            there, ok, next_, height, gap, row, column = _cut(
+                view, at, way, cosine, t, nearest
+            )
             next_ = np.where(ok, next_, at.radius)
             _, again, second, next_height, _, next_row, next_column = _cut(
-                view, at, way, next_, nearest
+                view, at, way, cosine, next_, nearest
             )
             with np.errstate(invalid="ignore"):
                 found = looks & ok & again & (np.abs(second - next_) <= AGREE * second)
-                found &= second * cosine > at.floor
+            if camera.auxiliary:
+                _, also, side, *_ = _cut(view, at, way, cosine, next_, nearest, beside=True)
+                with np.errstate(invalid="ignore"):
+                    found &= also & (np.abs(side - next_) <= AGREE * side)
             thick = params.thickness * at.radius
             if camera.thickness is not None and number == 0:
                 thick = camera.thickness[row, column].astype(np.float64)

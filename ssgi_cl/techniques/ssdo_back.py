@@ -29,7 +29,8 @@ def back_end(
 ) -> BackEnd:
     """Return what gathers light for G-buffers of such a shape; see `Ssdo`.
 
-    `kept` asks for what further cameras need: sectors that are covered, or directions that met something.
+    `kept` asks for what auxiliary cameras need: sectors that are covered, or directions that met
+    something.
     """
     if params.method == "bitmask":
         bitmask = params.bitmask()

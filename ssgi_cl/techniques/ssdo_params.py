@@ -51,10 +51,11 @@ class SsdoParams(OcclusionParams):
     )
     samples: int = param(
         16, "points, published: directions per pixel; with one tap each as published, else with "
-        "the root of as many", low=1, high=256,
+        "the root of as many, and two", low=1, high=256,
     )
     thickness: float = param(
-        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3, unit="radii",
+        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
+        unit="radii",
     )
     view_taps: int = param(
         4, "bitmask: depths of a further camera read on the way in each direction that is open, of "

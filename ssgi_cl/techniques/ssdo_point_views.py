@@ -74,7 +74,7 @@ class SsdoPointViews:
                 "POINT_VIEWS_STEP": points.step,
                 "POINT_VIEWS_SKY": int(light.count > 1 + 3 * points.bounces),
                 "POINTS_PUBLISHED": int(points.params.method == "published"),
-                "POINTS_THICKNESS": int(other.thickness is not None),
+                "POINTS_THICKNESS": points.params.thickness_of(other.thickness),
             },
             (CAMERA, POINTS, POINT_VIEWS),
         )

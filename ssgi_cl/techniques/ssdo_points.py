@@ -71,8 +71,14 @@ class PointsParams(Params):
 
     @property
     def taps(self) -> int:
-        """Taps of a direction: the root of the number of directions; one as published."""
-        return 1 if self.method == "published" else math.isqrt(self.samples)
+        """Taps of a direction: the more directions there are, the finer; one as published."""
+        return 1 if self.method == "published" else 2 + math.isqrt(self.samples)
+
+    def thickness_of(self, given: Plane | None) -> int:
+        """Return which thickness counts: 0 none, 1 the parameter, 2 that of each pixel."""
+        if self.method == "published":
+            return 0
+        return 2 if given is not None else int(self.thickness > 0.0)
 
 
 class SurfacePlanes:
@@ -213,7 +219,7 @@ class SsdoPoints:
                 "POINTS_STEP": self.step,
                 "POINTS_SKY": int(image is not None),
                 "POINTS_PUBLISHED": int(self.params.method == "published"),
-                "POINTS_THICKNESS": int(thickness is not None),
+                "POINTS_THICKNESS": self.params.thickness_of(thickness),
                 "POINTS_KEPT": int(self.kept is not None),
             },
             (CAMERA, POINTS),

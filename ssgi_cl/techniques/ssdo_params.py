@@ -36,8 +36,8 @@ class SsdoParams(OcclusionParams):
     )
     method: str = param(
         "bitmask", "how surfaces are found: slices through the line of sight that cover sectors; "
-        "rays in the half ball; or one tap for each direction in it, as published, whose light "
-        "isn't conserved", choices=METHODS,
+        "directions of the half ball that meet surfaces; or one tap for each, as published, whose "
+        "light isn't conserved", choices=METHODS,
     )
     bounce: bool = param(True, "whether surfaces within the radius send the light they get")
     emission: bool = param(

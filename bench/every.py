@@ -213,6 +213,7 @@ TECHNIQUES: Mapping[str, Callable[[Inputs, Runtime], Iterator[Array]]] = {
     )),
     "ssdo, bitmask": directional("bitmask"),
     "ssdo, points": directional("points"),
+    "ssdo, published": directional("published"),
     "rsm gathering": gathered,
     "vpl splatting": splatted,
     "multiresolution splatting": lambda given, runtime: iter((

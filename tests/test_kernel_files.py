@@ -253,24 +253,30 @@ USES = {
             for gathered, sky, bounce, lamps in ((0, 0, 1, 1), (1, 0, 0, 0), (1, 1, 1, 1))
         ],
     ),
-    "ssdo_point_views/ssdo_point_seen.cl": Use((CAMERA, POINT_VIEWS), [{"SEEN_LAYERS": 2}]),
     "ssdo_point_views/ssdo_point_views.cl": Use(
         (CAMERA, POINTS, POINT_VIEWS),
         [
-            {"POINT_VIEWS_COUNT": 16, "POINT_VIEWS_LAYERS": layers,
+            {"POINT_VIEWS_COUNT": 4, "POINTS_TAPS": taps, "POINTS_LAYERS": layers,
              "POINT_VIEWS_SENDERS": senders, "POINT_VIEWS_STEP": step, "POINT_VIEWS_SKY": sky,
-             "POINT_VIEWS_PAPER": paper, "POINT_VIEWS_THICKNESS": paper}
-            for layers, senders, step, sky, paper in ((1, 0, 1, 0, 0), (2, 1, 2, 1, 1))
+             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": 2 * sky}
+            for taps, layers, senders, step, sky, published in (
+                (4, 1, 0, 1, 0, 0), (4, 2, 1, 2, 1, 0), (1, 2, 1, 2, 1, 1)
+            )
         ],
+    ),
+    "ssdo_points/ssdo_planes.cl": Use(
+        (CAMERA,),
+        [{"PLANES_LAYERS": 2, "PLANES_NORMALS": normals} for normals in (1, 2)],
     ),
     "ssdo_points/ssdo_points.cl": Use(
         (CAMERA, POINTS),
         [
-            {"POINTS_COUNT": 16, "POINTS_LAYERS": layers, "POINTS_SENDERS": senders,
-             "POINTS_STEP": step, "POINTS_SKY": sky, "POINTS_PAPER": paper,
-             "POINTS_THICKNESS": paper, "POINTS_KEPT": sky}
-            for layers, senders, step, sky, paper in (
-                (1, 0, 1, 0, 0), (2, 2, 2, 1, 0), (2, 1, 4, 0, 1)
+            {"POINTS_COUNT": 4, "POINTS_TAPS": taps, "POINTS_LAYERS": layers,
+             "POINTS_SENDERS": senders, "POINTS_STEP": step, "POINTS_SKY": sky,
+             "POINTS_PUBLISHED": published, "POINTS_THICKNESS": layers - 1 - published,
+             "POINTS_KEPT": sky}
+            for taps, layers, senders, step, sky, published in (
+                (4, 1, 0, 1, 0, 0), (4, 2, 2, 2, 1, 0), (1, 3, 1, 4, 0, 1)
             )
         ],
     ),

@@ -62,8 +62,7 @@ class SsdoFamily(Own):
     """Light of the lamps that near surfaces reflect; the setting is that of the method.
 
     Attributes:
-        method: see `SsdoParams`. The setting is the number of samples of "points", and of slices
-            of "bitmask".
+        method: see `SsdoParams`. The setting is the number of slices of "bitmask", else of samples.
         resolution: "full", "half" or "quarter".
         layers, overscan: of the G-buffer.
         views: extra cameras, drawn in each run.
@@ -90,7 +89,7 @@ class SsdoFamily(Own):
             runtime, context.size, layers=self.layers, margin=margin, attributes=self.layers
         )
         counted: dict[str, Any] = {
-            **(FAR if self.far else {}), "samples" if self.method == "points" else "slices": number
+            **(FAR if self.far else {}), "slices" if self.method == "bitmask" else "samples": number
         }
         bounds = context.view.scene.bounds
         radius = float(np.linalg.norm(bounds[1] - bounds[0])) if self.far else context.radius
@@ -119,7 +118,7 @@ class SsdoFamily(Own):
                 return np.zeros((*context.size, 3), np.float32)
             return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
 
-        reads = number if self.method == "points" else 2 * number * params.taps
+        reads = number * (2 * params.taps if self.method == "bitmask" else params.points().taps)
         pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
         return Subject(
             run=run,
@@ -141,16 +140,17 @@ class Frames(Own):
     """Scene to picture as published: SSAO, and SSDO with as many samples in its place.
 
     The setting is what dims and reflects light, and the number of samples: "ssao-8", "direct-8"
-    (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "bitmask-2" (the
-    other method with its defaults and as many slices; one slice reads 10 depths a pixel),
-    "bitmask-layers-2" (the same with a second layer), "views-2" (with four extra cameras). The
-    rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as many layers,
-    "cameras-4" is one of a layer and those of as many extra cameras.
+    (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "points-16" (the
+    same, corrected so that light is conserved), "bitmask-2" (the default method with as many
+    slices), "bitmask-layers-2" (the same with a second layer), "views-2" (with four extra
+    cameras). The rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as
+    many layers, "cameras-4" is one of a layer and those of as many extra cameras.
     """
 
     SETTINGS = (
         *(f"{kind}-{samples}" for samples in (8, 16)
           for kind in ("ssao", "direct", "bounce", "layers")),
+        "points-16",
         "bitmask-1",
         "bitmask-2",
         "bitmask-layers-2",
@@ -172,9 +172,10 @@ class Frames(Own):
             renderer = Renderer(
                 runtime, context.size, ao=SsaoParams(radius=radius, samples=number)
             )
-        elif kind in ("direct", "bounce", "layers"):
+        elif kind in ("direct", "bounce", "layers", "points"):
             params = SsdoParams(
-                radius=radius, method="points", samples=number, bounce=kind != "direct"
+                radius=radius, method="points" if kind == "points" else "published",
+                samples=number, bounce=kind != "direct",
             )
             renderer = Renderer(runtime, context.size, indirect=params, layers=layers)
         elif kind in ("bitmask", "bitmask-layers", "views"):
@@ -185,8 +186,8 @@ class Frames(Own):
             )
         else:
             raise ValueError(
-                f"setting is {setting!r}: expected ssao, direct, bounce, layers, bitmask, "
-                "bitmask-layers, views, drawn or cameras, and a number, such as ssao-8"
+                f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "
+                "bitmask, bitmask-layers, views, drawn or cameras, and a number, such as ssao-8"
             )
         lights = view.lights
         if not any(isinstance(light, Environment) for light in lights):
@@ -227,6 +228,7 @@ def _moved(camera: Camera) -> Camera:
 
 
 FAMILIES: Mapping[str, Family] = {
+    "ssdo-published": SsdoFamily("published"),
     "ssdo-points": SsdoFamily("points"),
     "ssdo-points-layers": SsdoFamily("points", layers=2, overscan=0.1),
     "ssdo-bitmask": SsdoFamily("bitmask", SETTINGS=("1", "2", "4")),

@@ -1,4 +1,4 @@
-"""SSDO from taps in float64, tap by tap as defined in `ssgi_cl.techniques.ssdo_points`."""
+"""SSDO from directions in float64, as defined in `ssgi_cl.techniques.ssdo_points`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.reference.ssao import NEAREST_SAMPLE, ONSET
-from ssgi_cl.techniques.ssao import DEPTH_BIAS
+from ssgi_cl.reference.ssdo_directions import Directions, directions
 from ssgi_cl.techniques.ssdo_points import PointsParams
-from ssgi_cl.techniques.ssdo_taps import TapSets, tap_sets
 
-TILE = 16.0
-"""Pixels that take different taps and are blurred together."""
+Masks = NDArray[np.bool_]
+
+NEAREST = 1e-3
+"""Points nearer to the eye than this share of the receiver's depth are not looked up."""
+DEPTH_ROUNDING = 2e-6
+"""Height above the tangent plane that rounding of a depth may make, in parts of the depth."""
+AGREE = 0.05
+"""Of two points of a ray that are one, in parts of the distance."""
+FADE = 0.8
+"""Of the radius: what lies beyond fades out (published)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,27 +32,50 @@ class Gathered:
         openness: A in [0, 1], 1 where nothing is.
         sky: [rows, columns, 3] irradiance of the sky's image, W/m^2.
         bounce: [rows, columns, 3] irradiance that other surfaces send, W/m^2.
-        known: [taps, rows, columns] whether a tap lies in the image; None if not looked at.
-        hides: likewise, whether it hides.
+        met: [directions, rows, columns] whether a direction met something.
     """
 
     openness: Doubles
     sky: Doubles
     bounce: Doubles
-    known: NDArray[np.bool_] | None = None
-    hides: NDArray[np.bool_] | None = None
+    met: Masks
 
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """What taps are taken round, in the view space of the camera whose layers are read."""
+    """Where directions start, in the view space of the camera whose layers are read."""
 
-    there: NDArray[np.bool_]
-    active: NDArray[np.bool_]
+    there: Masks
+    active: Masks
     position: Doubles
     normal: Doubles
     radius: Doubles
     floor: Doubles  # height above the tangent plane up to which nothing counts
+
+
+@dataclass(frozen=True, eq=False)
+class Hit:
+    """What directions [rows, columns] meet: the share that is hidden, irradiance, W/m^2."""
+
+    hides: Doubles
+    arriving: Doubles
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """What a camera sees.
+
+    Attributes:
+        layers: its depth layers.
+        thickness: of the front one, or None.
+        radiance: [layers, rows, columns, 3] of those that send, or None.
+        auxiliary: whether it isn't the first one.
+    """
+
+    layers: list[SurfaceView]
+    thickness: NDArray[np.float32] | None
+    radiance: Doubles | None
+    auxiliary: bool
 
 
 def ssdo_points_reference(
@@ -56,7 +85,6 @@ def ssdo_points_reference(
     step: int = 1,
     radiance: ArrayLike | None = None,
     sky: ArrayLike | None = None,
-    sets: TapSets | None = None,
 ) -> Gathered:
     """Return what each step-th pixel gathers; the model of the kernel.
 
@@ -66,61 +94,102 @@ def ssdo_points_reference(
         step: 1, 2 or 4.
         radiance: [layers, rows, columns, 3] with margin, of the layers that send light, or None.
         sky: [rows, columns, 3], a latitude-longitude image, or None.
-        sets: other taps than the kernel's: more of them, the same or not for all pixels.
     """
     params = params or PointsParams()
-    views = layers_of(gbuffer)
-    sets = sets or tap_sets(params.samples, None if sky is None else np.asarray(sky, np.float64))
-    sent = None if radiance is None else np.asarray(radiance, np.float64)
-    at = receivers(views[0], params, step)
-    given = gbuffer.first("thickness")
-    y, x = np.indices(at.there.shape)
+    camera = camera_of(gbuffer, radiance)
+    at = receivers(camera.layers[0], params, step)
     shape = at.there.shape
-    hidden, known = np.zeros(shape), np.zeros(shape)
-    light, unknown = np.zeros((*shape, 3)), np.zeros((*shape, 3))
-    bounce = np.zeros((*shape, 3))
-    in_image, hiding = [], []
-    turn = gbuffer.camera.view[:3, :3]
-    for number in range(sets.length.shape[2]):
-        way = sets.direction[y % 4, x % 4, number] @ turn.T
-        solid_angle = sets.solid_angle[y % 4, x % 4, number]
-        cosine = np.sum(way * at.normal, axis=-1)
-        turned = cosine < 0.0
-        way = np.where(turned[..., None], -way, way)
-        cosine = np.abs(cosine)
-        length = sets.length[y % 4, x % 4, number] * at.radius
-        counts, hides, arriving = look_up(
-            views, given, sent, at, at.position + length[..., None] * way,
-            NEAREST_SAMPLE * -at.position[..., 2], solid_angle, params,
-        )
-        in_image.append(counts)
-        hiding.append(hides > 0.0)
-        hidden += np.where(counts, hides, 0.0) * solid_angle * cosine
-        known += np.where(counts, solid_angle * cosine, 0.0)
-        bounce += np.where(counts[..., None], arriving, 0.0)
-        if sets.light is not None:
-            sides = sets.light[y % 4, x % 4, number]
-            there = np.where(turned[..., None], sides[..., 1, :], sides[..., 0, :])
-            there = there * cosine[..., None]
-            light += np.where(counts[..., None], there * (1.0 - hides)[..., None], 0.0)
-            unknown += np.where(counts[..., None], 0.0, there)
-    openness = np.clip(1.0 - hidden / np.maximum(known, 1e-30), 0.0, 1.0)
-    openness = np.where(at.there, openness, 1.0)
+    before = Gathered(
+        np.ones(shape), sky_irradiance(gbuffer, at, params, sky), np.zeros((*shape, 3)),
+        np.zeros((params.samples, *shape), bool),
+    )
+    nearest = NEAREST * -at.position[..., 2]
+    return gathered(gbuffer, at, before, camera, at, np.eye(3), nearest, params, sky)
+
+
+def gathered(
+    gbuffer: GBuffer,
+    at: Receivers,
+    before: Gathered,
+    camera: Camera,
+    seen: Receivers,
+    turn: Doubles,
+    nearest: Doubles | float,
+    params: PointsParams,
+    sky: ArrayLike | None,
+) -> Gathered:
+    """Return what is gathered when directions that met nothing meet what a camera sees.
+
+    Args:
+        gbuffer: of the first camera.
+        at: its receivers.
+        before: what they gathered from other cameras.
+        camera: what it sees.
+        seen: the receivers in its view space.
+        turn: [3, 3] from the first camera's view space to its.
+        nearest: depth of a point up to which it isn't looked up.
+        params, sky: see `ssdo_points_reference`.
+    """
+    hidden, total = np.zeros(at.there.shape), np.zeros(at.there.shape)
+    light, bounce = before.sky.copy(), np.zeros(before.bounce.shape)
+    met = before.met.copy()
+    chosen = _directions(params, sky)
+    for number in range(params.samples):
+        way, cosine, length, solid_angle, side = _direction(gbuffer, at, chosen, number)
+        open_ = at.active & ~before.met[number]
+        search = _tap if params.method == "published" else _ray
+        hit = search(camera, seen, way @ turn.T, cosine, length, solid_angle, open_, nearest,
+                     params)
+        weight = solid_angle * cosine
+        hidden += weight * hit.hides
+        total += weight
+        bounce += hit.arriving
+        met[number] |= hit.hides > 0.0
+        if side is not None:
+            light -= side * hit.hides[..., None]
+    total = np.maximum(total, 1e-30)
+    if params.method != "published":
+        bounce = bounce * (np.pi / total)[..., None]
+    openness = np.clip(before.openness - hidden / total, 0.0, 1.0)
     there = at.there[..., None]
     return Gathered(
-        openness, np.where(there, light + unknown * openness[..., None], 0.0),
-        np.where(there, bounce, 0.0), np.stack(in_image), np.stack(hiding),
+        np.where(at.there, openness, 1.0), np.where(there, np.maximum(light, 0.0), 0.0),
+        before.bounce + np.where(there, bounce, 0.0), met,
     )
 
 
+def sky_irradiance(
+    gbuffer: GBuffer, at: Receivers, params: PointsParams, sky: ArrayLike | None
+) -> Doubles:
+    """Return [rows, columns, 3]: the sky's irradiance where nothing hides it, W/m^2."""
+    result = np.zeros((*at.there.shape, 3))
+    if sky is not None:
+        chosen = _directions(params, sky)
+        for number in range(params.samples):
+            side = _direction(gbuffer, at, chosen, number)[4]
+            result += 0.0 if side is None else side
+    return result
+
+
+def camera_of(
+    gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False
+) -> Camera:
+    """Return what a G-buffer's camera sees."""
+    sent = None if radiance is None else np.asarray(radiance, np.float64)
+    return Camera(layers_of(gbuffer), gbuffer.first("thickness"), sent, auxiliary)
+
+
 def layers_of(gbuffer: GBuffer) -> list[SurfaceView]:
-    """Return each depth layer as an image of its own."""
+    """Return each depth layer as an image of its own; those without normals face the camera."""
     depth: NDArray[np.float32] = gbuffer.depth  # type: ignore[assignment]
     normal: NDArray[np.float32] | None = gbuffer.normal  # type: ignore[assignment]
     deep = depth if depth.ndim == 3 else depth[None]
     views = []
     for number, layer in enumerate(deep):
         own = normal if normal is None or normal.ndim == 3 else normal[number]
+        if number > 0 and (normal is None or normal.ndim == 3):
+            # View +z in world space.
+            own = np.broadcast_to(gbuffer.camera.view[2, :3].astype(np.float32), (*layer.shape, 3))
         views.append(SurfaceView.of(GBuffer(camera=gbuffer.camera, depth=layer, normal=own)))
     return views
 
@@ -140,106 +209,155 @@ def receivers(view: SurfaceView, params: PointsParams, step: int) -> Receivers:
         position=view.position(row, column, depth),
         normal=view.inner(view.normal)[::step, ::step],
         radius=radius,
-        floor=params.bias * radius + DEPTH_BIAS * depth,
+        floor=params.bias * radius + DEPTH_ROUNDING * depth,
     )
 
 
-def look_up(
-    views: list[SurfaceView],
-    given: NDArray[np.float32] | None,
-    sent: Doubles | None,
-    at: Receivers,
-    tap: Doubles,
-    nearest: Doubles | float,
-    solid_angle: Doubles,
-    params: PointsParams,
-) -> tuple[NDArray[np.bool_], Doubles, Doubles]:
-    """Return whether each pixel's tap counts, how much it hides, and the light that comes.
+def _directions(params: PointsParams, sky: ArrayLike | None) -> Directions:
+    image = None if sky is None else np.asarray(sky, np.float64)
+    return directions(params.samples, image, equal=params.method == "published")
 
-    Args:
-        views: a camera's layers.
-        given: thickness of the front one, or None.
-        sent: [layers, rows, columns, 3] radiance, or None.
-        at: receivers in the camera's view space, as the taps' places are.
-        tap: [rows, columns, 3] places of the taps.
-        nearest: depth of a tap up to which it doesn't count.
-        solid_angle: of the taps' directions, steradians.
-        params: see `PointsParams`.
+
+def _direction(
+    gbuffer: GBuffer, at: Receivers, chosen: Directions, number: int
+) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles | None]:
+    """Return direction (view space), cosine, length, solid angle and the sky's irradiance."""
+    y, x = np.indices(at.there.shape)
+    place = y % 16, x % 4, number
+    way = chosen.direction[place] @ gbuffer.camera.view[:3, :3].T
+    cosine = np.sum(way * at.normal, axis=-1)
+    away = (cosine < 0.0)[..., None]
+    side = None
+    if chosen.light is not None:
+        both = chosen.light[place] * np.abs(cosine)[..., None, None]
+        side = np.where(away, both[..., 1, :], both[..., 0, :])
+    way = np.where(away, -way, way)
+    return way, np.abs(cosine), chosen.length[place], chosen.solid_angle[place], side
+
+
+def _pixel(
+    view: SurfaceView, point: Doubles, nearest: Doubles | float, *, beside: bool = False
+) -> tuple[Masks, NDArray[np.int_], NDArray[np.int_]]:
+    """Return whether points are in the image, and row and column.
+
+    With `beside` those of the nearest pixel that shares a corner with that of the point.
     """
-    front = views[0]
+    visible = -point[..., 2] > nearest
+    row, column = view.pixel(np.where(visible[..., None], point, [0.0, 0.0, -1.0]))
+    rows, columns = view.depth.shape
+    inside = visible & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    y, x = np.floor(row), np.floor(column)
+    if beside:
+        y = y + np.where(row - y < 0.5, -1.0, 1.0)
+        x = x + np.where(column - x < 0.5, -1.0, 1.0)
+    y, x = np.clip(y, 0, rows - 1).astype(int), np.clip(x, 0, columns - 1).astype(int)
+    return inside, y, x
+
+
+def _surface(view: SurfaceView, row: NDArray[np.int_], column: NDArray[np.int_]) -> Doubles:
+    """Return the points that the middles of pixels show; anything where nothing is."""
+    depth = view.depth[row, column]
+    y, x = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
+    return view.position(y, x, np.where(np.isfinite(depth), depth, 1.0))
+
+
+def _cut(
+    view: SurfaceView, at: Receivers, way: Doubles, cosine: Doubles, t: Doubles,
+    nearest: Doubles | float, *, beside: bool = False,
+) -> tuple[Masks, Masks, Doubles, Doubles, Doubles, NDArray[np.int_], NDArray[np.int_]]:
+    """Cut rays by the tangent planes of the pixels that show their points at t.
+
+    Returns:
+        Whether the image has something there; whether the ray is cut within the radius and above
+        the floor; where; the receiver's height above the plane; how far the point lies behind it
+        along the line of sight; row and column.
+    """
+    point = at.position + t[..., None] * way
+    inside, row, column = _pixel(view, point, nearest, beside=beside)
+    there = inside & np.isfinite(view.depth[row, column])
+    surface, normal = _surface(view, row, column), view.normal[row, column]
+    height = np.sum((at.position - surface) * normal, axis=-1)
+    along = np.sum(way * normal, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = -height / along
+        ok = there & (where > 0.0) & (where <= at.radius) & (where * cosine > at.floor)
+    sight = point / np.maximum(-point[..., 2:], 1e-30)
+    if view.camera.is_orthographic:
+        sight = np.broadcast_to([0.0, 0.0, -1.0], point.shape)
+    down = np.sum(sight * normal, axis=-1)
+    gap = np.sum((point - surface) * normal, axis=-1) / np.where(down == 0.0, 1.0, down)
+    return there, ok, where, height, gap, row, column
+
+
+def _ray(
+    camera: Camera, at: Receivers, way: Doubles, cosine: Doubles, length: Doubles,
+    solid_angle: Doubles, open_: Masks, nearest: Doubles | float, params: PointsParams,
+) -> Hit:
+    """Return the nearest point of each ray at which a surface agrees to be cut."""
+    best = np.full(cosine.shape, np.inf)
+    arriving = np.zeros((*cosine.shape, 3))
+    for tap in range(params.taps):
+        t = at.radius * ((length + tap) / params.taps) ** 1.5
+        looks = open_ & (t < best)
+        for number, view in enumerate(camera.layers):
+            there, ok, next_, height, gap, row, column = _cut(
+                view, at, way, cosine, t, nearest
+            )
+            next_ = np.where(ok, next_, at.radius)
+            _, again, second, next_height, _, next_row, next_column = _cut(
+                view, at, way, cosine, next_, nearest
+            )
+            with np.errstate(invalid="ignore"):
+                found = looks & ok & again & (np.abs(second - next_) <= AGREE * second)
+            if camera.auxiliary:
+                _, also, side, *_ = _cut(view, at, way, cosine, next_, nearest, beside=True)
+                with np.errstate(invalid="ignore"):
+                    found &= also & (np.abs(side - next_) <= AGREE * side)
+            thick = params.thickness * at.radius
+            if camera.thickness is not None and number == 0:
+                thick = camera.thickness[row, column].astype(np.float64)
+            behind = looks & there & (gap > 0.0) & (gap < thick) & (t * cosine > at.floor)
+            where = np.where(found, second, np.where(behind, t, np.inf))
+            height = np.where(found, next_height, height)
+            row, column = np.where(found, next_row, row), np.where(found, next_column, column)
+            nearer = where < best
+            best = np.where(nearer, where, best)
+            light = np.zeros((*cosine.shape, 3))
+            if camera.radiance is not None and number < len(camera.radiance):
+                amount = np.where(height > 0.0, solid_angle * cosine, 0.0)
+                light = amount[..., None] * camera.radiance[number][row, column]
+            arriving = np.where(nearer[..., None], light, arriving)
+    return Hit(np.isfinite(best).astype(np.float64), arriving)
+
+
+def _tap(
+    camera: Camera, at: Receivers, way: Doubles, cosine: Doubles, length: Doubles,
+    solid_angle: Doubles, open_: Masks, nearest: Doubles | float, params: PointsParams,
+) -> Hit:
+    """Return what one tap of each direction finds: Ritschel, Grosch and Seidel 2009, section 4."""
+    front = camera.layers[0]
+    tap = at.position + (length * at.radius)[..., None] * way
+    inside, row, column = _pixel(front, tap, nearest)
     depth = -tap[..., 2]
-    visible = at.active & (depth > nearest)
-    row, column = front.pixel(np.where(visible[..., None], tap, [0.0, 0.0, -1.0]))
-    rows, columns = front.depth.shape
-    counts = visible & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    row = np.clip(np.floor(row), 0, rows - 1).astype(int)
-    column = np.clip(np.floor(column), 0, columns - 1).astype(int)
-    hides, arriving = np.zeros(depth.shape), np.zeros((*depth.shape, 3))
-    for number, view in enumerate(views):
-        seen = view.depth[row, column]
-        deeper = views[number + 1].depth[row, column] if number + 1 < len(views) else np.inf
-        thick = params.thickness * at.radius
-        if given is not None and number == 0:
-            thick = given[row, column].astype(np.float64)
-        back = np.minimum(seen + thick, deeper)
-        within = counts & (depth > seen) & (depth < back)
-        seen = np.where(within, seen, np.maximum(-at.position[..., 2], nearest))
-        surface = view.position(row + 0.5, column + 0.5, seen)
-        way = surface - at.position
-        height = np.sum(way * at.normal, axis=-1)
+    hides, arriving = np.zeros(cosine.shape), np.zeros((*cosine.shape, 3))
+    for number in range(0, len(camera.layers), 2):
+        view = camera.layers[number]
+        within = open_ & inside & (depth > view.depth[row, column])
+        if number + 1 < len(camera.layers):
+            within &= depth < camera.layers[number + 1].depth[row, column]
+        apart = _surface(view, row, column) - at.position
+        distance = np.maximum(np.linalg.norm(apart, axis=-1), 1e-15)
+        height = np.sum(apart * at.normal, axis=-1)
+        facing = -np.sum(apart * view.normal[row, column], axis=-1)
+        u = np.clip((at.radius - distance) / ((1.0 - FADE) * at.radius), 0.0, 1.0)
+        fade = u * u * (3.0 - 2.0 * u)
         hit = within & (height > at.floor)
-        share = np.minimum(depth - seen, height - at.floor) / (ONSET * at.radius)
-        hides = np.maximum(hides, np.where(hit, np.minimum(share, 1.0), 0.0))
-        if sent is not None and number < len(sent):
-            facing = view.normal[row, column]
-            along = view.position(row + 0.5, column + 0.5, np.ones(seen.shape))
-            if view.camera.is_orthographic:
-                along = np.broadcast_to([0.0, 0.0, -1.0], way.shape)
-            form = _form(way, at, facing, along, back - seen, solid_angle, params)
-            sends = np.where(hit, form, 0.0)[..., None]
-            arriving = arriving + sends * sent[number][row, column]
-    return counts, hides, arriving
-
-
-def _form(
-    way: Doubles,
-    at: Receivers,
-    facing: Doubles,
-    along: Doubles,
-    thickness: Doubles,
-    solid_angle: Doubles,
-    params: PointsParams,
-) -> Doubles:
-    """Return irradiance over radiance of senders; see kernels/ssdo_points/sender.clh."""
-    square = np.maximum(np.sum(way * way, axis=-1), 1e-300)
-    radius = at.radius
-    cosines = np.sum(way * at.normal, axis=-1) * -np.sum(way * facing, axis=-1) / square
-    sends = (np.sum(way * facing, axis=-1) < 0.0) & (square <= radius * radius)
-    if params.area == "paper":
-        area = params.strength * np.pi * radius**2 / params.samples
-        form = cosines * area / np.maximum(square, (params.nearest * radius) ** 2)
-        return np.where(sends, form, 0.0)
-    length = np.linalg.norm(along, axis=-1)
-    sight = along / length[..., None]
-    start = np.sum(way * sight, axis=-1)
-    h = np.sqrt(np.maximum(square - start * start, 1e-6 * square))
-    down = np.maximum(-np.sum(sight * at.normal, axis=-1), 1e-6)
-    end = np.minimum(
-        np.sqrt(np.maximum(radius * radius - h * h, 0.0)), start + thickness * length
-    )
-    end = np.minimum(end, start + np.sum(way * at.normal, axis=-1) / down)
-    end = np.maximum(end, start)
-    # Perspective lines part: along them the density of taps counts times the squared depth.
-    depth = -(at.position + way)[..., 2]
-    is_perspective = np.any(sight != [0.0, 0.0, -1.0])
-    gain = 1.0 / (length * depth) if is_perspective else np.zeros(depth.shape)
-    first = 1.0 - start * gain
-    angle = np.arctan2(h * (end - start), h * h + start * end)
-    integral = (
-        (first * first - (gain * h) ** 2) * angle / h
-        + first * gain * np.log((h * h + end * end) / (h * h + start * start))
-        + gain * gain * (end - start)
-    )
-    across = np.abs(np.sum(facing * sight, axis=-1))
-    bound = np.pi * square * integral * across / (solid_angle * radius)
-    return np.where(sends, np.pi * cosines / (bound + 1.0 / TILE), 0.0)
+        hides = np.where(hit, fade, hides)
+        light = np.zeros((*cosine.shape, 3))
+        if camera.radiance is not None and number < len(camera.radiance):
+            area = params.strength * np.pi * at.radius**2 / params.samples
+            form = area * (height / distance) * (np.maximum(facing, 0.0) / distance)
+            form = fade * form / np.maximum(distance, params.nearest_distance) ** 2
+            light = form[..., None] * camera.radiance[number][row, column]
+        arriving = np.where(hit[..., None], light, arriving)
+    return Hit(hides, arriving)

@@ -156,7 +156,7 @@ class Ssdo:
                 sends = self._senders.front(gbuffer, lights, shadows)
             else:
                 openness = self._sender_openness(gbuffer, tiles) if ambient else None
-                points = self.params.method == "points"
+                points = self.params.method != "bitmask"
                 light = self._senders.records if points else self._senders.run
                 sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
                 sends = sent is not None
@@ -274,6 +274,18 @@ def ssdo(
     **params: Any,
 ) -> tuple[NDArray[np.float32], ...]:
     """Compute direct light that near surfaces hide, and the light that they reflect once.
+
+    Screen-space directional occlusion (Ritschel, Grosch and Seidel 2009, "Approximating Dynamic
+    Global Illumination in Image Space"). `method` says how surfaces are found:
+
+    - "bitmask" (default) departs most: slices through the line of sight cover sectors of the
+      hemisphere (Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask").
+    - "points" keeps the directions of the half ball, each of which has several taps and either
+      meets a surface or is open. Direct and indirect light are conserved: with radiance 1
+      everywhere they add up to pi.
+    - "published" is equations 1 and 2 with one tap for each direction, sender area pi radius^2 /
+      samples times `strength`, and distances of at least `nearest_distance`. It is not conserved:
+      the sum above is off by 9 % on average and up to 21 % in an empty box.
 
     Args:
         gbuffer: what the camera sees. Surfaces of every depth layer hide light, and those with

@@ -29,7 +29,8 @@ def back_end(
 ) -> BackEnd:
     """Return what gathers light for G-buffers of such a shape; see `Ssdo`.
 
-    `kept` asks for what further cameras need: sectors that are covered, or taps that hide.
+    `kept` asks for what auxiliary cameras need: sectors that are covered, or directions that met
+    something.
     """
     if params.method == "bitmask":
         bitmask = params.bitmask()
@@ -48,8 +49,8 @@ class SenderOpenness:
     """A of surfaces that send the sky's light, at a quarter of the size.
 
     A receiver takes the mean over many of them, so neither size nor noise shows. Without it closed
-    rooms send several times the light they should. With points, of the front layer alone, as thick
-    as the parameter says.
+    rooms send several times the light they should. With directions (all methods but
+    "bitmask"), of the front layer alone.
 
     Attributes:
         step: pixels of the G-buffer from one of the result to the next.
@@ -61,7 +62,7 @@ class SenderOpenness:
         self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int
     ) -> None:
         self._back: BackEnd
-        if params.method == "points":
+        if params.method != "bitmask":
             coarse = coarse_size(size, self.step)
             self._back = SsdoPoints(runtime, coarse, 1, params.points(), reduced=True)
         else:

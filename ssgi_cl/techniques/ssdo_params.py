@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from ssgi_cl.params import param
 from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.techniques.lamp_shadows import LampShadowParams
 from ssgi_cl.techniques.occlusion import OcclusionParams
 from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
-from ssgi_cl.techniques.ssdo_points import AREAS, PointsParams
+from ssgi_cl.techniques.ssdo_points import PointsParams
 
-METHODS = ("bitmask", "points")
-POINTS_THICKNESS = 1.0
-"""Of surfaces with points by default, in radii: else most taps lie behind all that is seen."""
+METHODS = ("bitmask", "points", "published")
+METHODS_OF = {
+    "strength": ("published",),
+    "nearest_distance": ("published",),
+    "thickness": ("bitmask", "points"),
+}
+"""Parameters that don't apply to every method, and the methods that they apply to."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +35,9 @@ class SsdoParams(OcclusionParams):
         above=True, unit="scene units",
     )
     method: str = param(
-        "bitmask", "how surfaces are found: slices through the line of sight that cover sectors, "
-        "or points in a half ball, as published", choices=METHODS,
+        "bitmask", "how surfaces are found: slices through the line of sight that cover sectors; "
+        "directions of the half ball that meet surfaces; or one tap for each, as published, whose "
+        "light isn't conserved", choices=METHODS,
     )
     bounce: bool = param(True, "whether surfaces within the radius send the light they get")
     emission: bool = param(
@@ -44,10 +49,13 @@ class SsdoParams(OcclusionParams):
         4, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
         unit="px",
     )
-    samples: int = param(16, "points: taps per pixel", low=1, high=256)
+    samples: int = param(
+        16, "points, published: directions per pixel; with one tap each as published, else with "
+        "the root of as many, and two", low=1, high=256,
+    )
     thickness: float = param(
-        0.0, "of surfaces, along the line of sight; with points 0 stands for 1",
-        low=0.0, high=1e3, unit="radii",
+        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
+        unit="radii",
     )
     view_taps: int = param(
         4, "bitmask: depths of a further camera read on the way in each direction that is open, of "
@@ -62,10 +70,23 @@ class SsdoParams(OcclusionParams):
         False, "bitmask: also find the mean unoccluded direction of each pixel, of which further "
         "cameras change nothing"
     )
-    area: str = param(
-        "unbiased", "points: of a sender, from the density of taps that find it, or pi radius^2 / "
-        "samples as published", choices=AREAS,
+    strength: float = param(
+        1.0, "published: factor of the bounce, set by hand", low=0.0, high=1e3,
     )
+    nearest_distance: float = param(
+        1.0, "published: least distance that counts between sender and receiver", low=0.0,
+        high=1e30, above=True, unit="scene units",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for field in fields(self):
+            value, methods = getattr(self, field.name), METHODS_OF.get(field.name, METHODS)
+            if value != field.default and self.method not in methods:
+                raise ValueError(
+                    f"{field.name}={value:g} applies only to method="
+                    f"{' or '.join(map(repr, methods))} (got method={self.method!r})"
+                )
 
     @property
     def blur(self) -> BilateralParams:
@@ -85,8 +106,9 @@ class SsdoParams(OcclusionParams):
         return LampShadowParams(radius=self.radius, taps=self.lamp_taps)
 
     def points(self) -> PointsParams:
-        """Return the parameters of the points' back end."""
+        """Return the parameters of the back end of "points" and "published"."""
         return PointsParams(
-            radius=self.radius, samples=self.samples, area=self.area,
-            thickness=self.thickness or POINTS_THICKNESS, max_radius_px=self.max_radius_px,
+            method=self.method, radius=self.radius, samples=self.samples,
+            thickness=self.thickness, max_radius_px=self.max_radius_px,
+            strength=self.strength, nearest_distance=self.nearest_distance,
         )

@@ -1,5 +1,4 @@
-"""Further cameras of SSDO from taps: what they see round each pixel that no camera before them did.
-"""
+"""Auxiliary views of SSDO from directions: what they show that no camera before them did."""
 
 from __future__ import annotations
 
@@ -19,13 +18,16 @@ POINT_VIEWS = Struct(
     "PointViewsParams",
     (
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z", "nearest"),
-        *((name, "int") for name in ("columns", "rows", "layer")),
+        *((name, "int") for name in ("columns", "rows")),
     ),
 )
 
 
 class SsdoPointViews:
-    """Adds what further cameras see to the result of `SsdoPoints`.
+    """Adds what auxiliary cameras see to the result of `SsdoPoints`.
+
+    A direction that has met a surface is done with, so no view makes light: each view only turns
+    open directions into ones that meet what it shows.
 
     Args:
         runtime: the device.
@@ -33,17 +35,8 @@ class SsdoPointViews:
 
     def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        # Cameras, on the device too, their depth, and layers of it that send.
-        self._before: list[tuple[Any, Any, Plane, int]] = []
-        self._kept: dict[Any, Plane] = {}
         self._nothing = runtime.plane(1, (1, 1))
         self._no_senders = runtime.array(np.zeros(1, np.int32))
-
-    def begin(self, gbuffer: DeviceGBuffer) -> None:
-        """Forget all cameras but the first one, whose G-buffer is given."""
-        self._before = [
-            (gbuffer.camera, gbuffer.camera_struct, gbuffer.depth, gbuffer.attributes)
-        ]
 
     def add(
         self,
@@ -53,35 +46,35 @@ class SsdoPointViews:
         other: DeviceGBuffer,
         records: SenderRecords | None,
     ) -> None:
-        """Queue the passes of one further camera.
+        """Queue the passes of one auxiliary camera.
 
         Args:
-            light: what `points` returned: A shrinks, the sky's irradiance with it, the last 3
-                images grow.
-            points: with `kept`, the taps that hide, to which those are added that are found to.
+            light: what `points` returned: A and the sky's irradiance shrink, the last 3 images
+                grow.
+            points: with `kept`, the directions that met something, to which more are added.
             gbuffer: what it was made from.
-            other: what the further camera sees, of any size and number of layers.
-            records: of what it sees; surfaces in them that a camera since `begin` shows become
-                dark. None if `light` has no bounce or all is dark.
+            other: what the auxiliary camera sees, of any size and number of layers.
+            records: what its surfaces send. None if `light` has no bounce or all is dark.
         """
         if gbuffer.camera is None or other.camera is None:
             raise ValueError("a device G-buffer is empty: draw or upload something first")
-        if points.kept is None or points.wide_taps is None:
-            raise ValueError("points keeps no taps: expected one that was made with kept=True")
+        if points.kept is None or points.wide_directions is None:
+            raise ValueError(
+                "points keeps no directions: expected one that was made with kept=True"
+            )
         if records is not None and not points.bounces:
             raise ValueError("there are records: expected None, as points gathered no bounce")
-        if records is not None:
-            self._darken(other, records, points.params.radius)
         kernel = self.runtime.kernel(
             "ssdo_point_views/ssdo_point_views.cl",
             {
                 "POINT_VIEWS_COUNT": points.params.samples,
-                "POINT_VIEWS_LAYERS": other.layers,
+                "POINTS_TAPS": points.params.taps,
+                "POINTS_LAYERS": other.layers,
                 "POINT_VIEWS_SENDERS": 0 if records is None else records.layers,
                 "POINT_VIEWS_STEP": points.step,
                 "POINT_VIEWS_SKY": int(light.count > 1 + 3 * points.bounces),
-                "POINT_VIEWS_PAPER": int(points.params.area == "paper"),
-                "POINT_VIEWS_THICKNESS": int(other.thickness is not None),
+                "POINTS_PUBLISHED": int(points.params.method == "published"),
+                "POINTS_THICKNESS": points.params.thickness_of(other.thickness),
             },
             (CAMERA, POINTS, POINT_VIEWS),
         )
@@ -89,8 +82,8 @@ class SsdoPointViews:
             "ssdo view",
             light.size,
             reads=[
-                gbuffer.depth, gbuffer.normal, points.wide_taps, other.depth,
-                other.thickness or self._nothing,
+                gbuffer.depth, gbuffer.normal, points.wide_directions,
+                points.planes_of(other, other.layers), other.thickness or self._nothing,
                 self._no_senders if records is None else records.array,
             ],
             writes=[light, points.kept],
@@ -100,39 +93,11 @@ class SsdoPointViews:
             ],
         )
 
-    def _darken(self, other: DeviceGBuffer, records: SenderRecords, radius: float) -> None:
-        """Queue the passes that leave each surface to the first camera that shows it."""
-        assert other.camera is not None  # noqa: S101  asked for above
-        for camera, camera_struct, depth, layers in self._before:
-            kernel = self.runtime.kernel(
-                "ssdo_point_views/ssdo_point_seen.cl", {"SEEN_LAYERS": layers},
-                (CAMERA, POINT_VIEWS),
-            )
-            for layer in range(records.layers):
-                kernel.run(
-                    "ssdo seen",
-                    other.whole,
-                    reads=[other.depth, other.normal, depth],
-                    writes=[records.array],
-                    values=[
-                        other.camera_struct, camera_struct,
-                        _packed(other.camera, camera, depth.size, radius, layer),
-                    ],
-                )
-        # The next camera may be drawn to the same memory.
-        key = len(self._before), other.whole, records.layers
-        if key not in self._kept:
-            self._kept[key] = self.runtime.plane(records.layers, other.whole)
-        self._kept[key].copy_image(0, other.depth, records.layers)
-        self._before.append(
-            (other.camera, other.camera_struct, self._kept[key], records.layers)
-        )
 
-
-def _packed(camera: Camera, further: Camera, whole: Any, radius: float, layer: int = 0) -> Any:
+def _packed(camera: Camera, other: Camera, whole: Any, radius: float) -> Any:
     # In float64: both cameras may be far from the world's origin and near each other.
-    turn = further.view[:3, :3] @ camera.view[:3, :3].T
-    shift = further.view[:3, 3] - turn @ camera.view[:3, 3]
+    turn = other.view[:3, :3] @ camera.view[:3, :3].T
+    shift = other.view[:3, 3] - turn @ camera.view[:3, 3]
     return POINT_VIEWS.pack(
         {
             **rotation_values(turn),
@@ -140,6 +105,5 @@ def _packed(camera: Camera, further: Camera, whole: Any, radius: float, layer: i
             "nearest": 1e-3 * radius,
             "columns": whole[1],
             "rows": whole[0],
-            "layer": layer,
         }
     )

@@ -1,4 +1,8 @@
-"""Directional occlusion and one bounce of light from taps in a half ball round each pixel."""
+"""Directional occlusion and one bounce of light from directions in the half ball round each pixel.
+
+Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image Space": as
+published (method "published"), and corrected so that light is conserved (method "points").
+"""
 
 from __future__ import annotations
 
@@ -10,24 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.memory import GUARD, DeviceArray, Plane, Size, plane_shape
+from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.lit_layers import SenderRecords
 from ssgi_cl.techniques.ssao import DEPTH_BIAS
-from ssgi_cl.techniques.ssdo_taps import SETS, TapSets, tap_sets
+from ssgi_cl.techniques.ssdo_directions import DirectionSets, direction_sets
 from ssgi_cl.techniques.upsample import coarse_size
 
 POINTS = Struct(
     "PointsParams",
     (
         *floats("radius", "most_px", "bias", "depth_bias", "thickness", "area", "nearest_square"),
-        *((n, "int") for n in ("columns", "rows", "margin_columns", "margin_rows", "stride")),
+        *((n, "int") for n in ("columns", "rows", "margin_columns", "margin_rows")),
     ),
 )
 
-AREAS = ("unbiased", "paper")
+POINT_METHODS = ("points", "published")
 STRIP = 256
 """Columns that are gone through before those beside them, so that what is read stays near."""
 
@@ -37,40 +41,93 @@ GROUP = 16
 
 @dataclass(frozen=True, kw_only=True)
 class PointsParams(Params):
-    """Parameters of SSDO as published (Ritschel, Grosch and Seidel 2009)."""
+    """Parameters of SSDO from directions (Ritschel, Grosch and Seidel 2009)."""
 
-    radius: float = param(
-        0.5, "of the half ball that taps lie in", low=0.0, high=1e30, above=True,
-        unit="scene units",
+    method: str = param(
+        "points", "rays that meet surfaces, or one tap for each direction as published",
+        choices=POINT_METHODS,
     )
-    samples: int = param(16, "taps per pixel", low=1, high=256)
+    radius: float = param(
+        0.5, "radius of the half ball", low=0.0, high=1e30, above=True, unit="scene units",
+    )
+    samples: int = param(16, "directions per pixel", low=1, high=256)
     max_radius_px: float = param(
         math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
         unit="px",
     )
     thickness: float = param(
-        1.0, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it; "
-        "the next depth layer ends them if it is nearer", low=0.0, high=1e30, unit="radii",
+        0.0, "points: taps this far behind a surface, along the line of sight, meet it too; that "
+        "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii",
     )
     bias: float = param(
-        0.02, "height above the tangent plane up to which nothing hides or sends", low=0.0,
+        0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0,
         high=1.0, unit="radii",
     )
-    area: str = param(
-        "unbiased", "of a sender: from the density of taps that find it, or pi radius^2 / samples "
-        "as published", choices=AREAS,
+    nearest_distance: float = param(
+        1.0, "published: least distance that counts between sender and receiver", low=0.0,
+        high=1e30, above=True, unit="scene units",
     )
-    nearest: float = param(
-        0.25, "published area: least distance that counts between sender and receiver", low=1e-6,
-        high=1.0, unit="radii",
-    )
-    strength: float = param(
-        1.0, "published area: factor of the bounce", low=0.0, high=1e3
-    )
+    strength: float = param(1.0, "published: factor of the bounce", low=0.0, high=1e3)
+
+    @property
+    def taps(self) -> int:
+        """Taps of a direction: the more directions there are, the finer; one as published."""
+        return 1 if self.method == "published" else 2 + math.isqrt(self.samples)
+
+    def thickness_of(self, given: Plane | None) -> int:
+        """Return which thickness counts: 0 none, 1 the parameter, 2 that of each pixel."""
+        if self.method == "published":
+            return 0
+        return 2 if given is not None else int(self.thickness > 0.0)
+
+
+class SurfacePlanes:
+    """Tangent planes of the surfaces of a G-buffer's layers, one quad for each pixel.
+
+    Args:
+        runtime: the device.
+        whole: (rows, columns) of the G-buffers, with their margin.
+        layers: of them.
+
+    Attributes:
+        array: as kernels/ssdo_points/ssdo_planes.cl has it.
+    """
+
+    def __init__(self, runtime: Runtime, whole: Size, layers: int) -> None:
+        self.runtime = runtime
+        self.whole = whole
+        self.layers = layers
+        padded = -(-whole[1] // 16) * 16
+        self.array: DeviceArray = runtime.empty(4 * layers * whole[0] * padded, np.int32)
+
+    def make(self, gbuffer: Any) -> DeviceArray:
+        """Queue the pass for a (reduced) G-buffer; return `array`."""
+        kernel = self.runtime.kernel(
+            "ssdo_points/ssdo_planes.cl",
+            {
+                "PLANES_LAYERS": self.layers,
+                "PLANES_NORMALS": min(self.layers, gbuffer.normal.count // 3),
+            },
+            (CAMERA,),
+        )
+        kernel.run(
+            "ssdo planes",
+            self.whole,
+            reads=[gbuffer.depth, gbuffer.normal],
+            writes=[self.array],
+            values=[gbuffer.camera_struct],
+        )
+        return self.array
 
 
 class SsdoPoints:
     """Directional occlusion and a bounce of light, prepared for results of one size.
+
+    Method "points": a direction meets the nearest surface that the camera sees within the radius
+    and brings its radiance, or is open and brings the sky's; all count with their solid angle times
+    cosine, so light is conserved. Method "published": equations 1 and 2 of the paper with one tap
+    for each direction. Its sum isn't conserved: all senders have the area pi radius^2 / samples
+    times `strength`, whatever their distance. In both, a direction that leaves the image is open.
 
     Args:
         runtime: the device.
@@ -83,9 +140,10 @@ class SsdoPoints:
 
     Attributes:
         bounces: whether the last call gathered a bounce.
-        kept: int32, a bit for each tap of the last call that lies in the image, and then for each
-            that hides, as kernels/ssdo_points/ssdo_points.cl has it. None if not wanted.
-        wide_taps: the taps of the last call, [4 rows, taps, fields, 16 columns]. None likewise.
+        kept: int32, a bit for each direction of the last call that met something, as
+            kernels/ssdo_points/ssdo_points.cl has it. None if not wanted.
+        wide_directions: the directions of the last call, [16 rows, directions, fields, 16 columns].
+            None likewise.
     """
 
     def __init__(
@@ -101,27 +159,26 @@ class SsdoPoints:
         self._nothing = runtime.plane(1, (1, 1))
         self._no_senders = runtime.array(np.zeros(1, np.int32))
         self._no_bits = runtime.array(np.zeros(1, np.int32))
-        self._sets: TapSets | None = None
+        self._sets: DirectionSets | None = None
         self._lit: Any = None  # what the sets were made for
         self._turn: NDArray[np.float64] | None = None
-        self._near: dict[Any, DeviceArray] = {}
+        self._planes: dict[Any, SurfacePlanes] = {}
         self._records: dict[Any, SenderRecords] = {}
-        fields = 11
-        self._taps = runtime.empty(16 * self.params.samples * fields, np.float32)
+        fields, count = 11, self.params.samples
+        self._directions = runtime.empty(64 * count * fields, np.float32)
         self.bounces = False
         self.kept: DeviceArray | None = None
-        self.wide_taps: DeviceArray | None = None
+        self.wide_directions: DeviceArray | None = None
         if kept:
-            words = 2 * -(-self.params.samples // 32)
-            count, pitch = plane_shape(words, coarse_size(size, step))
-            self.kept = runtime.array(np.zeros(count * pitch, np.int32))
-            self.wide_taps = runtime.empty(64 * self.params.samples * fields, np.float32)
+            images, pitch = plane_shape(-(-count // 32), coarse_size(size, step))
+            self.kept = runtime.array(np.zeros(images * pitch, np.int32))
+            self.wide_directions = runtime.empty(256 * count * fields, np.float32)
 
     def gather(
         self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | SenderRecords | None,
         sky: Any, tiles: Any = None,
     ) -> Plane:
-        """Queue the pass; return A, the sky's irradiance if it is an image, and the bounce's.
+        """Queue the passes; return A, the sky's irradiance if it is an image, and the bounce's.
 
         Args:
             gbuffer: depth, of any number of layers, and normals.
@@ -130,7 +187,7 @@ class SsdoPoints:
                 of it; None for no bounce. Layers send light as far as there are normals and
                 radiance.
             sky: an `ssgi_cl.techniques.sky.Sky`, of which the image counts, or None.
-            tiles: not looked at; taps find what is behind planes too.
+            tiles: not looked at.
 
         Returns:
             A plane of ceil(size / step): A in [0, 1], 1 where nothing is; with an image of the sky,
@@ -152,17 +209,17 @@ class SsdoPoints:
         self.bounces = senders > 0
         layers = 1 if self.reduced else gbuffer.layers
         thickness = None if self.reduced else gbuffer.thickness
-        params = self.params
         kernel = self.runtime.kernel(
             "ssdo_points/ssdo_points.cl",
             {
-                "POINTS_COUNT": params.samples,
+                "POINTS_COUNT": self.params.samples,
+                "POINTS_TAPS": self.params.taps,
                 "POINTS_LAYERS": layers,
                 "POINTS_SENDERS": senders,
                 "POINTS_STEP": self.step,
                 "POINTS_SKY": int(image is not None),
-                "POINTS_PAPER": int(params.area == "paper"),
-                "POINTS_THICKNESS": int(thickness is not None),
+                "POINTS_PUBLISHED": int(self.params.method == "published"),
+                "POINTS_THICKNESS": self.params.thickness_of(thickness),
                 "POINTS_KEPT": int(self.kept is not None),
             },
             (CAMERA, POINTS),
@@ -172,19 +229,27 @@ class SsdoPoints:
             size = coarse_size(self.size, self.step)
             self._results[count] = self.runtime.plane(count, size)
         result = self._results[count]
+        planes = self.planes_of(read, layers)
         kernel.run(
             "ssdo points",
             result.size,
             reads=[
-                read.depth, read.normal, thickness or self._nothing,
-                self._sorted(read.depth, layers),
-                self._no_senders if radiance is None else radiance.array, self._taps,
+                read.depth, read.normal, thickness or self._nothing, planes,
+                self._no_senders if radiance is None else radiance.array, self._directions,
             ],
             writes=[result, self.kept or self._no_bits],
             values=[read.camera_struct, self.packed(read)],
             grid=self._grid(result.size),
         )
         return result
+
+    def planes_of(self, gbuffer: Any, layers: int) -> DeviceArray:
+        """Queue the pass that makes tangent planes; return them. G-buffers of a shape share them.
+        """
+        key = gbuffer.whole, layers
+        if key not in self._planes:
+            self._planes[key] = SurfacePlanes(self.runtime, *key)
+        return self._planes[key].make(gbuffer)
 
     def _grid(self, size: Size) -> Size | None:
         lanes = self.runtime.form.lanes
@@ -201,37 +266,18 @@ class SsdoPoints:
         self._records[key].pack(gbuffer, radiance)
         return self._records[key]
 
-    def _sorted(self, depth: Plane, layers: int) -> DeviceArray:
-        """Queue the pass that sorts the rows of all layers by column modulo 4."""
-        rows, columns = depth.size
-        wide = SETS[1] * _stride(columns)
-        key = depth.size, layers
-        if key not in self._near:
-            self._near[key] = self.runtime.array(
-                np.zeros((layers * rows + 2) * (wide + GUARD), np.float32)
-            )
-        kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": layers})
-        all_columns = (columns, 0, 1, 0, 0)  # from the first on, each
-        kernel.run(
-            "ssdo depth",
-            (rows, wide),
-            reads=[depth],
-            writes=[self._near[key]],
-            values=[np.array([columns, rows], np.int32), *map(np.int32, all_columns)],
-        )
-        return self._near[key]
-
     def _prepare(self, turn: NDArray[np.float64], image: NDArray[np.float64] | None) -> None:
-        """Bring the taps to the device, unless those of this sky and camera are there."""
+        """Bring the directions to the device, unless those of this sky and camera are there."""
         if self._sets is None or image is not self._lit:
-            self._sets = tap_sets(self.params.samples, image)
+            equal = self.params.method == "published"
+            self._sets = direction_sets(self.params.samples, image, equal=equal)
             self._lit = image
             self._turn = None
         if self._turn is None or not np.array_equal(turn, self._turn):
-            table = tap_table(self._sets, turn)
-            self._taps.upload(table)
-            if self.wide_taps is not None:
-                self.wide_taps.upload(np.tile(table.transpose(0, 2, 3, 1), 4))
+            table = direction_table(self._sets, turn)
+            self._directions.upload(table)
+            if self.wide_directions is not None:
+                self.wide_directions.upload(np.tile(table.transpose(0, 2, 3, 1), 4))
             self._turn = turn.copy()
 
     def packed(self, gbuffer: Any) -> Any:
@@ -245,34 +291,23 @@ class SsdoPoints:
                 "depth_bias": DEPTH_BIAS,
                 "thickness": params.thickness,
                 "area": params.strength * math.pi / params.samples,
-                "nearest_square": params.nearest**2,
+                "nearest_square": params.nearest_distance**2,
                 "columns": gbuffer.whole[1],
                 "rows": gbuffer.whole[0],
                 "margin_columns": gbuffer.margin[1],
                 "margin_rows": gbuffer.margin[0],
-                "stride": _stride(gbuffer.whole[1]),
             }
         )
 
 
-def _stride(columns: int) -> int:
-    """Return the floats of a quarter of a sorted row, a multiple of the lanes of every form."""
-    return -(-columns // (SETS[1] * GUARD)) * GUARD
-
-
-def tap_table(sets: TapSets, turn: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return [4 rows, 4 columns, taps, fields] as kernels/ssdo_points/ssdo_points.cl reads it.
+def direction_table(sets: DirectionSets, turn: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return [16 rows, 4 columns, directions, fields] as kernels/ssdo_points/ssdo_points.cl reads.
 
     Args:
-        sets: the taps of a tile.
+        sets: the directions of each pixel of a tile.
         turn: [3, 3] world to view.
     """
-    length = sets.length[..., None]
-    fields = [
-        (sets.direction @ turn.T) * length,
-        sets.solid_angle[..., None] / length,
-        sets.solid_angle[..., None],
-    ]
+    fields = [sets.direction @ turn.T, sets.length[..., None], sets.solid_angle[..., None]]
     if sets.light is not None:
-        fields += [sets.light[..., 0, :] / length, sets.light[..., 1, :] / length]
+        fields += [sets.light[..., 0, :], sets.light[..., 1, :]]
     return np.ascontiguousarray(np.concatenate(fields, axis=-1), np.float32)

@@ -47,7 +47,7 @@ class ViewSenders:
             samples=-(-params.samples // COARSER),
         )
         self._technique: SsdoViews | SsdoPointViews
-        if params.method == "points":
+        if params.method != "bitmask":
             self._technique = SsdoPointViews(runtime)
         else:
             self._technique = SsdoViews(runtime, params.bitmask(), self.views)
@@ -55,7 +55,8 @@ class ViewSenders:
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
         """Forget all cameras but the first one, whose G-buffer is given."""
-        self._technique.begin(gbuffer)
+        if isinstance(self._technique, SsdoViews):
+            self._technique.begin(gbuffer)
 
     def add(
         self,

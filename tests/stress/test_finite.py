@@ -160,6 +160,7 @@ CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
     "bitmask ao": occlusion(bitmask_ao, taps=(4,), resolution=("full", "half")),
     "ssdo bitmask": directional("bitmask"),
     "ssdo points": directional("points"),
+    "ssdo published": directional("published"),
     "rsm gather": one_bounce(
         rsm_gather, samples=(1, 50), pattern=("flux", "fixed", "rotated", "all"),
         resolution=("full", "adaptive"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -253,6 +254,22 @@ def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
 def test_bent_normals_need_the_bitmask(runtime: Runtime, corner: GBuffer) -> None:
     with pytest.raises(ValueError, match=r"bent_normals is True with 'points': expected 'bitmask'"):
         ssdo(corner, [SKY], runtime=runtime, method="points", bent_normals=True)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value", "methods"),
+    [
+        ("bitmask", "strength", 2.0, "'published'"),
+        ("points", "nearest_distance", 0.5, "'published'"),
+        ("published", "thickness", 0.25, "'bitmask' or 'points'"),
+    ],
+)
+def test_parameter_of_another_method_is_refused(
+    method: str, name: str, value: float, methods: str
+) -> None:
+    message = f"{name}={value:g} applies only to method={methods} (got method='{method}')"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        SsdoParams(method=method, **{name: value})
 
 
 def test_views_must_be_gbuffers(runtime: Runtime, corner: GBuffer) -> None:

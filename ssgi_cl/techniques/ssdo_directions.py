@@ -1,6 +1,6 @@
-"""Taps of SSDO: directions that are fixed in the world, what they stand for, and their lengths.
+"""Directions of SSDO: fixed in the world, with what they stand for.
 
-A direction and its opposite are one tap: a receiver takes the one on its own side. Each stands for
+A direction and its opposite are one: a receiver takes the one on its own side. Each stands for
 the part of the sphere that is nearer to it than to any other of its set, and the sky's light from
 there is one number, whatever the sky looks like. A sky may also have a say in where directions lie:
 then more of them are where it is bright.
@@ -9,6 +9,7 @@ then more of them are where it is bright.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,12 @@ from ssgi_cl.techniques.ssao import TILE_ORDER
 
 Doubles = NDArray[np.float64]
 
-SETS = (4, 4)
-"""Rows and columns of a tile, each pixel of which has taps of its own."""
+SETS = (16, 4)
+"""Rows and columns of a tile, each pixel of which has directions of its own. Kernels take columns
+modulo 4 together; rows cost nothing, and the more sets the less is common to all tiles."""
+
+BLOCK_ORDER = (0, 2, 1, 3)
+"""Of the blocks of 4 x 4 pixels of a tile."""
 
 CELLS = (64, 128)
 """Rows and columns of the equal parts of the sphere that are shared out to directions."""
@@ -33,14 +38,14 @@ LEAST_CELLS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class TapSets:
-    """The taps of each pixel of a tile.
+class DirectionSets:
+    """The directions of each pixel of a tile.
 
     Attributes:
-        direction: [4, 4, taps, 3] world space, unit length, one of each pair of opposite ones.
-        length: [4, 4, taps] in parts of the radius, in (0, 1).
-        solid_angle: [4, 4, taps] of each side, steradians.
-        light: [4, 4, taps, 2, 3] integral of the sky's radiance over the solid angle of the
+        direction: [16, 4, count, 3] world space, unit length, one of each pair of opposite ones.
+        length: [16, 4, count] a number in (0, 1) for each: where its taps lie.
+        solid_angle: [16, 4, count] of each side, steradians.
+        light: [16, 4, count, 2, 3] integral of the sky's radiance over the solid angle of the
             direction and of its opposite, W/m^2; None without a sky.
     """
 
@@ -50,25 +55,40 @@ class TapSets:
     light: Doubles | None
 
 
-def tap_sets(count: int, sky: Doubles | None = None) -> TapSets:
-    """Return the taps of a tile.
+def direction_sets(
+    count: int, sky: Doubles | None = None, *, equal: bool = False
+) -> DirectionSets:
+    """Return the directions of a tile.
 
     Args:
-        count: taps of a pixel.
+        count: directions of a pixel.
         sky: [rows, columns, 3] radiance, a latitude-longitude image as `Environment` has it, or
             None.
+        equal: whether directions lie evenly whatever the sky is, and all stand for 2 pi / count, as
+            in equation 1 of Ritschel, Grosch and Seidel 2009.
     """
+    return _even_sets(count, equal) if sky is None else _sets(count, sky, equal)
+
+
+@lru_cache(maxsize=8)
+def _even_sets(count: int, equal: bool) -> DirectionSets:
+    return _sets(count, None, equal)
+
+
+def _sets(count: int, sky: Doubles | None, equal: bool) -> DirectionSets:
     rows, columns = CELLS
     flux = None if sky is None else cell_flux(sky)
     density = np.ones((rows // 2, columns))
-    if flux is not None:
+    if flux is not None and not equal:
         bright = flux.sum(axis=-1)
         # A direction and its opposite: turned by half a turn, and from above to below.
         bright = bright + np.roll(bright[::-1], columns // 2, axis=1)
         half = bright[: rows // 2]
         if half.sum() > 0.0:
             density = EVEN + (1.0 - EVEN) * half / half.mean()
-    points = r_points(0, 16 * count, 3)[TILE_ORDER[..., None] + 16 * np.arange(count)]
+    each_set = SETS[0] * SETS[1]
+    first = np.concatenate([4 * TILE_ORDER + block for block in BLOCK_ORDER])
+    points = r_points(0, each_set * count, 3)[first[..., None] + each_set * np.arange(count)]
     direction = _directions(density, points[..., 0], points[..., 1])
     cells = cell_centres().reshape(-1, 3)
     own = np.zeros((*SETS, count))
@@ -82,7 +102,9 @@ def tap_sets(count: int, sky: Doubles | None = None) -> TapSets:
         if light is not None and flux is not None:
             opposite = along[np.arange(len(cells)), nearest] < 0.0
             np.add.at(light[place], (nearest, opposite.astype(int)), flux.reshape(-1, 3))
-    return TapSets(direction, points[..., 2] * (1.0 - 1e-3) + 5e-4, own, light)
+    if equal:
+        own[:] = 2.0 * np.pi / count
+    return DirectionSets(direction, points[..., 2] * (1.0 - 1e-3) + 5e-4, own, light)
 
 
 def cell_centres() -> Doubles:

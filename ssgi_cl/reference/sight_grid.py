@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.techniques.sight_grid import BLOCK, LIFT
+from ssgi_cl.techniques.sight_grid import LIFT
 
 Doubles = NDArray[np.float64]
 

@@ -16,10 +16,11 @@ from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
+from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
+from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl_tree import VplTree
@@ -93,7 +94,8 @@ class MultiresSplat:
         self._dark: Plane | None = None
 
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = ()
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
+        scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -127,7 +129,7 @@ class MultiresSplat:
         tree.update()
         values = {"cut": params.cut(self._lights.unit)}
         if self._walls is not None:
-            self._block(gbuffer, rsms, self._walls)
+            self._block(gbuffer, rsms, self._walls, scene)
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(
@@ -136,12 +138,13 @@ class MultiresSplat:
         return self.grid.result
 
     def _block(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        scene: DeviceScene | None,
     ) -> None:
         """Queue the passes that mark what blocks light."""
         lights, seen = self._lights, self.grid.half(gbuffer)
         values = {
-            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values, "lift": LIFT,
+            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values,
             "margin_columns": seen.margin[1], "margin_rows": seen.margin[0],
             "count": lights.segments,
         }
@@ -151,7 +154,7 @@ class MultiresSplat:
             "vpl boxes", seen.size, reads=[seen.depth, seen.normal],
             writes=[self._boxes], values=[seen.camera_struct, packed], grid=tiles,
         )
-        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed)
+        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
 
     def __call__(
         self,

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Size
 from ssgi_cl.params import param
+from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 
@@ -23,8 +26,11 @@ MOST_CELLS = 128
 """That are chosen: with 256 lines of sight take twice the time, and few scenes gain."""
 BLOCK = 4
 """Cells along a side of a block; VPL_BLOCK in kernels/vpl/grid.clh."""
-LIFT = 1.9
-"""Cells above their surfaces at which lines begin and end, lest these block them."""
+LIFT, MESH_LIFT = 1.9, 1.2
+"""Cells above their surfaces at which rays begin and end, lest these block them. Cells that pixels
+touch reach sqrt(3) beyond their plane at most, those of triangles (sqrt(3) + sqrt(1/3)) / 2."""
+SLICES = 8
+"""Work-items of a triangle on a GPU, so that none draws a large one alone."""
 
 
 def grid_param() -> Any:
@@ -72,11 +78,12 @@ class SightGrid:
         self.macros = {"VPL_GRID": cells}
         self.grid = runtime.empty(cells**3 // 16, np.int32)
         self.box = runtime.empty(4, np.float32)
+        self.lift = LIFT
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
     def fill(
         self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], boxes: DeviceArray,
-        lights: DeviceVpls, size: Size, packed: Any,
+        lights: DeviceVpls, size: Size, packed: Any, scene: DeviceScene | None = None,
     ) -> None:
         """Queue what marks the surfaces of all layers and of the reflective shadow maps.
 
@@ -94,20 +101,11 @@ class SightGrid:
             "vpl grid", size, reads=[boxes, lights.bounds], writes=[self.grid, self.box],
             values=[packed], grid=(self.cells, self.cells),
         )
-        sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
-        sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]
-        names = [name for name, _ in TURN.members]
-        for points, normal, layers, whole, turn in sources:
-            kernel = self.runtime.kernel(
-                "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
-            )
-            kernel.run(
-                "vpl occupy", whole, reads=[points, normal, self.box], writes=[self.grid],
-                values=[
-                    gbuffer.camera_struct, packed,
-                    TURN.pack(dict(zip(names, turn.ravel(), strict=True))),
-                ],
-            )
+        if scene is not None:
+            self._voxelize(scene, camera, lights.values["per_unit"])
+        else:
+            self._mark_seen(gbuffer, rsms, camera, packed)
+        self.lift = LIFT if scene is None else MESH_LIFT
         blocks = self.cells // BLOCK
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
@@ -115,3 +113,36 @@ class SightGrid:
                 "vpl reach", (axis, blocks**axis), reads=[], writes=[self.grid],
                 grid=(1, -(-blocks**3 // self.runtime.form.lanes)),
             )
+
+    def _voxelize(self, scene: DeviceScene, camera: Camera, per_unit: float) -> None:
+        """Queue the pass that marks the triangles of a scene."""
+        # In float64: origin and camera may be far from the world's and near each other.
+        turn, shift = camera.view[:3, :3], camera.view[:3, 3]
+        from_scene = per_unit * np.column_stack([turn, turn @ scene.scene.origin + shift])
+        macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
+        slices = SLICES if self.runtime.info.kind == "gpu" else 1
+        self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
+            "vpl voxelize", (scene.vertices, scene.triangles),
+            reads=[scene.corners, scene.positions, scene.uvs, scene.cutouts, scene.materials,
+                   scene.textures, scene.texels, scene.decode, self.box],
+            writes=[self.grid], values=[_packed(from_scene)], grid=(slices, scene.triangles),
+        )
+
+    def _mark_seen(
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, packed: Any
+    ) -> None:
+        """Queue the passes that mark what the camera and the lights see."""
+        sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
+        sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]
+        for points, normal, layers, whole, turn in sources:
+            kernel = self.runtime.kernel(
+                "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
+            )
+            kernel.run(
+                "vpl occupy", whole, reads=[points, normal, self.box], writes=[self.grid],
+                values=[gbuffer.camera_struct, packed, _packed(turn)],
+            )
+
+
+def _packed(turn: NDArray[np.float64]) -> Any:
+    return TURN.pack(dict(zip((name for name, _ in TURN.members), turn.ravel(), strict=True)))

@@ -17,10 +17,11 @@ from ssgi_cl.device_vpls import NEAR_ROOM, VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
+from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
+from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
@@ -125,7 +126,7 @@ class VplSplat:
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (),
-        *, glossy: Vpls | None = None,
+        *, glossy: Vpls | None = None, scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
 
@@ -148,7 +149,8 @@ class VplSplat:
             packed = VPL.pack(
                 {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
             )
-            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed)
+            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
+            values["lift"] = self._walls.lift
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -209,7 +211,7 @@ class VplSplat:
         self._bring(camera, vpls, rsms, coarse=coarse)
         values = {
             **self._cut_values(lights),
-            "lift": LIFT,
+            "lift": 0.0,
             "refine": params.refine if lights.parted else 0.0,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],

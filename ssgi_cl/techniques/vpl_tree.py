@@ -11,7 +11,7 @@ from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
+from ssgi_cl.techniques.sight_grid import SightGrid
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
 
@@ -82,6 +82,7 @@ class VplTree:
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
+        self._walls = walls
         self._sight = [walls.grid, walls.box] if walls else []
         self._rows = ROWS // 2 if walls else ROWS
         macros |= {
@@ -189,7 +190,7 @@ class VplTree:
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
             {
-                **_ZEROS, **self.lights.values, "lift": LIFT, **values,
+                **_ZEROS, **self.lights.values, "lift": self._walls.lift if self._walls else 0.0, **values,
                 "margin_columns": margin[1], "margin_rows": margin[0],
             }
         )

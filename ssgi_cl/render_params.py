@@ -66,13 +66,12 @@ def bounce_params(
     if name is None:
         return None
     if name == "multires":
-        if layers >= 2:  # lines of sight are shared by lights, which a hundredth would not show
-            return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
-        return MultiresSplatParams(vpls=vpls)
+        # Shadow rays are shared by lights, which a hundredth would not show.
+        return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
     if name == "ssdo":
         return SsdoParams(radius=radius, resolution="half", emission=False)
     if name == "gather":
         return RsmGatherParams(resolution="adaptive")
     return VplSplatParams(
-        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=layers >= 2
+        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True
     )

@@ -305,7 +305,7 @@ class Renderer:
         bounced = None
         if bounce is not None:
             bounced = self._stages.make(
-                "bounce", inputs, lambda: self._reflected(bounce, seen, rsm)
+                "bounce", inputs, lambda: self._reflected(bounce, scene, seen, rsm)
             )
         return direct, bounced
 
@@ -333,7 +333,7 @@ class Renderer:
         return set(idle)
 
     def _reflected(
-        self, bounce: MultiresSplat | VplSplat | RsmGather, seen: DeviceGBuffer,
+        self, bounce: MultiresSplat | VplSplat | RsmGather, scene: Scene, seen: DeviceGBuffer,
         rsm: DeviceRsm | None,
     ) -> Plane | None:
         """Queue the passes of one bounce; return its plane of irradiance, or None if it is dark."""
@@ -342,7 +342,7 @@ class Renderer:
             return None
         if isinstance(bounce, RsmGather):
             return bounce.run(seen, rsm)
-        return bounce.run(seen, None, [rsm])
+        return bounce.run(seen, None, [rsm], scene=device_scene(scene, self.runtime))
 
 
 def _is_ambient(light: Light) -> bool:

@@ -169,7 +169,7 @@ USES = {
         [
             {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
              "SHADE_LINE": line}
-            for n, line in ((0, 2), (1, 2), (1, 3))
+            for n, line in ((0, 2), (1, 1), (1, 2), (1, 3))
         ],
     ),
     "probe/probe_gather.cl": Use(),
@@ -327,6 +327,9 @@ USES = {
         ],
     ),
     "vpl/vpl_totals.cl": Use(),
+    "vpl/vpl_voxelize.cl": Use(
+        (CAMERA, VPL, TURN), [{**SIGHT, "VOXEL_CUTOUT": cutout} for cutout in (0, 1)]
+    ),
 }
 """Every kernel. A new one belongs here."""
 

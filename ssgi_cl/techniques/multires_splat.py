@@ -17,13 +17,14 @@ from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
-from ssgi_cl.techniques.vpl_tree import VplTree
+from ssgi_cl.techniques.vpl_tree import SHARES, VplTree
 from ssgi_cl.vpls import Vpls
 
 
@@ -51,10 +52,17 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         "then enough, since the grid of walls is no more exact"
     )
     grid: int = grid_param()
+    share: int = param(
+        16, "lights that share a shadow ray: 4, 16 or 64, neighbours on a reflective shadow map; "
+        "fewer cost more and err less where few of many lights reach what is seen",
+        low=4, high=64,
+    )
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
         check_grid(self.grid)
+        if self.share not in SHARES:
+            raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
 
 
 class MultiresSplat:
@@ -88,7 +96,8 @@ class MultiresSplat:
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls,
+            params.share,
         )
         self.tree.reserve(size[0] * size[1])
         self._dark: Plane | None = None
@@ -105,6 +114,7 @@ class MultiresSplat:
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
+            scene: with `visibility`, the triangles that block light in place of what is seen.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
@@ -177,6 +187,7 @@ def multires_splat(
     vpls: int = 1024,
     error: float = 0.01,
     *,
+    scene: Scene | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -190,6 +201,8 @@ def multires_splat(
         rsms: a reflective shadow map, or one for each light.
         vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
         error: of interpolation as a share of the mean irradiance, >= 0; see `MultiresSplatParams`.
+        scene: with `visibility`, the triangles that block light, seen or not; by default what the
+            G-buffer and the maps show does.
         runtime: the device; by default the fastest found.
         **params: the other fields of `MultiresSplatParams`.
 
@@ -201,4 +214,4 @@ def multires_splat(
             which, its value and what is allowed.
     """
     chosen = MultiresSplatParams(vpls=vpls, error=error, **params)
-    return lit_by_maps(MultiresSplat, chosen, gbuffer, rsms, runtime)
+    return lit_by_maps(MultiresSplat, chosen, gbuffer, rsms, runtime, scene)

@@ -14,6 +14,8 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.params import Params, param
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.vpls import MOST_VPLS, on_device_rsms
 
@@ -56,17 +58,19 @@ def lit_by_maps(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     runtime: Runtime | None,
+    scene: Scene | None = None,
 ) -> NDArray[np.float32]:
     """Return irradiance [rows, columns, 3] by lights that are chosen from maps on the device.
 
     Args:
         technique: its class, prepared unless it was before, with no more lights than texels.
         params: of the technique.
-        gbuffer, rsms, runtime: what its function was called with.
+        gbuffer, rsms, runtime, scene: what its function was called with.
     """
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
     maps = on_device_rsms(rsms, runtime)
+    solid = None if scene is None else device_scene(scene, runtime)
     if not maps:
         return np.zeros((*device.size, 3), np.float32)
     texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
@@ -75,5 +79,5 @@ def lit_by_maps(
         (technique, device.size, fitting), lambda: technique(runtime, device.size, fitting)
     )
     with runtime.frame():
-        result = made.run(device, None, maps).download()
+        result = made.run(device, None, maps, scene=solid).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))

@@ -18,6 +18,7 @@ from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
@@ -136,6 +137,7 @@ class VplSplat:
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
+            scene: with `visibility`, the triangles that block light in place of what is seen.
             glossy: lights with lobes, at most `glossy_vpls`; None to choose them from those `rsms`
                 that mirror anything.
 
@@ -332,6 +334,7 @@ def vpl_splat(
     vpls: int = 1024,
     cutoff: float = 0.01,
     *,
+    scene: Scene | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -342,6 +345,8 @@ def vpl_splat(
         rsms: a reflective shadow map, or one for each light.
         vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
         cutoff: >= 0, see `VplSplatParams`; with 0 every light reaches every pixel.
+        scene: with `visibility`, the triangles that block light, seen or not; by default what the
+            G-buffer and the maps show does.
         runtime: the device; by default the fastest found.
         **params: the other fields of `VplSplatParams`.
 
@@ -353,4 +358,4 @@ def vpl_splat(
             which, its value and what is allowed.
     """
     chosen = VplSplatParams(vpls=vpls, cutoff=cutoff, **params)
-    return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime)
+    return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime, scene)

@@ -7,13 +7,13 @@
 //          normal    3 x [rows, columns]
 //          axis      3 x [rows, columns] of lobes (VPL_GLOSSY 1)
 //          order, flux, area, gloss see vpl_runs
-//          quarters, runs, blocks   see vpl/curve.clh
+//          quarters, runs, blocks, importance   see vpl/curve.clh
 // Writes:  found  VPL_MIDDLE 0: [8][params.stride] of each edge between pieces, red, green, blue
 //                 and area before it, and what these four lack (an edge may lie in a texel);
 //                 VPL_MIDDLE 1: [6][params.stride] position and normal of the texel in the middle
 //                 of each piece, VPL_GLOSSY 1: [10] with the axis and exponent of its lobe too.
 //                 Only of places that lie in this map.
-// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY as in vpl_runs
+// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY and _WEIGHTED as in vpl_runs
 // Params:  params.count places; params.lights x params.split pieces; the map's first run; how far
 //          its origin is from that of the result's positions
 // Launch:  SSGI_LANES places per work-item
@@ -21,8 +21,8 @@
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-#if !defined(VPL_MIDDLE) || !defined(VPL_GLOSSY)
-#error "VPL_MIDDLE and VPL_GLOSSY must be defined"
+#if !defined(VPL_MIDDLE) || !defined(VPL_GLOSSY) || !defined(VPL_WEIGHTED)
+#error "VPL_MIDDLE, VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
 
 // How much comes before edge number j, or the middle of piece j: j / pieces of the whole, which is
@@ -78,7 +78,8 @@ static inline vint vpl_last(__global const float *restrict table, const int elem
 __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, ssgi_plane flux,
                       ssgi_plane area, ssgi_plane gloss, __global const int *restrict order,
                       __global const float *restrict quarters, __global const float *restrict runs,
-                      __global const float *restrict blocks, __global float *restrict found,
+                      __global const float *restrict blocks,
+                      __global const float *restrict importance, __global float *restrict found,
                       const int2 size, // of the map
                       const VplCurveParams params)
 {
@@ -150,6 +151,9 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
         sums[c] = v_select(v_gather(quarters, at), zero, is_first);
     }
 #endif
+#if VPL_WEIGHTED
+    const vfloat weight = vpl_weight_of(importance, run, params.runs);
+#endif
     for (int k = 0; k < VPL_RUN / 4; ++k) {
         const vint packed = v_igather(order, own * 4 + k);
         const vmask there = in_face & v_ige(packed, none) & v_le(before, rest);
@@ -164,6 +168,11 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
 #if VPL_GLOSSY
         if (measure != VPL_LIT) {
             amount = amount * vpl_importance(ssgi_gather(gloss, size, 0, x, y));
+        }
+#endif
+#if VPL_WEIGHTED
+        if (measure != VPL_LIT) {
+            amount = amount * weight;
         }
 #endif
 #if VPL_MIDDLE

@@ -22,7 +22,14 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
-from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
+from ssgi_cl.techniques.view_importance import ViewImportance
+from ssgi_cl.techniques.vpl_light import (
+    NEARS,
+    VplParams,
+    cutoff_param,
+    importance_param,
+    lit_by_maps,
+)
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl_tree import SHARES, VplTree
 from ssgi_cl.vpls import Vpls
@@ -57,6 +64,8 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         "fewer cost more and err less where few of many lights reach what is seen",
         low=4, high=64,
     )
+
+    importance: bool = importance_param()
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
@@ -100,6 +109,7 @@ class MultiresSplat:
             params.share,
         )
         self.tree.reserve(size[0] * size[1])
+        self._importance = ViewImportance(runtime)
         self._dark: Plane | None = None
 
     def run(
@@ -133,13 +143,16 @@ class MultiresSplat:
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights
         if vpls is None:
-            self._chooser.place(rsms, camera, kinds=1)
+            curve = self._chooser.place(rsms, camera, kinds=1)
         else:
             self._lights.upload(vpls, camera)
+        if self._walls is not None:
+            packed = self._block(gbuffer, rsms, self._walls, scene)
+            if vpls is None and params.importance:
+                importance = self._importance.run(gbuffer, curve, self._walls, packed)
+                self._chooser.place(rsms, camera, kinds=1, importance=importance)
         tree.update()
         values = {"cut": params.cut(self._lights.unit)}
-        if self._walls is not None:
-            self._block(gbuffer, rsms, self._walls, scene)
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(
@@ -150,8 +163,8 @@ class MultiresSplat:
     def _block(
         self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
         scene: DeviceScene | None,
-    ) -> None:
-        """Queue the passes that mark what blocks light."""
+    ) -> Any:
+        """Queue the passes that mark what blocks light; return the struct for rays through it."""
         lights, seen = self._lights, self.grid.half(gbuffer)
         values = {
             **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values,
@@ -165,6 +178,10 @@ class MultiresSplat:
             writes=[self._boxes], values=[seen.camera_struct, packed], grid=tiles,
         )
         walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
+        return VPL.pack(
+            {**values, "lift": walls.lift, "margin_columns": gbuffer.margin[1],
+             "margin_rows": gbuffer.margin[0]}
+        )
 
     def __call__(
         self,

@@ -125,7 +125,7 @@ class SightGrid:
             "vpl voxelize", (scene.vertices, scene.triangles),
             reads=[scene.corners, scene.positions, scene.uvs, scene.cutouts, scene.materials,
                    scene.textures, scene.texels, scene.decode, self.box],
-            writes=[self.grid], values=[_packed(from_scene)], grid=(slices, scene.triangles),
+            writes=[self.grid], values=[packed_turn(from_scene)], grid=(slices, scene.triangles),
         )
 
     def _mark_seen(
@@ -140,9 +140,10 @@ class SightGrid:
             )
             kernel.run(
                 "vpl occupy", whole, reads=[points, normal, self.box], writes=[self.grid],
-                values=[gbuffer.camera_struct, packed, _packed(turn)],
+                values=[gbuffer.camera_struct, packed, packed_turn(turn)],
             )
 
 
-def _packed(turn: NDArray[np.float64]) -> Any:
+def packed_turn(turn: NDArray[np.float64]) -> Any:
+    """Return the struct `TURN` of a [3, 4] matrix."""
     return TURN.pack(dict(zip((name for name, _ in TURN.members), turn.ravel(), strict=True)))

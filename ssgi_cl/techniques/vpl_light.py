@@ -32,6 +32,14 @@ def cutoff_param(default: float) -> Any:
     )
 
 
+def importance_param() -> Any:
+    """Declare the parameter `importance`."""
+    return param(
+        True, "with `visibility`, lights from maps are more where their light reaches what the "
+        "camera sees, and so change with it; False: in proportion to flux alone"
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class VplParams(Params):
     """Parameters of the lights, and of how far and how near they shine."""

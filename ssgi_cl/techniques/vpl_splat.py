@@ -23,7 +23,8 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
-from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
+from ssgi_cl.techniques.view_importance import ViewImportance
+from ssgi_cl.techniques.vpl_light import NEARS, VplParams, importance_param, lit_by_maps
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
 TILE = 16
@@ -57,6 +58,7 @@ class VplSplatParams(VplParams):
         False, "walls block light, as far as camera and lights see them; needs `interleave`"
     )
     grid: int = grid_param()
+    importance: bool = importance_param()
     share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
     glossy_vpls: int = param(
         0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
@@ -121,6 +123,7 @@ class VplSplat:
         self._walls = (
             SightGrid(runtime, params.grid, size) if params.visibility else None
         )
+        self._importance = ViewImportance(runtime)
         self._blur: Bilateral | None = None
         if params.interleave:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
@@ -153,6 +156,8 @@ class VplSplat:
             )
             self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
             values["lift"] = self._walls.lift
+            if vpls is None and self.params.importance:
+                self._choose_by_importance(gbuffer, rsms, self._walls, values)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -161,6 +166,18 @@ class VplSplat:
         if self._blur is None:
             return self._irradiance
         return self._blur.run(self._irradiance, gbuffer)
+
+    def _choose_by_importance(
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        values: dict[str, float],
+    ) -> None:
+        """Queue the passes that choose the lights anew, by what they send to the image."""
+        assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
+        packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
+        kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
+        curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
+        importance = self._importance.run(gbuffer, curve, walls, packed)
+        self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
         """Return which share of the image's irradiance the cutoff leaves out, walls aside."""

@@ -190,7 +190,8 @@ class VplTree:
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
             {
-                **_ZEROS, **self.lights.values, "lift": self._walls.lift if self._walls else 0.0, **values,
+                **_ZEROS, **self.lights.values, **values,
+                "lift": self._walls.lift if self._walls else 0.0,
                 "margin_columns": margin[1], "margin_rows": margin[0],
             }
         )

@@ -101,8 +101,10 @@ def test_kernel_occupies_the_cells_of_the_reference(
             corner = rng.uniform((-2, 0, -1), (2, 1, 1))
             parts.append((corner, size * rng.standard_normal(3), size * rng.standard_normal(3)))
     # A sliver, a triangle seen edge-on along two axes, and one without area.
-    parts += [((-1, 0.3, 0), (2, 0.001, 0.7), (0, 0.001, 0)), ((-1, 0.5, 0.5), (1, 0, 0), (0, 0.3, 0)),
-              ((0, 0.5, 0), (1, 0, 0), (2, 0, 0))]
+    parts += [
+        ((-1, 0.3, 0), (2, 0.001, 0.7), (0, 0.001, 0)), ((-1, 0.5, 0.5), (1, 0, 0), (0, 0.3, 0)),
+        ((0, 0.5, 0), (1, 0, 0), (2, 0, 0)),
+    ]
     scene = quads(*parts, shift=shift)
     camera = Camera.look_at(
         np.array([1.0, 2.0, 4.0]) + shift, np.array([0.1, 0.3, 0.0]) + shift, width=40, height=30

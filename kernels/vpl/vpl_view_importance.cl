@@ -2,8 +2,8 @@
 // vpl_view_importance: what the texels of a reflective shadow map send to the image, per watt.
 //
 // Method:  Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
-//          Point Lights": lights are to be where their light reaches what the camera sees. Each lit
-//          texel sends a shadow ray to one pixel, of a sequence that spreads any number of
+//          Point Lights": lights are to be where their light reaches what the camera sees. Of four lit
+//          texels one sends a shadow ray to one pixel, of a sequence that spreads any number of
 //          consecutive ones over the image (Roberts 2018, the R2 sequence). The irradiance that a
 //          watt gives there counts, with what is closer than a 16th of the grid taken to be a disc
 //          of that radius, so that no pixel counts for all.
@@ -13,12 +13,13 @@
 //          order     see vpl_runs
 //          depth, seen_normal  of the G-buffer, with margin; view space
 //          grid, grid_box  see vpl/grid.clh
-// Writes:  importance  [2][params.runs]: sums over the lit texels of a run, and how many these are
+// Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how many
+//                      these are
 // Macros:  VPL_GRID
 // Params:  camera and size of the image; from the map's positions to view space in lengths of
 //          vpl.per_unit
 // Launch:  SSGI_LANES runs per work-item
-// Cost:    16 rays a run
+// Cost:    4 rays a run
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
@@ -30,6 +31,7 @@
 #error "VPL_GRID must be defined"
 #endif
 
+#define VPL_EVERY 4 // texels of a run, of which one sends a ray
 #define VPL_R2_X 24735 // 2^15 over the plastic number, and over its square, rounded to odd numbers
 #define VPL_R2_Y 18673
 #define VPL_R2_MASK 0x7fff
@@ -54,7 +56,8 @@ __kernel void vpl_view_importance(
     const vint top = v_iselect(v_splat_int(0), face * params.face_rows, in_map);
     const float near = (float)VPL_GRID / 16.0f / grid_box[3];
     vfloat sum = zero, count = zero;
-    for (int k = 0; k < VPL_RUN; ++k) {
+    for (int i = 0; i < VPL_RUN; i += VPL_EVERY) {
+        const vint k = (run & (VPL_EVERY - 1)) + i;
         const vint packed = v_igather(order, own * VPL_RUN + k);
         const vmask there = in_map & v_ige(packed, v_splat_int(0));
         const vint texel = v_iselect(v_splat_int(0), packed, there);
@@ -80,7 +83,8 @@ __kernel void vpl_view_importance(
         const vfloat mx = n[0] * turn.xx + n[1] * turn.xy + n[2] * turn.xz;
         const vfloat my = n[0] * turn.yx + n[1] * turn.yy + n[2] * turn.yz;
         const vfloat mz = n[0] * turn.zx + n[1] * turn.zy + n[2] * turn.zz;
-        const vint number = ((run + params.first_run) * VPL_RUN + k) & VPL_R2_MASK;
+        const vint number = ((run + params.first_run) * (VPL_RUN / VPL_EVERY) + i / VPL_EVERY) &
+                            VPL_R2_MASK;
         const vint column = (number * VPL_R2_X & VPL_R2_MASK) * columns >> 15;
         const vint row = (number * VPL_R2_Y & VPL_R2_MASK) * rows >> 15;
         const VplReceiver at = vpl_receiver_at(depth, seen_normal, (int2)(columns, rows), camera,

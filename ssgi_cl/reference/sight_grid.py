@@ -70,7 +70,7 @@ class SightGridReference:
     def hidden(
         self, point: Doubles, normal: Doubles, light: Doubles, axis: Doubles
     ) -> NDArray[np.bool_]:
-        """Return [n] whether a surface blocks the ray from points [n, 3] to a light.
+        """Return [n] whether a surface blocks the ray from points [n, 3] to a light or [n, 3].
 
         All cells that a ray crosses are visited. Occupied ones up to the first empty one don't
         count, nor those from the last empty one on, up to `ENDS` cells from either end.
@@ -97,7 +97,7 @@ class SightGridReference:
         behind = np.logical_or.accumulate(empty[:, ::-1], axis=1)[:, ::-1]
         met = (blocking & (behind | (enter < 1.0 - ends))).any(axis=1)
         rises = np.sum(way * normal, axis=-1) > -SLOPE
-        followed: NDArray[np.bool_] = met & rises & (way @ axis < SLOPE)
+        followed: NDArray[np.bool_] = met & rises & (np.sum(way * axis, axis=-1) < SLOPE)
         return followed
 
 

@@ -26,9 +26,11 @@ MOST_CELLS = 128
 """That are chosen: with 256 lines of sight take twice the time, and few scenes gain."""
 BLOCK = 4
 """Cells along a side of a block; VPL_BLOCK in kernels/vpl/grid.clh."""
-LIFT, MESH_LIFT = 1.9, 1.2
+LIFT, MESH_LIFT = 1.9, 1.5
 """Cells above their surfaces at which rays begin and end, lest these block them. Cells that pixels
-touch reach sqrt(3) beyond their plane at most, those of triangles (sqrt(3) + sqrt(1/3)) / 2."""
+touch reach sqrt(3) beyond their plane at most, those of triangles (sqrt(3) + sqrt(1/3)) / 2 = 1.15;
+the rest is for surfaces that bend (parlour, workshop and terrace: 1.2 blocks more than there is,
+1.8 lets more pass)."""
 SLICES = 8
 """Work-items of a triangle on a GPU, so that none draws a large one alone."""
 

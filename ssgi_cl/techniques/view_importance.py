@@ -48,7 +48,8 @@ class ViewImportance:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         if self._importance is None or self._importance.count != SUMS * runs + SUMS:
             self._importance = runtime.empty(SUMS * runs + SUMS, np.float32)
-        kernel = runtime.kernel("vpl/vpl_view_importance.cl", walls.macros, (CAMERA, VPL, CURVE, TURN))
+        structs = (CAMERA, VPL, CURVE, TURN)
+        kernel = runtime.kernel("vpl/vpl_view_importance.cl", walls.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
                 "vpl importance", rsm.size,

@@ -128,8 +128,16 @@ class FluxCurve:
             grid=(1, -(-SUMS // lanes)), local=(1, 1),
         )
 
-    def cut(self, found: FoundPlaces, lights: int, split: int) -> None:
-        """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`."""
+    def cut(
+        self, found: FoundPlaces, lights: int, split: int, edges: FoundPlaces | None = None
+    ) -> None:
+        """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`.
+
+        Args:
+            found: where they are written.
+            lights, split: how many pieces.
+            edges: of these pieces, or of as many parts of each; of middles alone.
+        """
         runtime, lanes = self.runtime, self.runtime.form.lanes
         macros = {"VPL_MIDDLE": int(found.middle), **self._macros()}
         kernel = runtime.kernel("vpl/vpl_cut.cl", macros, (CURVE,))
@@ -144,9 +152,12 @@ class FluxCurve:
                 reads=[
                     rsm.position, rsm.normal, axis, flux, rsm.area, gloss,
                     self._orders[rsm.face_size], self.quarters, self.runs, self.blocks,
-                    self._weights(),
+                    self._weights(), (edges or found).array,
                 ],
-                writes=[found.array], values=[packed], grid=(1, -(-found.count // lanes)),
+                writes=[found.array],
+                values=[packed, np.int32(edges.stride if edges else 0),
+                        np.int32((edges.count - 1) // (lights * split) if edges else 0)],
+                grid=(1, -(-found.count // lanes)),
             )
 
     def pieces(self) -> Iterator[tuple[DeviceRsm, DeviceArray, Any, int]]:

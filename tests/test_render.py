@@ -328,9 +328,9 @@ def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
         assert frame.indirect is not None
         return float(frame.indirect.mean(dtype=float))
 
-    # The samples are shared among the lamps: measured 1.2 % (vpl) and 3.5 % (gather); multires errs
-    # by up to 1 % of the mean on top: 2.1 %.
-    for way, share in (("multires", 0.03), ("vpl", 0.02), ("gather", 0.06)):
+    # The samples are shared among the lamps: measured 2.7 % (vpl, whose lights share shadow rays)
+    # and 3.5 % (gather).
+    for way, share in (("multires", 0.03), ("vpl", 0.035), ("gather", 0.06)):
         alone = sum(bounced([lamp], way) for lamp in (SUN, LAMP, SPOT))
         assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
 

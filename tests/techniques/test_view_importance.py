@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,19 +10,19 @@ import pytest
 
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.flux_curve import FluxCurve, curve_key
+from ssgi_cl.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
 from ssgi_cl.lights import DirectionalLight
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.reference.sight_grid import SightGridReference, seen_surfaces
-from ssgi_cl.reference.view_importance import run_weights, view_importance_reference
+from ssgi_cl.reference.view_importance import GROUP, run_weights, view_importance_reference
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import choose_vpls
+from ssgi_cl.vpls import ChosenVpls, choose_vpls, cut_evenly
 
 from ..closed_forms import quads
 from .test_vpl_tree import uploaded
@@ -137,3 +138,41 @@ def test_importance_makes_the_sums_anew(runtime: Runtime) -> None:
     sums = [values.reshape(2, 6, -1)[0, :, -1] for values in (plain, weighted)]
     factor = np.array([1.0, np.sqrt(1.01), 1.0, 1.0, 1.0, 1.0])
     np.testing.assert_allclose(sums[1], sums[0] * factor, rtol=1e-5)
+
+
+def test_pieces_are_cut_by_importance_and_lights_lie_amid_their_flux(
+    form_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    seen = rsm(
+        quads(((-1, 0, -1), (2, 0, 0), (0, 0, 2))), DirectionalLight((0, -1, 0), 1.0), size=64,
+        runtime=form_runtime,
+    )
+    flux = 10.0 ** rng.uniform(-2, 0, (64, 64, 1)) * np.ones(3)
+    seen = replace(seen, flux=np.where(np.asarray(seen.flux) > 0.0, flux, 0.0).astype(np.float32))
+    device = on_device_rsm(seen, form_runtime)
+    curve = FluxCurve(form_runtime, curve_key([device]))
+    chosen = ChosenVpls(curve, 50)
+    # Groups of runs that differ by a factor of ten in their weight.
+    groups = np.where(rng.random(curve.run_count // GROUP) < 0.5, 0.0, 4.0).repeat(GROUP)
+    importance = np.stack([groups, np.ones_like(groups)])
+    sums = np.append(importance.ravel(), importance.sum(axis=1)).astype(np.float32)
+    curve.update([device], form_runtime.array(sums))
+    chosen.update()
+    found = chosen.download()
+
+    order = hilbert_order(64, 64)
+    row = np.asarray(seen.flux, np.float64).reshape(-1, 3)[order]
+    weights = run_weights(importance)[np.arange(len(order)) // RUN]
+    lit = row[:, 0] > 0.0
+    amounts = np.vstack([row[lit].T, np.ones(lit.sum())])
+    _, wanted, _ = cut_evenly(amounts, 50, weights[lit])
+    # Float32 sums of 10^4 texels; an edge of a piece is that of the next.
+    np.testing.assert_allclose(found.flux, wanted, rtol=1e-3, atol=1e-3 * wanted.mean())
+    half = np.cumsum(wanted[:, 0]) - 0.5 * wanted[:, 0]
+    texel = np.searchsorted(np.cumsum(row[lit][:, 0]), half)
+    position = np.asarray(seen.position, np.float64).reshape(-1, 3)[order][lit]
+    there = position[texel] + seen.cameras[0].position * 0.0
+    # Rounding may take the texel beside it.
+    near = np.abs(found.position - there).max(axis=1) < 1e-5
+    assert near.mean() > 0.95
+    assert np.ptp(found.flux[:, 0]) > 4.0 * found.flux[:, 0].min()

@@ -11,6 +11,7 @@ from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.multires_splat import MultiresSplatParams
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.rsm_gather import RsmGatherParams
+from ssgi_cl.techniques.sight_grid import MOST_CELLS
 from ssgi_cl.techniques.slices import SliceTechnique
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.vpl_splat import VplSplatParams
@@ -67,11 +68,14 @@ def bounce_params(
         return None
     if name == "multires":
         # Shadow rays are shared by lights, which a hundredth would not show.
-        return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
+        return MultiresSplatParams(
+            vpls=vpls, visibility=True, grid=MOST_CELLS, error=0.05, light_error=0.05
+        )
     if name == "ssdo":
         return SsdoParams(radius=radius, resolution="half", emission=False)
     if name == "gather":
         return RsmGatherParams(resolution="adaptive")
     return VplSplatParams(
-        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True
+        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True,
+        grid=MOST_CELLS,
     )

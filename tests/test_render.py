@@ -348,22 +348,22 @@ def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) ->
 
 @pytest.mark.parametrize("way", ["multires", "vpl"])
 def test_all_triangles_block_reflected_light_whatever_layers_there_are(
-    runtime: Runtime, small: Scene, way: str
+    runtime: Runtime, way: str
 ) -> None:
-    options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "gbuffer": True}
     one, two = (
-        render(small, viewer(), [LAMP], layers=layers, runtime=runtime, **options)
-        for layers in (1, 2)
+        box(runtime, indirect=way, layers=layers, gbuffer=True) for layers in (1, 2)
     )
-    free = render(small, viewer(), [LAMP], runtime=runtime, **{**options, "indirect": "gather"})
+    built = BUILTIN_SCENES["cornell_box"]()
+    seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
+    free = gi.vpl_splat(one.gbuffer, seen, 1024, 0.0, runtime=runtime)
     assert one.indirect is not None
-    assert free.indirect is not None
     np.testing.assert_array_equal(one.indirect, two.indirect)
-    assert 0.0 < one.indirect.mean() < free.indirect.mean()
+    # Light that walls let through is 15 to 19 % more, by paths too.
+    assert 0.78 < one.indirect.mean() / free.mean() < 0.92
     for frame in (one, two):
         assert (frame.levels is None) == (way == "vpl")
         if frame.levels is not None:
-            assert frame.levels.shape == viewer().size
+            assert frame.levels.shape == (48, 64)
             assert set(np.unique(frame.levels)) <= {0, 1, 2, 4, 8, 16, 32}
             assert frame.levels.any()
 

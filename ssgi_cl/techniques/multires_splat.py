@@ -41,8 +41,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
 
     At 800 x 600 with 1024 lights the defaults compute 3 % of the pixels of the Cornell box and
     24 % of the hall's; against all lights at all pixels the error (RMSE) is 0.6 and 0.7 % of the
-    mean irradiance. With 4096 lights, `visibility` and both errors at 0.05 it is 13 % in the
-    Cornell box against a path tracer, as with exact visibility.
+    mean irradiance.
     """
 
     error: float = param(
@@ -55,8 +54,9 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     )
     cutoff: float = cutoff_param(0.0)
     visibility: bool = param(
-        False, "walls block light, as far as camera and lights see them; an `error` of 0.05 is "
-        "then enough, since the grid of walls is no more exact"
+        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        "is given, else what the camera and the lights see; an "
+        "`error` of 0.05 is then enough, since the occupancy grid is no more exact"
     )
     grid: int = grid_param()
     share: int = param(

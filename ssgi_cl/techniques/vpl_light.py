@@ -17,6 +17,7 @@ from ssgi_cl.params import Params, param
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.sight_grid import MOST_CELLS
 from ssgi_cl.vpls import MOST_VPLS, on_device_rsms
 
 NEARS = ("disk", "clamped")
@@ -82,7 +83,9 @@ def lit_by_maps(
     if not maps:
         return np.zeros((*device.size, 3), np.float32)
     texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
-    fitting = replace(params, vpls=min(params.vpls, texels))
+    fitting: Any = replace(params, vpls=min(params.vpls, texels))
+    if scene is not None and fitting.grid == 0:
+        fitting = replace(fitting, grid=MOST_CELLS)  # no pixels have to fill it
     made = runtime.prepared(
         (technique, device.size, fitting), lambda: technique(runtime, device.size, fitting)
     )

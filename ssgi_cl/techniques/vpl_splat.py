@@ -55,7 +55,8 @@ class VplSplatParams(VplParams):
     )
     blur_radius: int = param(4, "of that blur; 0 for none", low=0, high=16, unit="px")
     visibility: bool = param(
-        False, "walls block light, as far as camera and lights see them; needs `interleave`"
+        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        "is given, else what the camera and the lights see; needs `interleave`"
     )
     grid: int = grid_param()
     importance: bool = importance_param()

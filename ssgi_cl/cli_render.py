@@ -56,9 +56,9 @@ if TYPE_CHECKING:
               "diagonal.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
-              "once: of lamps, by virtual point lights (multires is fastest, vpl can be blocked by "
-              "walls) or gathered, or of all lights within --ao-radius by ssdo, which hides "
-              "ambient light too; by default none.")
+              "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
+              "triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
+              "hides ambient light too; by default none.")
 @click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
               "it: 'published' for the method as its paper has it; by default the library's own.")
 @click.option("--vpls", type=int, default=1024, show_default=True,
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 @click.option("--indirect-ao", is_flag=True,
               help="Let --ao dim the light of --indirect multires, vpl and gather too.")
 @click.option("--layers", type=int, default=1, show_default=True,
-              help="Depth layers; with 2 or more, walls block light of --indirect vpl.")
+              help="Depth layers.")
 @click.option("--extra-cameras", type=int, default=0, show_default=True,
               help="Cameras that show --indirect ssdo what the camera misses.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,

@@ -215,26 +215,38 @@ class VplChooser:
     def __init__(self, runtime: Runtime, lights: Sequence[DeviceVpls]) -> None:
         self.runtime = runtime
         self._lights = tuple(lights)
-        self._chosen: tuple[ChosenVpls, ...] = ()
+        self._chosen: dict[bool, tuple[ChosenVpls, ...]] = {}
 
     def place(
-        self, rsms: Sequence[DeviceRsm], camera: Camera, *, kinds: int, unit: float | None = None
-    ) -> None:
+        self, rsms: Sequence[DeviceRsm], camera: Camera, *, kinds: int, unit: float | None = None,
+        importance: DeviceArray | None = None,
+    ) -> FluxCurve:
         """Queue the passes that fill the first `kinds` of the lights from at least one map.
 
-        As long as the maps stay the same, lights are placed anew but not chosen anew. Nothing is
-        allocated while the maps' sizes stay the same.
+        As long as the maps stay the same, lights are placed anew but not chosen anew, unless
+        `importance` is given. Nothing is allocated while the maps' sizes stay the same.
+
+        Args:
+            rsms, camera, unit: see `DeviceVpls.place`.
+            kinds: how many of the lights are wanted.
+            importance: of the maps' runs; see `FluxCurve.update`.
+
+        Returns:
+            The sums that they were chosen by.
         """
-        if not self._chosen or self._chosen[0].curve.key != curve_key(rsms):
+        weighted = importance is not None
+        made = self._chosen.get(weighted)
+        if made is None or made[0].curve.key != curve_key(rsms):
             curve = FluxCurve(self.runtime, curve_key(rsms), glossy=self._lights[0].glossy)
-            self._chosen = tuple(
+            made = self._chosen[weighted] = tuple(
                 ChosenVpls(curve, min(own.most, curve.texels), parts=own.span > own.stride)
                 for own in self._lights
             )
-        self._chosen[0].curve.update(rsms)
-        for chosen, own in zip(self._chosen[:kinds], self._lights, strict=False):
+        made[0].curve.update(rsms, importance)
+        for chosen, own in zip(made[:kinds], self._lights, strict=False):
             chosen.update()
             own.place(chosen, camera, unit)
+        return made[0].curve
 
 
 def _packed(

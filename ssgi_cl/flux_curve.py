@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.memory import Plane, Size
+from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import Struct, floats
 
@@ -62,6 +63,7 @@ class FluxCurve:
         self.maps: tuple[DeviceRsm, ...] = ()
         self.version = 0
         self._versions: tuple[int, ...] = ()
+        self._importance: DeviceArray | None = None
         sizes = {size for size, _ in key}
         self._orders = {size: runtime.array(_packed_order(size)) for size in sizes}
         self._tables: list[dict[str, int]] = []
@@ -87,22 +89,32 @@ class FluxCurve:
         """World-space point [3] that positions of `cut` count from: the first map's origin."""
         return self.maps[0].origin
 
-    def update(self, rsms: Sequence[DeviceRsm]) -> None:
-        """Queue the passes that make the sums, unless they are those of these maps already."""
+    def update(
+        self, rsms: Sequence[DeviceRsm], importance: DeviceArray | None = None
+    ) -> None:
+        """Queue the passes that make the sums, unless they are those of these maps already.
+
+        Args:
+            rsms: the maps.
+            importance: of their runs, by which luminous flux then counts more; see
+                kernels/vpl/curve.clh. It is taken for new.
+        """
         maps, versions = tuple(rsms), tuple(rsm.version for rsm in rsms)
-        if maps == self.maps and versions == self._versions:
+        if importance is None is self._importance and (maps, versions) == (
+            self.maps, self._versions
+        ):
             return
-        self.maps, self._versions = maps, versions
+        self.maps, self._versions, self._importance = maps, versions, importance
         self.version += 1
         runtime, lanes = self.runtime, self.runtime.form.lanes
         kernel = runtime.kernel(
-            "vpl/vpl_runs.cl", {"VPL_GLOSSY": int(self.glossy)}, (CURVE,)
+            "vpl/vpl_runs.cl", self._macros(), (CURVE,)
         )
         for rsm, table in zip(maps, self._tables, strict=True):
             _, flux, gloss = self._lobes(rsm)
             kernel.run(
                 "vpl runs", rsm.size,
-                reads=[flux, rsm.area, gloss, self._orders[rsm.face_size]],
+                reads=[flux, rsm.area, gloss, self._orders[rsm.face_size], self._weights()],
                 writes=[self.quarters, self.runs], values=[self._packed(table)],
                 grid=(1, table["map_runs"] // lanes),
             )
@@ -116,10 +128,18 @@ class FluxCurve:
             grid=(1, -(-SUMS // lanes)), local=(1, 1),
         )
 
-    def cut(self, found: FoundPlaces, lights: int, split: int) -> None:
-        """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`."""
+    def cut(
+        self, found: FoundPlaces, lights: int, split: int, edges: FoundPlaces | None = None
+    ) -> None:
+        """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`.
+
+        Args:
+            found: where they are written.
+            lights, split: how many pieces.
+            edges: of these pieces, or of as many parts of each; of middles alone.
+        """
         runtime, lanes = self.runtime, self.runtime.form.lanes
-        macros = {"VPL_MIDDLE": int(found.middle), "VPL_GLOSSY": int(self.glossy)}
+        macros = {"VPL_MIDDLE": int(found.middle), **self._macros()}
         kernel = runtime.kernel("vpl/vpl_cut.cl", macros, (CURVE,))
         for rsm, table in zip(self.maps, self._tables, strict=True):
             packed = self._packed(
@@ -132,9 +152,31 @@ class FluxCurve:
                 reads=[
                     rsm.position, rsm.normal, axis, flux, rsm.area, gloss,
                     self._orders[rsm.face_size], self.quarters, self.runs, self.blocks,
+                    self._weights(), (edges or found).array,
                 ],
-                writes=[found.array], values=[packed], grid=(1, -(-found.count // lanes)),
+                writes=[found.array],
+                values=[packed, np.int32(edges.stride if edges else 0),
+                        np.int32((edges.count - 1) // (lights * split) if edges else 0)],
+                grid=(1, -(-found.count // lanes)),
             )
+
+    def pieces(self) -> Iterator[tuple[DeviceRsm, DeviceArray, Any, int]]:
+        """Yield each map of the latest `update`, its order, its struct `CURVE` and its runs."""
+        for rsm, table in zip(self.maps, self._tables, strict=True):
+            yield rsm, self._orders[rsm.face_size], self._packed(table), table["map_runs"]
+
+    @property
+    def run_count(self) -> int:
+        """Runs of all maps."""
+        return self._counts["runs"]
+
+    def _macros(self) -> dict[str, int]:
+        weighted = int(self._importance is not None)
+        return {"VPL_GLOSSY": int(self.glossy), "VPL_WEIGHTED": weighted}
+
+    def _weights(self) -> DeviceArray:
+        """Return the importance of runs, or what is not read."""
+        return self.blocks if self._importance is None else self._importance
 
     def _lobes(self, rsm: DeviceRsm) -> tuple[Plane, Plane, Plane]:
         """Return axis, flux and exponent; of diffuse light, planes for those that aren't read."""

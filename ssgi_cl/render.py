@@ -66,8 +66,8 @@ def render(
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
         indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
-            the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); with two
-            layers or more, walls that camera and lamps see block the first two. That of
+            the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); all
+            triangles of the scene, seen or not, block that of the first two. That of
             lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
             light of environments too, so `ao` is not needed). What surfaces emit is
             seen and lights nothing. True for "multires", None or False for none.

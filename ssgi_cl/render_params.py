@@ -13,6 +13,7 @@ from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
 from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.sight_grid import MOST_CELLS
 from ssgi_cl.techniques.slices import SliceTechnique
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
@@ -103,9 +104,10 @@ def bounce_params(
     if name == "multires" and method == "published":
         return MultiresPublishedParams(vpls=vpls)
     if name == "multires":
-        if layers >= 2:  # lines of sight are shared by lights, which a hundredth would not show
-            return MultiresSplatParams(vpls=vpls, visibility=True, error=0.05, light_error=0.05)
-        return MultiresSplatParams(vpls=vpls)
+        # Shadow rays are shared by lights, which a hundredth would not show.
+        return MultiresSplatParams(
+            vpls=vpls, visibility=True, grid=MOST_CELLS, error=0.05, light_error=0.05
+        )
     if name == "ssdo":
         chosen: dict[str, Any] = {} if method is None else {"method": method}
         return SsdoParams(radius=radius, resolution="half", emission=False, **chosen)
@@ -114,7 +116,8 @@ def bounce_params(
     if name == "gather":
         return RsmGatherParams(resolution="adaptive")
     return VplSplatParams(
-        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=layers >= 2
+        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True,
+        grid=MOST_CELLS,
     )
 
 

@@ -26,6 +26,7 @@ from ssgi_cl.rasterize.view import device_scene, downloaded
 from ssgi_cl.render_params import BounceParams, LampBounce, lamp_bounce
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import kind_name, power
+from ssgi_cl.techniques.multires_published import MultiresPublished
 from ssgi_cl.techniques.multires_splat import MultiresSplat
 from ssgi_cl.techniques.occlusion import OcclusionParams
 from ssgi_cl.techniques.rsm_gather import RsmGather
@@ -302,7 +303,7 @@ class Renderer:
         bounced = None
         if bounce is not None:
             bounced = self._stages.make(
-                "bounce", inputs, lambda: self._reflected(bounce, seen, rsm)
+                "bounce", inputs, lambda: self._reflected(bounce, scene, seen, rsm)
             )
         return direct, bounced
 
@@ -330,7 +331,8 @@ class Renderer:
         return set(idle)
 
     def _reflected(
-        self, bounce: LampBounce, seen: DeviceGBuffer, rsm: DeviceRsm | None
+        self, bounce: LampBounce, scene: Scene, seen: DeviceGBuffer,
+        rsm: DeviceRsm | None,
     ) -> Plane | None:
         """Queue the passes of one bounce; return its plane of irradiance, or None if it is dark."""
         if rsm is None:
@@ -338,7 +340,9 @@ class Renderer:
             return None
         if isinstance(bounce, (RsmGather, RsmPublished)):
             return bounce.run(seen, rsm)
-        return bounce.run(seen, None, [rsm])
+        if isinstance(bounce, MultiresPublished):
+            return bounce.run(seen, None, [rsm])
+        return bounce.run(seen, None, [rsm], scene=device_scene(scene, self.runtime))
 
 
 def _is_ambient(light: Light) -> bool:

@@ -103,9 +103,9 @@ class ChosenVpls:
             return
         self._version = self.curve.version
         self.curve.cut(self.edges, self.count, self.split)
-        self.curve.cut(self.places, self.count, 1)
+        self.curve.cut(self.places, self.count, 1, self.edges)
         if self.part_places is not None:
-            self.curve.cut(self.part_places, self.count, PARTS)
+            self.curve.cut(self.part_places, self.count, PARTS, self.edges)
 
     def download(self) -> Vpls:
         """Return a copy in host memory, parts left out where each light is a texel."""

@@ -174,7 +174,7 @@ USES = {
         [
             {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
              "SHADE_LINE": line}
-            for n, line in ((0, 2), (1, 2), (1, 3))
+            for n, line in ((0, 2), (1, 1), (1, 2), (1, 3))
         ],
     ),
     "multires_published/subsplat_mip.cl": Use(),
@@ -311,8 +311,8 @@ USES = {
     "vpl/vpl_blocks.cl": Use((CURVE,)),
     "vpl/vpl_boxes.cl": Use((CAMERA, VPL)),
     "vpl/vpl_cut.cl": Use((CURVE,), [
-        {"VPL_MIDDLE": middle, "VPL_GLOSSY": glossy}
-        for middle, glossy in ((0, 0), (1, 0), (0, 1), (1, 1))
+        {"VPL_MIDDLE": middle, "VPL_GLOSSY": glossy, "VPL_WEIGHTED": weighted}
+        for middle, glossy, weighted in ((0, 0, 0), (1, 0, 1), (0, 1, 0), (1, 1, 0), (0, 0, 1))
     ]),
     "vpl/vpl_grid.cl": Use((CAMERA, VPL), [SIGHT]),
     "vpl/vpl_interleaved.cl": Use(
@@ -337,7 +337,11 @@ USES = {
         (PLACE,),
         [{"VPL_PART": part, "VPL_GLOSSY": glossy} for part, glossy in ((0, 0), (1, 0), (0, 1))],
     ),
-    "vpl/vpl_runs.cl": Use((CURVE,), [{"VPL_GLOSSY": glossy} for glossy in (0, 1)]),
+    "vpl/vpl_runs.cl": Use(
+        (CURVE,),
+        [{"VPL_GLOSSY": glossy, "VPL_WEIGHTED": weighted}
+         for glossy, weighted in ((0, 0), (1, 0), (0, 1))],
+    ),
     "vpl/vpl_splat.cl": Use(
         (CAMERA, VPL),
         [
@@ -352,6 +356,11 @@ USES = {
         ],
     ),
     "vpl/vpl_totals.cl": Use(),
+    "vpl/vpl_view_importance.cl": Use((CAMERA, VPL, CURVE, TURN), [SIGHT]),
+    "vpl/vpl_view_mean.cl": Use(),
+    "vpl/vpl_voxelize.cl": Use(
+        (CAMERA, VPL, TURN), [{**SIGHT, "VOXEL_CUTOUT": cutout} for cutout in (0, 1)]
+    ),
 }
 """Every kernel. A new one belongs here."""
 

@@ -269,7 +269,7 @@ def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: i
     assert frame.gbuffer is not None
     by_hand = gi.vpl_splat(
         frame.gbuffer, gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
-        300, 0.0, interleave=True, visibility=layers > 1, runtime=runtime,
+        300, 0.0, interleave=True, visibility=True, scene=built.scene, runtime=runtime,
     )
     # Maps drawn on the device and uploaded ones differ by roundings of float32.
     assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
@@ -328,9 +328,9 @@ def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
         assert frame.indirect is not None
         return float(frame.indirect.mean(dtype=float))
 
-    # The samples are shared among the lamps: measured 1.2 % (vpl) and 3.5 % (gather); multires errs
-    # by up to 1 % of the mean on top: 2.1 %.
-    for way, share in (("multires", 0.03), ("vpl", 0.02), ("gather", 0.06)):
+    # The samples are shared among the lamps: measured 2.7 % (vpl, whose lights share shadow rays)
+    # and 3.5 % (gather).
+    for way, share in (("multires", 0.03), ("vpl", 0.035), ("gather", 0.06)):
         alone = sum(bounced([lamp], way) for lamp in (SUN, LAMP, SPOT))
         assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
 
@@ -347,21 +347,23 @@ def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) ->
 
 
 @pytest.mark.parametrize("way", ["multires", "vpl"])
-def test_walls_block_reflected_light_where_there_are_two_layers(
-    runtime: Runtime, small: Scene, way: str
+def test_all_triangles_block_reflected_light_whatever_layers_there_are(
+    runtime: Runtime, way: str
 ) -> None:
-    options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "gbuffer": True}
     one, two = (
-        render(small, viewer(), [LAMP], layers=layers, runtime=runtime, **options)
-        for layers in (1, 2)
+        box(runtime, indirect=way, layers=layers, gbuffer=True) for layers in (1, 2)
     )
+    built = BUILTIN_SCENES["cornell_box"]()
+    seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
+    free = gi.vpl_splat(one.gbuffer, seen, 1024, 0.0, runtime=runtime)
     assert one.indirect is not None
-    assert two.indirect is not None
-    assert 0.0 < two.indirect.mean() < one.indirect.mean()
+    np.testing.assert_array_equal(one.indirect, two.indirect)
+    # Light that walls let through is 15 to 19 % more, by paths too.
+    assert 0.78 < one.indirect.mean() / free.mean() < 0.92
     for frame in (one, two):
         assert (frame.levels is None) == (way == "vpl")
         if frame.levels is not None:
-            assert frame.levels.shape == viewer().size
+            assert frame.levels.shape == (48, 64)
             assert set(np.unique(frame.levels)) <= {0, 1, 2, 4, 8, 16, 32}
             assert frame.levels.any()
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.memory import Plane
 from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
@@ -79,9 +80,11 @@ class MultiresWalls(Own):
 
     Attributes:
         error: of interpolation, and of few lights for many; less shows the grid's cells alone.
+        solid: all triangles are walls, not those alone that the camera and the lamps see.
     """
 
     error: float = 0.05
+    solid: bool = True
     SETTINGS: tuple[str, ...] = MANY
 
     def prepare(self, context: Context, setting: str) -> Subject:
@@ -92,15 +95,16 @@ class MultiresWalls(Own):
         )
         maps, gbuffer = drawn_maps(context), context.layered(4, 0.1)
         technique = MultiresSplat(context.runtime, context.size, params)
+        scene = device_scene(context.view.scene, context.runtime) if self.solid else None
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return array_of(technique.run(gbuffer, None, maps))
+            return array_of(technique.run(gbuffer, None, maps, scene=scene))
 
         image()
         share = sum(technique.grid.counts().values()) / pixels
         return Subject(
-            run=lambda: technique.run(gbuffer, None, maps),
+            run=lambda: technique.run(gbuffer, None, maps, scene=scene),
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
@@ -142,6 +146,7 @@ def relative_rmse(off: NDArray[np.float32], image: NDArray[np.float32]) -> float
 FAMILIES: Mapping[str, Family] = {
     "multires": MultiresByError(),
     "multires-walls": MultiresWalls(),
+    "multires-walls-seen": MultiresWalls(solid=False),
     # As KlayGE's port has it, with which it is compared at 1280 x 800; and with a bound.
     "multires-geometry": MultiresByError(lights=256, SETTINGS=(GEOMETRY, "10-permille")),
     "multires-every-pixel": MultiresByError(coarsest=1, SETTINGS=("10-permille",)),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 
@@ -33,11 +34,13 @@ class VplsByNumber(Own):
         cull: tiles skip lights that lie behind them.
         interleave: each pixel of 4 x 4 takes one in 16.
         visibility: walls block light; then the G-buffer has four layers and a tenth of overscan.
+        solid: all triangles are walls, not those alone that the camera and the lamps see.
     """
 
     cull: bool = True
     interleave: bool = False
     visibility: bool = False
+    solid: bool = False
     SETTINGS: tuple[str, ...] = ("256", "1024", "4096")
 
     def prepare(self, context: Context, setting: str) -> Subject:
@@ -46,7 +49,7 @@ class VplsByNumber(Own):
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), cutoff=0.0, cull=self.cull,
             interleave=self.interleave, visibility=self.visibility,
         )
-        return vpl_subject(context, params)
+        return vpl_subject(context, params, solid=self.solid)
 
 
 @dataclass(frozen=True)
@@ -84,21 +87,22 @@ class VplsByCut(Own):
         return replace(subject, quantity="cut", truths=truths)
 
 
-def vpl_subject(context: Context, params: VplSplatParams) -> Subject:
-    """Return splatting with any parameters as a subject."""
+def vpl_subject(context: Context, params: VplSplatParams, *, solid: bool = False) -> Subject:
+    """Return splatting with any parameters as a subject; `solid`: all triangles block light."""
     maps = drawn_maps(context)
     gbuffer = context.layered(4, 0.1) if params.visibility else context.gbuffer
     technique = VplSplat(context.runtime, context.size, params)
+    scene = device_scene(context.view.scene, context.runtime) if solid else None
     pixels = context.size[0] * context.size[1]
 
     def image() -> NDArray[np.float32]:
-        return np.moveaxis(technique.run(gbuffer, None, maps).download(), 0, -1)
+        return np.moveaxis(technique.run(gbuffer, None, maps, scene=scene).download(), 0, -1)
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:
         truths["assumption"] = lambda: context.bounce(visibility=False)
     return Subject(
-        run=lambda: technique.run(gbuffer, None, maps),
+        run=lambda: technique.run(gbuffer, None, maps, scene=scene),
         image=image,
         quantity="bounce",
         moved=pixels * PIXEL_BYTES,
@@ -129,7 +133,8 @@ FAMILIES: Mapping[str, Family] = {
     "vpl": VplsByNumber(),
     "vpl-plain": VplsByNumber(cull=False),
     "vpl-interleaved": VplsByNumber(interleave=True),
-    "vpl-walls": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
+    "vpl-walls": VplsByNumber(interleave=True, visibility=True, solid=True, SETTINGS=MANY),
+    "vpl-walls-seen": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
     "vpl-cut": VplsByCut(),
     "vpl-cut-plain": VplsByCut(cull=False),
     "vpl-cut-restored": VplsByCut(restore=True),

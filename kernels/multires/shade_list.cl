@@ -12,7 +12,7 @@
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
 //          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
-//          SHADE_LINE (a line of sight for each run of 16: 2, or of 64: 3)
+//          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
 // Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, some 20
@@ -34,27 +34,27 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_SIGHT
-#define SHADE_SHARE (1 << 2 * SHADE_LINE) // lights of a run that shares a line
-
-// Run that a record shares a line of sight with; the first of its four where a run of 64 has four.
+// Record whose light nearest to the mean a record's shadow ray goes to: the run of 4^SHADE_LINE
+// lights that it belongs to, or itself where it is a longer one.
 static inline int shade_run(const int record, const int stride)
 {
-    const int fours = tree_first(stride, 1), sixteens = tree_first(stride, 2);
-    const int most = tree_first(stride, 3);
-    return record < fours       ? record / SHADE_SHARE
-           : record < sixteens ? (record - fours) / (SHADE_SHARE / 4)
-           : record < most     ? (record - sixteens) / (SHADE_SHARE / 16)
-                               : (record - most) * 64 / SHADE_SHARE;
+    int level = 0;
+    while (level < SHADE_LINE && record >= tree_first(stride, level + 1)) {
+        ++level;
+    }
+    return level == SHADE_LINE ? record
+                               : tree_first(stride, SHADE_LINE) +
+                                     ((record - tree_first(stride, level)) >>
+                                      2 * (SHADE_LINE - level));
 }
 
-// Where a line of sight to a run ends: at the light nearest to the mean of all, lifted off its
-// surface. The mean itself may be inside of something.
+// Where a shadow ray to a run ends: at the light nearest to its mean, lifted off its surface. The
+// mean itself may be inside of something.
 static inline VplCell shade_end(__global const float *restrict records, const int run,
                                 __global const float *restrict grid_box, const VplParams params)
 {
-    const int mean = tree_first(params.stride, SHADE_LINE) + run;
     __global const float *restrict light =
-        records + (int)records[mean * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
+        records + (int)records[run * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
     return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                     v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
 }

@@ -7,13 +7,14 @@
 //          normal    3 x [rows, columns]
 //          axis      3 x [rows, columns] of lobes (VPL_GLOSSY 1)
 //          order, flux, area, gloss see vpl_runs
-//          quarters, runs, blocks   see vpl/curve.clh
+//          quarters, runs, blocks, importance   see vpl/curve.clh
+//          edges    [8][edge_stride] of the pieces, every edge_step-th (VPL_MIDDLE 1, VPL_WEIGHTED 1)
 // Writes:  found  VPL_MIDDLE 0: [8][params.stride] of each edge between pieces, red, green, blue
 //                 and area before it, and what these four lack (an edge may lie in a texel);
 //                 VPL_MIDDLE 1: [6][params.stride] position and normal of the texel in the middle
 //                 of each piece, VPL_GLOSSY 1: [10] with the axis and exponent of its lobe too.
 //                 Only of places that lie in this map.
-// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY as in vpl_runs
+// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY and _WEIGHTED as in vpl_runs
 // Params:  params.count places; params.lights x params.split pieces; the map's first run; how far
 //          its origin is from that of the result's positions
 // Launch:  SSGI_LANES places per work-item
@@ -21,9 +22,27 @@
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-#if !defined(VPL_MIDDLE) || !defined(VPL_GLOSSY)
-#error "VPL_MIDDLE and VPL_GLOSSY must be defined"
+#if !defined(VPL_MIDDLE) || !defined(VPL_GLOSSY) || !defined(VPL_WEIGHTED)
+#error "VPL_MIDDLE, VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
+
+// Luminance is summed by importance where that is given, and pieces are cut by that sum. But a light
+// is where half of its piece's flux is: a piece may begin where little is important and end where
+// much is, and its flux must not all be sent from there.
+#define VPL_BY_FLUX (VPL_MIDDLE && VPL_WEIGHTED)
+#define VPL_PLAIN (-1) // as number of a sum: luminance without importance, from the channels
+
+// Sum number `sum` of rows that are `stride` apart.
+static inline vfloat vpl_row(__global const float *restrict rows, const int stride, const int sum,
+                             const vint index, const bool same)
+{
+    if (!VPL_BY_FLUX || sum != VPL_PLAIN) {
+        return v_fetch(rows + sum * stride, index, same);
+    }
+    __global const float *restrict red = rows + VPL_CHANNELS * stride;
+    return vpl_luminance(v_fetch(red, index, same), v_fetch(red + stride, index, same),
+                         v_fetch(red + 2 * stride, index, same));
+}
 
 // How much comes before edge number j, or the middle of piece j: j / pieces of the whole, which is
 // the pair (high, low), or half a piece more.
@@ -52,8 +71,7 @@ static inline bool vpl_same(const vint index)
 static inline vint vpl_last(__global const float *restrict table, const int elements,
                             const int sum, const vint first, const int count, const VplPair wanted)
 {
-    __global const float *restrict high = table + sum * elements;
-    __global const float *restrict low = high + VPL_SUMS * elements;
+    __global const float *restrict lows = table + VPL_SUMS * elements;
     int step = 1;
     while (2 * step < count) {
         step *= 2;
@@ -64,11 +82,11 @@ static inline vint vpl_last(__global const float *restrict table, const int elem
         const vint safe = v_iselect(at, next, v_ilt(next, v_splat_int(count)));
         // Places beside each other begin with the same steps.
         const vint index = first + safe;
-        const vfloat before = v_fetch(high, index, vpl_same(index));
+        const vfloat before = vpl_row(table, elements, sum, index, vpl_same(index));
         vmask fits = v_lt(before, wanted.high);
         const vmask equal = v_eq(before, wanted.high);
         if (v_any(equal)) {
-            fits = fits | (equal & v_le(v_gather(low, index), wanted.low));
+            fits = fits | (equal & v_le(vpl_row(lows, elements, sum, index, false), wanted.low));
         }
         at = v_iselect(at, safe, fits);
     }
@@ -78,9 +96,11 @@ static inline vint vpl_last(__global const float *restrict table, const int elem
 __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, ssgi_plane flux,
                       ssgi_plane area, ssgi_plane gloss, __global const int *restrict order,
                       __global const float *restrict quarters, __global const float *restrict runs,
-                      __global const float *restrict blocks, __global float *restrict found,
+                      __global const float *restrict blocks,
+                      __global const float *restrict importance,
+                      __global const float *restrict edges, __global float *restrict found,
                       const int2 size, // of the map
-                      const VplCurveParams params)
+                      const VplCurveParams params, const int edge_stride, const int edge_step)
 {
     const int start = ssgi_first_column();
     if (start >= params.count) {
@@ -90,10 +110,22 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
     const vint j = v_imin(v_iota() + start, v_splat_int(params.count - 1));
     const int ends = params.blocks + 1;
     const float lit_all = blocks[VPL_LIT * ends + params.blocks];
-    const int measure = lit_all <= (float)params.lights ? VPL_LIT : VPL_LUMINANCE;
+    const int measure = lit_all <= (float)params.lights ? VPL_LIT
+                        : VPL_BY_FLUX                   ? VPL_PLAIN
+                                                        : VPL_LUMINANCE;
     VplPair wanted = vpl_share(blocks[VPL_LUMINANCE * ends + params.blocks],
                                blocks[(VPL_SUMS + VPL_LUMINANCE) * ends + params.blocks], j,
                                params.lights * params.split);
+#if VPL_BY_FLUX
+    wanted.high = wanted.low = zero;
+    for (int side = 0; side < 2; ++side) {
+        const vint edge = (j + side) * edge_step;
+        __global const float *restrict rows = edges - VPL_CHANNELS * edge_stride; // has no others
+        const vfloat high = vpl_row(rows, edge_stride, VPL_PLAIN, edge, false);
+        const vfloat low = vpl_row(rows + 4 * edge_stride, edge_stride, VPL_PLAIN, edge, false);
+        wanted = vpl_plus(wanted, 0.5f * high, 0.5f * low);
+    }
+#endif
     if (measure == VPL_LIT) {
         // The first part of each light has it all.
 #if VPL_MIDDLE
@@ -113,28 +145,30 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
         return;
     }
     const bool same = vpl_same(block);
-    const VplPair to_block = vpl_before(blocks, ends, measure, block, same);
+    const VplPair to_block = {vpl_row(blocks, ends, measure, block, same),
+                              vpl_row(blocks + VPL_SUMS * ends, ends, measure, block, same)};
     const VplPair beyond = vpl_plus(wanted, -to_block.high, -to_block.low);
     const vint first = block * VPL_BLOCK_RUNS;
     const vint run = first + vpl_last(runs, params.runs, measure, first, VPL_BLOCK_RUNS, beyond);
-    const VplPair to_run = vpl_before(runs, params.runs, measure, run, false);
+    const VplPair to_run = {vpl_row(runs, params.runs, measure, run, false),
+                            vpl_row(runs + VPL_SUMS * params.runs, params.runs, measure, run, false)};
     const VplPair left = vpl_plus(beyond, -to_run.high, -to_run.low);
 
     // The first quarter with which there is more than is left: one in which something is lit.
     // Rounding must not take a place beyond its run.
-    const vfloat in_run = v_gather(quarters, vpl_quarter(run, measure, v_splat_int(3)));
+    const vfloat in_run = vpl_row(quarters, 64, measure, vpl_quarter(run, 0, v_splat_int(3)), false);
     const vfloat rest =
         v_min(v_max(left.high + left.low, zero), VPL_MIDDLE ? in_run * 0.99999994f : in_run);
     vint quarter = none;
     for (int step = 2; step > 0; step /= 2) {
         const vint last = quarter + (step - 1);
-        const vmask fits = v_le(v_gather(quarters, vpl_quarter(run, measure, last)), rest);
+        const vmask fits = v_le(vpl_row(quarters, 64, measure, vpl_quarter(run, 0, last), false), rest);
         quarter = v_iselect(quarter, quarter + step, fits);
     }
     const vmask is_first = v_ieq(quarter, none);
     const vint last = v_imax(quarter - 1, none);
     vfloat before =
-        v_select(v_gather(quarters, vpl_quarter(run, measure, last)), zero, is_first);
+        v_select(vpl_row(quarters, 64, measure, vpl_quarter(run, 0, last), false), zero, is_first);
 
     const vint in_order = run - params.first_run;
     const vint face = in_order / params.face_runs;
@@ -150,6 +184,9 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
         sums[c] = v_select(v_gather(quarters, at), zero, is_first);
     }
 #endif
+#if VPL_WEIGHTED && !VPL_MIDDLE
+    const vfloat weight = vpl_weight_of(importance, run, params.runs);
+#endif
     for (int k = 0; k < VPL_RUN / 4; ++k) {
         const vint packed = v_igather(order, own * 4 + k);
         const vmask there = in_face & v_ige(packed, none) & v_le(before, rest);
@@ -164,6 +201,11 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, s
 #if VPL_GLOSSY
         if (measure != VPL_LIT) {
             amount = amount * vpl_importance(ssgi_gather(gloss, size, 0, x, y));
+        }
+#endif
+#if VPL_WEIGHTED && !VPL_MIDDLE
+        if (measure != VPL_LIT) {
+            amount = amount * weight;
         }
 #endif
 #if VPL_MIDDLE

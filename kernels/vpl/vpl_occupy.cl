@@ -26,41 +26,11 @@
 #define VPL_MOST_APART 16.0f // cells between two pixels that are filled; farther apart, they stay two
 #define VPL_BEND 0.5f       // of the step to the next pixel: what one surface's steps differ by at most
 
-static inline void vpl_set(volatile __global int *restrict grid, const int word, const int bit)
-{
-    if (word >= 0 && (grid[word] & bit) == 0) { // most are set already
-        atomic_or(grid + word, bit);
-    }
-}
-
 // Where pixels are, in cells, and which of them are surfaces.
 typedef struct {
     vfloat x, y, z;
     vmask there;
 } VplAt;
-
-// Marks the cells of the lanes in `there`.
-static inline void vpl_mark(__global int *restrict grid, const vfloat x, const vfloat y,
-                            const vfloat z, const vmask there)
-{
-    const vfloat side = v_splat((float)VPL_GRID);
-    const vfloat zero = v_splat(0.0f);
-    const vmask inside = there & v_ge(x, zero) & v_lt(x, side) & v_ge(y, zero) & v_lt(y, side) &
-                         v_ge(z, zero) & v_lt(z, side);
-    const vint column = v_to_int(v_select(zero, x, inside));
-    const vint row = v_to_int(v_select(zero, y, inside));
-    const vint slice = v_to_int(v_select(zero, z, inside));
-    const vint block = ((slice >> 2) * VPL_BLOCKS + (row >> 2)) * VPL_BLOCKS + (column >> 2);
-    const vint word = v_iselect(v_splat_int(-1), block * 2 + ((slice >> 1) & 1), inside);
-    const vint bit = v_splat_int(1) << (((slice & 1) << 4) | ((row & 3) << 2) | (column & 3));
-#if SSGI_LANES == 1
-    vpl_set(grid, word, bit);
-#else
-#define VPL_SET(n) vpl_set(grid, word.s##n, bit.s##n)
-    (void)(SSGI_EACH(VPL_SET));
-#undef VPL_SET
-#endif
-}
 
 #if VPL_LAYERS
 #define VPL_SOURCE points, size, layer, grid_box, camera, params

@@ -6,21 +6,24 @@
 //          gloss  [rows, columns] Phong exponent (VPL_GLOSSY 1)
 //          order  [params.face_runs][16] row << 16 | column of a face's texels along its curve,
 //                 -1 past their end
+//          importance  see vpl/curve.clh (VPL_WEIGHTED 1)
 // Writes:  quarters, runs  see vpl/curve.clh; of runs the sums alone. From run params.first_run on,
 //                          0 past the map
-// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance)
+// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance), VPL_WEIGHTED (1: by vpl_weight_of)
 // Launch:  SSGI_LANES runs per work-item
 // Cost:    five scattered reads a texel
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
 
-#ifndef VPL_GLOSSY
-#error "VPL_GLOSSY must be defined"
+#if !defined(VPL_GLOSSY) || !defined(VPL_WEIGHTED)
+#error "VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
 
 __kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, ssgi_plane gloss,
-                       __global const int *restrict order, __global float *restrict quarters, __global float *restrict runs,
+                       __global const int *restrict order,
+                       __global const float *restrict importance,
+                       __global float *restrict quarters, __global float *restrict runs,
                        const int2 size, // of the map
                        const VplCurveParams params)
 {
@@ -37,6 +40,9 @@ __kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, ssgi_plane gloss,
     const vint top = v_iselect(v_splat_int(0), face * params.face_rows, in_map);
     __global float *restrict group =
         quarters + v_first(vpl_quarter(run + params.first_run, 0, v_splat_int(0)));
+#if VPL_WEIGHTED
+    const vfloat weight = vpl_weight_of(importance, run + params.first_run, params.runs);
+#endif
     vfloat sums[VPL_SUMS] = {zero, zero, zero, zero, zero, zero};
     for (int k = 0; k < VPL_RUN; ++k) {
         const vint packed = v_igather(order, own * VPL_RUN + k);
@@ -51,6 +57,9 @@ __kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, ssgi_plane gloss,
         vfloat measure = vpl_luminance(red, green, blue);
 #if VPL_GLOSSY
         measure = measure * vpl_importance(ssgi_gather(gloss, size, 0, x, y));
+#endif
+#if VPL_WEIGHTED
+        measure = measure * weight;
 #endif
         const vfloat amounts[VPL_SUMS] = {
             v_select(zero, one, lit), measure, red, green, blue,

@@ -144,9 +144,8 @@ class VplTreeReference:
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
-        What belongs to a run of `share` lights, 16 or 64, shares a line of sight to its light
-        nearest to the mean, which may be inside of something; of a longer run, to that of its
-        first.
+        What belongs to a run of `share` lights, 4, 16 or 64, shares a shadow ray to its light
+        nearest to the mean, which itself may be inside of something. A longer run has its own.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -155,10 +154,11 @@ class VplTreeReference:
         weight = received * emitted / (squared * (math.pi * squared + self.area[records]))
         if walls is not None:
             level = np.searchsorted(self.first, records, side="right") - 1
-            runs = (records - np.array(self.first)[level]) * 4**level // share
-            first = self.first[2 if share == 16 else 3]
+            line = np.maximum(level, round(math.log(share, 4)))
+            first = np.array(self.first)
+            runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):
-                end = self.nearest[first + run]
+                end = self.nearest[run]
                 hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
                 weight[np.ix_(hidden, runs == run)] = 0.0
         result: Doubles = weight @ self.flux[records]

@@ -16,15 +16,24 @@ from ssgi_cl.device_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
+from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
-from ssgi_cl.techniques.vpl_light import NEARS, VplParams, cutoff_param, lit_by_maps
+from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
+from ssgi_cl.techniques.view_importance import ViewImportance
+from ssgi_cl.techniques.vpl_light import (
+    NEARS,
+    VplParams,
+    cutoff_param,
+    importance_param,
+    lit_by_maps,
+)
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
-from ssgi_cl.techniques.vpl_tree import VplTree
+from ssgi_cl.techniques.vpl_tree import SHARES, VplTree
 from ssgi_cl.vpls import Vpls
 
 
@@ -34,8 +43,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
 
     At 800 x 600 with 1024 lights the defaults compute 3 % of the pixels of the Cornell box and
     24 % of the hall's; against all lights at all pixels the error (RMSE) is 0.6 and 0.7 % of the
-    mean irradiance. With 4096 lights, `visibility` and both errors at 0.05 it is 13 % in the
-    Cornell box against a path tracer, as with exact visibility.
+    mean irradiance.
     """
 
     error: float = param(
@@ -48,14 +56,24 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     )
     cutoff: float = cutoff_param(0.0)
     visibility: bool = param(
-        False, "walls block light, as far as camera and lights see them; an `error` of 0.05 is "
-        "then enough, since the grid of walls is no more exact"
+        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        "is given, else what the camera and the lights see; an "
+        "`error` of 0.05 is then enough, since the occupancy grid is no more exact"
     )
     grid: int = grid_param()
+    share: int = param(
+        16, "lights that share a shadow ray: 4, 16 or 64, neighbours on a reflective shadow map; "
+        "fewer cost more and err less where few of many lights reach what is seen",
+        low=4, high=64,
+    )
+
+    importance: bool = importance_param()
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
         check_grid(self.grid)
+        if self.share not in SHARES:
+            raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
 
 
 class MultiresSplat:
@@ -92,13 +110,16 @@ class MultiresSplat:
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls,
+            params.share,
         )
         self.tree.reserve(size[0] * size[1])
+        self._importance = ViewImportance(runtime)
         self._dark: Plane | None = None
 
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = ()
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
+        scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -108,6 +129,7 @@ class MultiresSplat:
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
+            scene: with `visibility`, the triangles that block light in place of what is seen.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
@@ -126,13 +148,16 @@ class MultiresSplat:
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights
         if vpls is None:
-            self._chooser.place(rsms, camera, kinds=1)
+            curve = self._chooser.place(rsms, camera, kinds=1)
         else:
             self._lights.upload(vpls, camera)
+        if self._walls is not None:
+            packed = self._block(gbuffer, rsms, self._walls, scene)
+            if vpls is None and params.importance:
+                importance = self._importance.run(gbuffer, curve, self._walls, packed)
+                self._chooser.place(rsms, camera, kinds=1, importance=importance)
         tree.update()
         values = {"cut": params.cut(self._lights.unit)}
-        if self._walls is not None:
-            self._block(gbuffer, rsms, self._walls)
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(
@@ -141,12 +166,13 @@ class MultiresSplat:
         return self.grid.result
 
     def _block(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid
-    ) -> None:
-        """Queue the passes that mark what blocks light."""
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        scene: DeviceScene | None,
+    ) -> Any:
+        """Queue the passes that mark what blocks light; return the struct for rays through it."""
         lights, seen = self._lights, self.grid.half(gbuffer)
         values = {
-            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values, "lift": LIFT,
+            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values,
             "margin_columns": seen.margin[1], "margin_rows": seen.margin[0],
             "count": lights.segments,
         }
@@ -156,7 +182,11 @@ class MultiresSplat:
             "vpl boxes", seen.size, reads=[seen.depth, seen.normal],
             writes=[self._boxes], values=[seen.camera_struct, packed], grid=tiles,
         )
-        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed)
+        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
+        return VPL.pack(
+            {**values, "lift": walls.lift, "margin_columns": gbuffer.margin[1],
+             "margin_rows": gbuffer.margin[0]}
+        )
 
     def __call__(
         self,
@@ -186,6 +216,7 @@ def multires_splat(
     vpls: int = 1024,
     error: float | None = None,
     *,
+    scene: Scene | None = None,
     method: str = "adaptive",
     runtime: Runtime | None = None,
     **params: Any,
@@ -207,6 +238,8 @@ def multires_splat(
         error: method "adaptive": of interpolation as a share of the mean irradiance, >= 0, by
             default 0.01; see `MultiresSplatParams`.
         method: "adaptive", or "published" for subsplats found by geometry alone.
+        scene: with `visibility`, the triangles that block light, seen or not; by default what the
+            G-buffer and the maps show does.
         runtime: the device; by default the fastest found.
         **params: the other fields of `MultiresSplatParams` or, with method "published", of
             `MultiresPublishedParams`.
@@ -220,4 +253,6 @@ def multires_splat(
     """
     given = {"vpls": vpls, **({} if error is None else {"error": error}), **params}
     chosen: Any = chosen_params(METHODS, method, given)
-    return lit_by_maps(METHODS[method].technique, chosen, gbuffer, rsms, runtime)
+    if scene is not None and method == "published":
+        raise ValueError("scene applies only to method='adaptive' (got method='published')")
+    return lit_by_maps(METHODS[method].technique, chosen, gbuffer, rsms, runtime, scene)

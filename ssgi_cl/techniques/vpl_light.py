@@ -14,7 +14,10 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.params import Params, param
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.sight_grid import MOST_CELLS
 from ssgi_cl.vpls import MOST_VPLS, on_device_rsms
 
 NEARS = ("disk", "clamped")
@@ -27,6 +30,14 @@ def cutoff_param(default: float) -> Any:
     return param(
         default, "a light counts where its irradiance is more than this share of what it is at "
         "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
+    )
+
+
+def importance_param() -> Any:
+    """Declare the parameter `importance`."""
+    return param(
+        True, "with `visibility`, lights from maps are more where their light reaches what the "
+        "camera sees, and so change with it; False: in proportion to flux alone"
     )
 
 
@@ -56,24 +67,29 @@ def lit_by_maps(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     runtime: Runtime | None,
+    scene: Scene | None = None,
 ) -> NDArray[np.float32]:
     """Return irradiance [rows, columns, 3] by lights that are chosen from maps on the device.
 
     Args:
         technique: its class, prepared unless it was before, with no more lights than texels.
         params: of the technique.
-        gbuffer, rsms, runtime: what its function was called with.
+        gbuffer, rsms, runtime, scene: what its function was called with.
     """
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
     maps = on_device_rsms(rsms, runtime)
+    solid = None if scene is None else device_scene(scene, runtime)
     if not maps:
         return np.zeros((*device.size, 3), np.float32)
     texels = sum(rsm.size[0] * rsm.size[1] for rsm in maps)
-    fitting = replace(params, vpls=min(params.vpls, texels))
+    fitting: Any = replace(params, vpls=min(params.vpls, texels))
+    if scene is not None and fitting.grid == 0:
+        fitting = replace(fitting, grid=MOST_CELLS)  # no pixels have to fill it
     made = runtime.prepared(
         (technique, device.size, fitting), lambda: technique(runtime, device.size, fitting)
     )
     with runtime.frame():
-        result = made.run(device, None, maps).download()
+        where: dict[str, Any] = {} if solid is None else {"scene": solid}
+        result = made.run(device, None, maps, **where).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))

@@ -17,11 +17,14 @@ from ssgi_cl.device_vpls import NEAR_ROOM, VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
+from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid, check_grid, grid_param
-from ssgi_cl.techniques.vpl_light import NEARS, VplParams, lit_by_maps
+from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
+from ssgi_cl.techniques.view_importance import ViewImportance
+from ssgi_cl.techniques.vpl_light import NEARS, VplParams, importance_param, lit_by_maps
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
 TILE = 16
@@ -52,9 +55,11 @@ class VplSplatParams(VplParams):
     )
     blur_radius: int = param(4, "of that blur; 0 for none", low=0, high=16, unit="px")
     visibility: bool = param(
-        False, "walls block light, as far as camera and lights see them; needs `interleave`"
+        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        "is given, else what the camera and the lights see; needs `interleave`"
     )
     grid: int = grid_param()
+    importance: bool = importance_param()
     share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
     glossy_vpls: int = param(
         0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
@@ -121,13 +126,14 @@ class VplSplat:
         self._walls = (
             SightGrid(runtime, params.grid, size) if params.visibility else None
         )
+        self._importance = ViewImportance(runtime)
         self._blur: Bilateral | None = None
         if params.interleave:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (),
-        *, glossy: Vpls | None = None,
+        *, glossy: Vpls | None = None, scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
 
@@ -137,6 +143,7 @@ class VplSplat:
             vpls: at most as many as the parameters say; None to choose them from `rsms` on the
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
+            scene: with `visibility`, the triangles that block light in place of what is seen.
             glossy: lights with lobes, at most `glossy_vpls`; None to choose them from those `rsms`
                 that mirror anything.
 
@@ -150,7 +157,10 @@ class VplSplat:
             packed = VPL.pack(
                 {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
             )
-            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed)
+            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
+            values["lift"] = self._walls.lift
+            if vpls is None and self.params.importance:
+                self._choose_by_importance(gbuffer, rsms, self._walls, values)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -159,6 +169,18 @@ class VplSplat:
         if self._blur is None:
             return self._irradiance
         return self._blur.run(self._irradiance, gbuffer)
+
+    def _choose_by_importance(
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        values: dict[str, float],
+    ) -> None:
+        """Queue the passes that choose the lights anew, by what they send to the image."""
+        assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
+        packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
+        kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
+        curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
+        importance = self._importance.run(gbuffer, curve, walls, packed)
+        self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
         """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
@@ -211,7 +233,7 @@ class VplSplat:
         self._bring(camera, vpls, rsms, coarse=coarse)
         values = {
             **self._cut_values(lights),
-            "lift": LIFT,
+            "lift": 0.0,
             "refine": params.refine if lights.parted else 0.0,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
@@ -332,6 +354,7 @@ def vpl_splat(
     vpls: int = 1024,
     cutoff: float = 0.01,
     *,
+    scene: Scene | None = None,
     runtime: Runtime | None = None,
     **params: Any,
 ) -> NDArray[np.float32]:
@@ -348,6 +371,8 @@ def vpl_splat(
         rsms: a reflective shadow map, or one for each light.
         vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
         cutoff: >= 0, see `VplSplatParams`; with 0 every light reaches every pixel.
+        scene: with `visibility`, the triangles that block light, seen or not; by default what the
+            G-buffer and the maps show does.
         runtime: the device; by default the fastest found.
         **params: the other fields of `VplSplatParams`.
 
@@ -359,4 +384,4 @@ def vpl_splat(
             which, its value and what is allowed.
     """
     chosen = VplSplatParams(vpls=vpls, cutoff=cutoff, **params)
-    return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime)
+    return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime, scene)

@@ -11,7 +11,7 @@ from ssgi_cl.device_vpls import VPL, DeviceVpls
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.sight_grid import LIFT, SightGrid
+from ssgi_cl.techniques.sight_grid import SightGrid
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
 
@@ -27,9 +27,8 @@ LISTED = 1 << 23
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
 With walls half of them, as lines of sight need registers."""
-SHARED = 2048
-"""Lights from which on runs of 64 share a line of sight, else of 16. With 4096 in the Cornell box
-it takes .6 of the time, and the RMSE is 12.2 % in place of 11.7; with 1024, 21 in place of 16."""
+SHARES = (4, 16, 64)
+"""Lights that may share a shadow ray: those of a run."""
 CPU_ITEMS = 8
 """Work-items for each core that take pieces in turn, since the host doesn't know how many there
 are. With 128 a core, starting them takes as long as what they do."""
@@ -53,6 +52,7 @@ class VplTree:
         lights: what the tree is made of; without parts and subsets.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
         walls: what blocks light; filled before `shine` is called.
+        share: lights that share a shadow ray, one of `SHARES`.
 
     Attributes:
         limits: [2] allowed errors in W/m^2, of interpolation and of runs of lights; see `measure`.
@@ -60,7 +60,7 @@ class VplTree:
 
     def __init__(
         self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int,
-        walls: SightGrid | None = None,
+        walls: SightGrid | None = None, share: int = 16,
     ) -> None:
         self.runtime = runtime
         self.lights = lights
@@ -82,11 +82,12 @@ class VplTree:
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
+        self._walls = walls
         self._sight = [walls.grid, walls.box] if walls else []
         self._rows = ROWS // 2 if walls else ROWS
         macros |= {
             "SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None),
-            "SHADE_LINE": 3 if walls and lights.most >= SHARED else 2,
+            "SHADE_LINE": SHARES.index(share) + 1,
         }
         # Without walls the kernel does not look at the grid.
         macros |= walls.macros if walls else {"VPL_GRID": 32}
@@ -189,7 +190,8 @@ class VplTree:
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
             {
-                **_ZEROS, **self.lights.values, "lift": LIFT, **values,
+                **_ZEROS, **self.lights.values, **values,
+                "lift": self._walls.lift if self._walls else 0.0,
                 "margin_columns": margin[1], "margin_rows": margin[0],
             }
         )

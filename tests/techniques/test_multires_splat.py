@@ -24,7 +24,7 @@ from ssgi_cl.reference.vpl_tree import VplTreeReference
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams, multires_splat
 from ssgi_cl.techniques.vpl_splat import VplSplatParams
-from ssgi_cl.techniques.vpl_tree import SHARED
+from ssgi_cl.techniques.vpl_tree import SHARES
 from ssgi_cl.truth import one_bounce
 from ssgi_cl.vpls import Vpls, choose_vpls
 
@@ -278,15 +278,14 @@ def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
     return gbuffer, seen, choose_vpls(seen, 500, runtime=runtime)
 
 
-@pytest.mark.parametrize(
-    ("most", "share"), [(500, 16), pytest.param(SHARED, 64, marks=pytest.mark.slow)]
-)
+# Of 4 lights in a square all are as near to the mean, and rounding decides which one is taken.
+@pytest.mark.parametrize("share", SHARES[1:])
 def test_lines_of_sight_agree_with_numpy_twin(
-    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], most: int, share: int
+    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], share: int
 ) -> None:
     gbuffer, seen, vpls = walled
     params = MultiresSplatParams(
-        vpls=most, coarsest=1, light_error=0.0, visibility=True, grid=32
+        vpls=500, coarsest=1, light_error=0.0, visibility=True, grid=32, share=share
     )
     technique = MultiresSplat(form_runtime, gbuffer.size, params)
     device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
@@ -317,7 +316,7 @@ def test_walls_take_light_away_alone_and_in_the_same_bits_again(
     made = []
     for visibility in (False, True, True):
         params = MultiresSplatParams(
-            vpls=SHARED, coarsest=1, light_error=0.01, visibility=visibility, grid=32
+            vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32
         )
         technique = MultiresSplat(form_runtime, gbuffer.size, params)
         made.append(technique.run(device, vpls, [map_]).download())

@@ -643,7 +643,10 @@ def test_irradiance_does_not_depend_on_the_map_s_size(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize(
     "params",
-    [{}, {"cutoff": 0.0, "refine": 0.0}, {"cutoff": 0.0, "interleave": True, "visibility": True}],
+    [
+        {}, {"cutoff": 0.0, "refine": 0.0},
+        {"cutoff": 0.0, "interleave": True, "visibility": True, "importance": False},
+    ],
     ids=str,
 )
 def test_lights_chosen_on_the_device_shine_like_those_of_the_host(

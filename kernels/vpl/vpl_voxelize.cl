@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+// vpl_voxelize: marks the cells of the grid that the triangles of a scene occupy.
+//
+// Method:  6-separating voxelization (Laine 2013, "A Topological Approach to Voxelization"): a cell is
+//          occupied if a triangle meets one of the three axis-parallel segments of a cell's length
+//          through its centre. So a ray that visits every cell that it crosses passes no surface,
+//          surfaces are as thin as that allows, and what is narrower than a cell occupies cells in
+//          proportion to its width, not all that it touches. For each axis the triangle is drawn at
+//          the centres of the columns of cells along it.
+// Reads:   corners    3 x [size.x triangles, rounded up to 16] vertices
+//          positions  3 x [size.y vertices, likewise] scene units, relative to the scene's origin
+//          uvs        2 x [vertices, likewise]; cutouts, materials, textures, texels, decode: of
+//                     triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
+//          grid_box   see vpl/grid.clh
+// Writes:  grid       VPL_GRID^3 bits, to which 1s are added
+// Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's alpha)
+// Params:  from positions to view space in lengths of params.per_unit
+// Launch:  a work-item for each triangle and slice, which takes every so-many-th row of columns
+// Cost:    9 reads per triangle, and an atomic operation per cell that was empty
+
+#include "common/gbuffer.clh"
+#include "raster/records.clh"
+#include "raster/texture.clh"
+#include "vpl/grid.clh"
+
+#if !defined(VPL_GRID) || !defined(VOXEL_CUTOUT)
+#error "VPL_GRID and VOXEL_CUTOUT must be defined"
+#endif
+
+#define VOXEL_EDGE 1e-3f  // cells by which triangles are wider, so that rounding leaves no gap
+#define VOXEL_THIN 1e-12f // squared cells: a triangle of less area along an axis is seen edge-on
+
+typedef struct {
+    float at[3]; // in cells
+} VoxelCorner;
+
+static inline VoxelCorner voxel_corner(__global const float *restrict positions, const int stride,
+                                       const int vertex, __global const float *restrict grid_box,
+                                       const VplTurn turn)
+{
+    const float x = positions[vertex];
+    const float y = positions[stride + vertex];
+    const float z = positions[2 * stride + vertex];
+    VoxelCorner corner;
+    corner.at[0] = (fma(turn.xx, x, fma(turn.xy, y, fma(turn.xz, z, turn.x))) - grid_box[0]) *
+                   grid_box[3];
+    corner.at[1] = (fma(turn.yx, x, fma(turn.yy, y, fma(turn.yz, z, turn.y))) - grid_box[1]) *
+                   grid_box[3];
+    corner.at[2] = (fma(turn.zx, x, fma(turn.zy, y, fma(turn.zz, z, turn.z))) - grid_box[2]) *
+                   grid_box[3];
+    return corner;
+}
+
+// Twice the area of the triangle p, a, b along an axis: in a plane of the other two.
+static inline vfloat voxel_area(const vfloat u, const float v, const float au, const float av,
+                                const float bu, const float bv)
+{
+    return (u - au) * (bv - av) - (v - av) * (bu - au);
+}
+
+__kernel void vpl_voxelize(__global const int *restrict corners,
+                           __global const float *restrict positions,
+                           __global const float *restrict uvs, __global const int *restrict cutouts,
+                           __global const float *restrict materials,
+                           __global const int *restrict textures,
+                           __global const int *restrict texels,
+                           __global const float *restrict decode,
+                           __global const float *restrict grid_box, __global int *restrict grid,
+                           const int2 size, const VplTurn turn)
+{
+    const int triangle = (int)get_global_id(0);
+    const int slice = (int)get_global_id(1);
+    const int slices = (int)get_global_size(1);
+    if (triangle >= size.x) {
+        return;
+    }
+    const int triangle_stride = (size.x + 15) & ~15, stride = (size.y + 15) & ~15;
+    const int ia = corners[triangle], ib = corners[triangle_stride + triangle];
+    const int ic = corners[2 * triangle_stride + triangle];
+    const VoxelCorner a = voxel_corner(positions, stride, ia, grid_box, turn);
+    const VoxelCorner b = voxel_corner(positions, stride, ib, grid_box, turn);
+    const VoxelCorner c = voxel_corner(positions, stride, ic, grid_box, turn);
+    for (int axis = 0; axis < 3; ++axis) {
+        const int iu = axis == 2 ? 0 : axis + 1, iv = axis == 0 ? 2 : axis - 1;
+        const float au = a.at[iu], av = a.at[iv], aw = a.at[axis];
+        const float bu = b.at[iu], bv = b.at[iv], bw = b.at[axis];
+        const float cu = c.at[iu], cv = c.at[iv], cw = c.at[axis];
+        // Columns have their centres at whole cells and a half.
+        const float most = (float)VPL_GRID;
+        const float low_u = clamp(min(min(au, bu), cu) - VOXEL_EDGE, 0.0f, most);
+        const float low_v = clamp(min(min(av, bv), cv) - VOXEL_EDGE, 0.0f, most);
+        const float high_u = clamp(max(max(au, bu), cu) + VOXEL_EDGE, 0.0f, most);
+        const float high_v = clamp(max(max(av, bv), cv) + VOXEL_EDGE, 0.0f, most);
+        const int first_u = (int)ceil(low_u - 0.5f), last_u = (int)ceil(high_u - 0.5f) - 1;
+        const int first_v = (int)ceil(low_v - 0.5f), last_v = (int)ceil(high_v - 0.5f) - 1;
+        const float low_w = min(min(aw, bw), cw), high_w = max(max(aw, bw), cw);
+        const float area = (bu - au) * (cv - av) - (bv - av) * (cu - au);
+        if (first_u > last_u || first_v > last_v || high_w < 0.0f || low_w >= most ||
+            !(fabs(area) > VOXEL_THIN)) {
+            continue;
+        }
+        const float per = 1.0f / area;
+        const float wide_a = VOXEL_EDGE * (fabs(bu - cu) + fabs(bv - cv)) * fabs(per);
+        const float wide_b = VOXEL_EDGE * (fabs(cu - au) + fabs(cv - av)) * fabs(per);
+        const float wide_c = VOXEL_EDGE * (fabs(au - bu) + fabs(av - bv)) * fabs(per);
+        for (int row = first_v + slice; row <= last_v; row += slices) {
+            const float v = (float)row + 0.5f;
+            for (int column = first_u; column <= last_u; column += SSGI_LANES) {
+                const vfloat u = v_to_float(v_iota() + column) + 0.5f;
+                // Weights of the corners at the columns' centres.
+                const vfloat of_a = -voxel_area(u, v, bu, bv, cu, cv) * per;
+                const vfloat of_b = -voxel_area(u, v, cu, cv, au, av) * per;
+                const vfloat of_c = -voxel_area(u, v, au, av, bu, bv) * per;
+                vmask hit = v_ilt(v_iota() + column, v_splat_int(last_u + 1)) &
+                            v_ge(of_a, v_splat(-wide_a)) & v_ge(of_b, v_splat(-wide_b)) &
+                            v_ge(of_c, v_splat(-wide_c));
+                if (!v_any(hit)) {
+                    continue;
+                }
+                // Of edges that are seen edge-on weights are coarse; the box bounds what they make.
+                const vfloat w = v_clamp(v_fma(of_b, v_splat(bw - aw),
+                                               v_fma(of_c, v_splat(cw - aw), v_splat(aw))),
+                                         low_w, high_w);
+#if VOXEL_CUTOUT
+                const int cutout = cutouts[triangle];
+                if (cutout >= 0) {
+                    __global const float *material = materials + cutout * RASTER_MATERIAL;
+                    const RasterTextures from = {textures, texels, decode};
+                    const float ua = uvs[ia], va = uvs[stride + ia];
+                    const vfloat tu = v_fma(of_b, v_splat(uvs[ib] - ua),
+                                            v_fma(of_c, v_splat(uvs[ic] - ua), v_splat(ua)));
+                    const vfloat tv =
+                        v_fma(of_b, v_splat(uvs[stride + ib] - va),
+                              v_fma(of_c, v_splat(uvs[stride + ic] - va), v_splat(va)));
+                    const vfloat alpha =
+                        raster_texture_alpha(from, (int)material[3], tu, tv) * material[4];
+                    hit = hit & v_ge(alpha, v_splat(material[5]));
+                }
+#endif
+                const vfloat vv = v_splat(v);
+                vpl_mark(grid, axis == 0 ? w : axis == 1 ? vv : u,
+                         axis == 0 ? u : axis == 1 ? w : vv, axis == 0 ? vv : axis == 1 ? u : w,
+                         hit);
+            }
+        }
+    }
+}

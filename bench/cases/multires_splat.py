@@ -9,16 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.memory import Plane
-from ssgi_cl.rasterize.shadow_map import rsm
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, drawn_maps
+from ..drawn import DrawnMaps, DrawnView
+from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, WALLS, counted, lit
 
 GEOMETRY = "geometry"
 
@@ -48,27 +46,28 @@ class MultiresByError(Own):
             vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
             light_error=self.light_share * few, coarsest=self.coarsest,
         )
-        vpls = _chosen(context, params.vpls)
+        maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
         technique = MultiresSplat(context.runtime, context.size, params)
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return _array(technique.run(context.gbuffer, vpls))
+            return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
-        off = image() - _all_lights(context, vpls)
+        off = image() - _all_lights(context, maps, params.vpls)
         share = sum(technique.grid.counts().values()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
             "assumption": lambda: context.bounce(visibility=False),
         }
         return Subject(
-            run=lambda: technique.run(context.gbuffer, vpls),
+            run=image,
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
             truths=truths,
-            note=f"{len(vpls)} lights, chosen before; {100 * share:.1f} % of the pixels computed; "
-            f"off all lights at all pixels by {_relative(off, image()):.2f} % of the mean (RMSE)",
+            counted=counted(view),
+            note=f"{params.vpls} lights; {100 * share:.1f} % of the pixels computed; off all "
+            f"lights at all pixels by {_relative(off, image()):.2f} % of the mean (RMSE)",
         )
 
 
@@ -89,45 +88,31 @@ class MultiresWalls(Own):
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), error=self.error,
             light_error=self.error, visibility=True,
         )
-        maps, gbuffer = drawn_maps(context), context.layered(4, 0.1)
+        maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, *WALLS)
         technique = MultiresSplat(context.runtime, context.size, params)
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return _array(technique.run(gbuffer, None, maps))
+            return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
         image()
         share = sum(technique.grid.counts().values()) / pixels
         return Subject(
-            run=lambda: technique.run(gbuffer, None, maps),
+            run=image,
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
             truths={"world": context.bounce},
-            note=f"without drawing the maps and, as long as they stay, without choosing lights; "
-            f"{100 * share:.1f} % of the pixels computed",
+            counted=counted(view),
+            note=f"{100 * share:.1f} % of the pixels computed",
         )
 
 
-def _chosen(context: Context, count: int) -> Vpls:
-    """Return lights from maps of the lamps."""
-    if not context.lamps:
-        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-    maps = [
-        rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=context.runtime)
-        for lamp in context.lamps
-    ]
-    return choose_vpls(maps, count, runtime=context.runtime)
-
-
-def _all_lights(context: Context, vpls: Vpls) -> NDArray[np.float32]:
+def _all_lights(context: Context, maps: DrawnMaps, count: int) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
-    params = VplSplatParams(vpls=len(vpls), cutoff=0.0, refine=0.0)
-    return _array(VplSplat(context.runtime, context.size, params).run(context.gbuffer, vpls))
-
-
-def _array(plane: Plane) -> NDArray[np.float32]:
-    return np.moveaxis(plane.download(), 0, -1)
+    params = VplSplatParams(vpls=count, cutoff=0.0, refine=0.0)
+    technique = VplSplat(context.runtime, context.size, params)
+    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
 
 
 def _relative(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.rasterize import rsm
 from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
+from ..drawn import DrawnMaps
 
 MAP_SIZE = 512
 """Texels along a side of each map."""
@@ -40,34 +39,29 @@ class RsmGatherFamily(Own):
         params = RsmGatherParams(
             samples=samples, pattern=self.pattern, resolution=self.resolution
         )
-        roads = []
-        for lamp in context.lamps:
-            seen = rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime)
-            device = DeviceRsm(runtime, seen.cameras[0].size, len(seen.cameras))
-            device.upload(seen)
-            roads.append((RsmGather(runtime, context.size, params), device))
-
-        def run() -> None:
-            for technique, device in roads:
-                technique.run(gbuffer, device)
+        pairs = [
+            (RsmGather(runtime, context.size, params), DrawnMaps(context, MAP_SIZE, lamps=[lamp]))
+            for lamp in context.lamps
+        ]
 
         def image() -> NDArray[np.float32]:
             total = np.zeros((*context.size, 3), np.float32)
-            for technique, device in roads:
-                total += technique(gbuffer, device)
+            for technique, maps in pairs:
+                for rsm in maps.reflective():
+                    total += technique(gbuffer, rsm)
             return total
 
         # Samples that are the same for all pixels need no scattered reads, others ten each.
         pixels = int(np.count_nonzero(context.seen))
-        note = "without drawing the maps and, as long as they stay, without drawing samples"
+        note = ""
         if self.resolution != "full":
-            run()
-            share = 100.0 * sum(technique.computed for technique, _ in roads) / len(roads)
+            image()
+            share = 100.0 * sum(technique.computed for technique, _ in pairs) / len(pairs)
             pixels = int(0.01 * share * pixels)
-            note += f"; {share:.1f} % of the pixels computed"
-        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(roads)
+            note = f"{share:.1f} % of the pixels computed"
+        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(pairs)
         return Subject(
-            run=run,
+            run=image,
             image=image,
             quantity="bounce",
             samples=reads,
@@ -75,6 +69,7 @@ class RsmGatherFamily(Own):
                 "world": context.bounce,
                 "assumption": lambda: context.bounce(visibility=False),
             },
+            counted=f"{DrawnMaps.counted}, samples drawn",
             note=note,
         )
 

@@ -9,13 +9,20 @@ SCENE ?=
 # what its tests share once.
 PARALLEL ?= --numprocesses 2 --dist loadfile
 
-.PHONY: help setup system demo test test-all lint clean
+# Of the views in docs/views, for `make figures`.
+MESHES ?=
+FIGURES ?=
+
+.PHONY: help setup system demo test test-all lint figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make lint                   check style and types"
+	@echo "make figures [MESHES=dir]   record every figure of README and docs on this machine, from a clean revision"
+	@echo "make figures-render         make README and docs from the recorded figures"
+	@echo "make figures-agreement      docs/agreement.md: all drivers held to each other, slow"
 	@echo "make clean                  remove $(VENV), out/ and build products"
 
 setup: $(STAMP)
@@ -63,6 +70,16 @@ lint: setup
 	@rm -rf build/types && mkdir -p build/types/ssgi_cl
 	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
 	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
+
+# About 20 minutes on two cores. FIGURES="--quick --allow-dirty" tries it.
+figures: setup
+	$(BIN)/python -m ssgi_cl.bench.figures $(if $(MESHES),--meshes "$(MESHES)") $(FIGURES)
+
+figures-render: setup
+	$(BIN)/python -m ssgi_cl.bench.figures --render
+
+figures-agreement: setup
+	$(BIN)/python -m ssgi_cl.bench.agreement
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info

@@ -85,7 +85,8 @@ class MitsubaAo:
         def cast() -> Floats:
             if self.moving:
                 tree.build()
-            return np.clip(np.float32(1.0) - estimator.mean()[..., 0], 0.0, 1.0)
+            image: Floats = np.clip(np.float32(1.0) - estimator.mean()[..., 0], 0.0, 1.0)
+            return image
 
         run: Callable[[], Floats] = cast
         counted = "tree built, rays made and cast" if self.moving else "rays made and cast"

@@ -31,7 +31,10 @@ BUILT_IN = ("cornell_box", "hall")
 VIEWS = ("sponza", "country_kitchen", "veach_ajar")
 """Of docs/views; their meshes are not part of the project."""
 QUICK: Size = (72, 96)
-QUICK_TRUTHS = {"rays": 16, "paths": 4, "points": 16}
+QUICK_PATTERNS = 3
+"""Of the scenes of docs/views."""
+QUICK_RUNS = 4
+QUICK_TRUTHS: Mapping[str, Any] = {"rays": 16, "paths": 4, "points": 16}
 
 OCCLUSION = (
     "floor.1", "floor.2-10", "floor.4-10", "gtao.1x4", "gtao.2x9", "gtao.2x9-2", "hbao.2x9",
@@ -67,7 +70,7 @@ class Plan:
     """
 
     size: Size
-    truths: Mapping[str, int]
+    truths: Mapping[str, Any]
     cases: Mapping[str, tuple[str, ...]]
 
 
@@ -136,7 +139,8 @@ def record(
     size = QUICK if quick else plan.size
     truths = TruthSettings(**(QUICK_TRUTHS if quick else plan.truths), rebuild=rebuild)
     found = suite.measure(
-        chosen(plan, size, views), views, runtime, truths=truths, seconds=seconds, report=report
+        chosen(plan, size, views, QUICK_PATTERNS if quick else None), views, runtime,
+        truths=truths, seconds=seconds, runs=QUICK_RUNS if quick else None, report=report,
     )
     found.skipped += absent
     front.mark(found.results)
@@ -153,11 +157,20 @@ def record(
     return made
 
 
-def chosen(plan: Plan, size: Size, views: Mapping[str, BuiltinScene]) -> list[Case]:
-    """Return the cases of a plan on the scenes that there are."""
+def chosen(
+    plan: Plan, size: Size, views: Mapping[str, BuiltinScene], most: int | None = None
+) -> list[Case]:
+    """Return the cases of a plan on the scenes that there are.
+
+    Args:
+        plan, size, views: what there is.
+        most: patterns of a scene of docs/views; all by default.
+    """
     return [
         case for scene, patterns in plan.cases.items() if scene in views
-        for case in suite.select(patterns, [scene], [size])
+        for case in suite.select(
+            patterns if scene in BUILT_IN else patterns[:most], [scene], [size]
+        )
     ]
 
 

@@ -207,7 +207,7 @@ def _table(what: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _largest(rows: Sequence[Mapping[str, Any]]) -> float:
-    return max(error for row in rows for error in row["errors"].values())
+    return max(float(error) for row in rows for error in row["errors"].values())
 
 
 def _digits(error: float) -> str:

@@ -7,6 +7,7 @@ time for paths, and is between a fifth faster and an eighth slower for occlusion
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from typing import Any
 
@@ -82,12 +83,13 @@ class Estimator:
         return image.reshape(*self._size, 3)
 
     def _recorded(self) -> Callable[..., Any]:
-        """Return what gives the sum of the estimates of each pixel, recorded at its first call.
+        """Return what gives the sum of the estimates of each pixel, recorded.
 
         Where a scene has what can't be recorded, such as a texture in Python, it is traced in
         every call instead.
         """
-        dr, mi, tracer = self._tracer.dr, self._tracer.mi, self._tracer
+        tracer, steps, scalar = self._tracer, self._steps, self._scalar
+        dr, mi = tracer.dr, tracer.mi
 
         def sums(scene: Any, seen: Any, shifts: Any, last: Any) -> Any:
             at = Surface(*seen)
@@ -96,24 +98,23 @@ class Estimator:
                 # The upper 24 bits are what a float32 in [0, 1) can hold.
                 numbers = [
                     mi.Float((shift + (done + 1) * mi.UInt32(step)) >> 8) * 2.0**-24
-                    for shift, step in zip(shifts, self._steps, strict=True)
+                    for shift, step in zip(shifts, steps, strict=True)
                 ]
                 found = tracer.estimate(at, numbers)
                 return done + 1, total + dr.select(at.there, found, 0.0)
 
-            zero = dr.zeros(mi.Float if self._scalar else mi.Color3f, dr.width(at.there))
+            zero = dr.zeros(mi.Float if scalar else mi.Color3f, dr.width(at.there))
             return dr.while_loop((mi.UInt32(0), zero), lambda done, total: done < last, another)[1]
 
-        recorded: Any = dr.freeze(sums)
-
-        def run(*inputs: Any) -> Any:
-            nonlocal recorded
-            try:
-                return recorded(*inputs)
-            except RuntimeError:
-                if recorded is sums:
-                    raise
-                recorded = sums
-                return sums(*inputs)
-
-        return run
+        recorded = dr.freeze(sums)
+        # Freeing an object of Mitsuba's while a kernel is recorded ends the process.
+        gc.collect()
+        dr.sync_thread()
+        gc.disable()
+        try:
+            recorded(*self._inputs)
+        except RuntimeError:
+            return sums
+        finally:
+            gc.enable()
+        return recorded

@@ -9,7 +9,11 @@ SCENE ?=
 # what its tests share once.
 PARALLEL ?= --numprocesses 2 --dist loadfile
 
-.PHONY: help setup system demo test test-all mutate lint clean
+# Of the views in docs/views, for `make figures`.
+MESHES ?=
+FIGURES ?=
+
+.PHONY: help setup system demo test test-all mutate lint figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
@@ -17,6 +21,9 @@ help:
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
 	@echo "make lint                   check style and types, and kernels with clang"
+	@echo "make figures [MESHES=dir]   record every figure of README and docs on this machine, from a clean revision"
+	@echo "make figures-render         make README and docs from the recorded figures"
+	@echo "make figures-agreement      docs/agreement.md: all drivers held to each other, slow"
 	@echo "make clean                  remove $(VENV), out/ and build products"
 
 setup: $(STAMP)
@@ -70,6 +77,16 @@ lint: setup
 	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
 	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
 	$(BIN)/python -m pytest --quiet --numprocesses 2 tests/lint_kernel_files.py
+
+# About 20 minutes on two cores. FIGURES="--quick --allow-dirty" tries it.
+figures: setup
+	$(BIN)/python -m ssgi_cl.bench.figures $(if $(MESHES),--meshes "$(MESHES)") $(FIGURES)
+
+figures-render: setup
+	$(BIN)/python -m ssgi_cl.bench.figures --render
+
+figures-agreement: setup
+	$(BIN)/python -m ssgi_cl.bench.agreement
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info

@@ -63,10 +63,13 @@ class Subject:
     """A case made ready: everything is loaded and compiled, `run` does the work once.
 
     Attributes:
-        run: one repetition; what it queues on the device need not be finished.
+        run: one repetition, timed by the wall clock until the device has finished: everything that
+            a caller pays for the result beyond the base G-buffer (one layer, no overscan), the
+            copy of the result to the host included.
         image: the result of the latest run, [rows, columns] or [rows, columns, 3] float32; None
             for a pass without a result of its own.
-        on_device: whether the work is done by the runtime's device, whose clock then counts.
+        setup: what is done before each run and not timed, or None.
+        on_device: whether the runtime's device does the work, so that its clock is read too.
         quantity: what the result is: "occlusion" (A in [0, 1]), "model" (the same, held to its own
             model alone), "bent" (angles to true bent normals, degrees), "direct" or "bounce"
             (irradiance by direct light or one bounce, W/m^2), "cut" and "mirrored" (bounces
@@ -75,17 +78,20 @@ class Subject:
             that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.
         truths: "world" and "assumption" -> what to call for that truth.
-        note: what the time leaves out or includes, in a few words.
+        counted: what the time includes beside the technique itself, in a few words.
+        note: what else there is to say of the case or its time.
         timed: whether its time says anything; False for a bound that no program is.
     """
 
     run: Callable[[], object]
     image: Callable[[], NDArray[np.float32]] | None = None
+    setup: Callable[[], object] | None = None
     on_device: bool = True
     quantity: str = ""
     samples: float = 0.0
     moved: float = 0.0
     truths: Mapping[str, Callable[[], Truth]] = field(default_factory=dict)
+    counted: str = ""
     note: str = ""
     timed: bool = True
 

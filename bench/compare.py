@@ -41,7 +41,6 @@ class Comparison:
     Attributes:
         slower, faster: changes of time beyond noise.
         worse, better: changes of an RMSE beyond noise.
-        doubtful: changes of time of which at least one side is unsteady; they don't count.
         missing: cases of the first document alone, with the second's reason if it gives one. They
             do not count as failed: what was not measured can't be told.
         new: cases of the second document alone.
@@ -53,7 +52,6 @@ class Comparison:
     faster: list[Change] = field(default_factory=list)
     worse: list[Change] = field(default_factory=list)
     better: list[Change] = field(default_factory=list)
-    doubtful: list[Change] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     new: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -68,9 +66,10 @@ class Comparison:
 def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> Comparison:
     """Compare two documents, case by case.
 
-    Times are compared as ratios to the reference case measured beside them. A change counts if it
-    is more than 10 % and the quartiles don't overlap. An RMSE, of either truth, changed if it moved
-    by more than `error_noise`. Errors are not compared if the truths were made with other options.
+    Wall times are compared as ratios to the reference measured beside them. A change counts if it
+    is more than 10 % and the quartiles don't overlap, unsteady or not: the quartiles show it. An
+    RMSE, of either truth, changed if it moved by more than `error_noise`. Errors are not compared
+    if the truths were made with other options.
 
     Raises:
         ValueError: the documents have no case in common.
@@ -124,7 +123,6 @@ def show(comparison: Comparison, console: Console) -> None:
         table.add_column(heading, justify="right")
     for verdict, changes, style in (
         ("slower", comparison.slower, "bold red"), ("worse", comparison.worse, "bold red"),
-        ("unsteady", comparison.doubtful, "yellow"),
         ("faster", comparison.faster, "green"), ("better", comparison.better, "green"),
     ):
         for change in changes:
@@ -177,19 +175,13 @@ def _note_differences(
 
 def _compare_times(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:
     name = old["name"]
-    if (old.get("device_ms") is None) != (new.get("device_ms") is None):
-        found.notes.append(f"the time of {name} is not compared: two clocks measured it")
-        return
     one, two = old["ratio"], new["ratio"]
     slower = two["median"] > (1.0 + TIME_CHANGE) * one["median"] and two["low"] > one["high"]
     faster = one["median"] > (1.0 + TIME_CHANGE) * two["median"] and one["low"] > two["high"]
     if not slower and not faster:
         return
     change = Change(name, "time ratio", one["median"], two["median"])
-    if old["unsteady"] or new["unsteady"]:
-        found.doubtful.append(change)
-    else:
-        (found.slower if slower else found.faster).append(change)
+    (found.slower if slower else found.faster).append(change)
 
 
 def _compare_errors(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from ssgi_cl.rasterize.view import device_scene, downloaded, margin_of
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.lamps import Lamp
 from ssgi_cl.truth import Truth
+
+T = TypeVar("T")
 
 Progress = Callable[[str, float], object]
 """Called with what is under way and the share of it that is done."""
@@ -61,6 +64,7 @@ class Context:
         self.truths = truths or TruthSettings()
         self.progress: Progress = lambda text, share: None
         self._kept: dict[str, Truth] = {}
+        self._shared: dict[str, Any] = {}
 
     @cached_property
     def camera(self) -> Camera:
@@ -149,6 +153,13 @@ class Context:
                 visibility=visibility, rebuild=self.truths.rebuild, progress=progress,
             ),
         )
+
+    def shared(self, title: str, make: Callable[[], T]) -> T:
+        """Return what `make` returns, which is called once for each title: for several cases."""
+        if title not in self._shared:
+            self._shared[title] = make()
+        found: T = self._shared[title]
+        return found
 
     def truth(self, title: str, make: Callable[[Callable[[float], object]], Truth]) -> Truth:
         """Return what `make` returns, which is called once for each title."""

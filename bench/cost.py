@@ -44,7 +44,7 @@ class Cost:
         technique: key in `TECHNIQUES`.
         size: (rows, columns) of the image.
         radii: radius in parts of the scene's own.
-        ms: device time of all passes, milliseconds.
+        ms: wall time of a frame until the device has finished, milliseconds; no copy to the host.
         ns: the same over pixels that show something and samples of each, nanoseconds.
         unsteady: why this is not to be relied on; empty if it is.
     """

@@ -20,7 +20,7 @@ from ssgi_cl import atomic
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.ray_ao import threads
 
-FORMAT = "ssgi-bench 1"
+FORMAT = "ssgi-bench 2"
 
 PACKAGES = (
     "numpy", "pyopencl", "pocl-binary-distribution", "embreex", "mitsuba", "flip-evaluator", "vtk",
@@ -76,7 +76,7 @@ def stamp(runtime: Runtime) -> dict[str, Any]:
 
 def text(document: Mapping[str, Any]) -> str:
     """Return a document as JSON; numbers that are not finite become null."""
-    return json.dumps(_plain(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
@@ -111,8 +111,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def clock(result: Mapping[str, Any]) -> Mapping[str, float]:
-    """Return the spread of a result's time in ms: by the device's clock where it has one."""
-    spread: Mapping[str, float] = result.get("device_ms") or result["wall_ms"]
+    """Return the spread of a result's wall time in ms: the figure that is compared."""
+    spread: Mapping[str, float] = result["wall_ms"]
     return spread
 
 
@@ -146,12 +146,12 @@ def groups(results: list[dict[str, Any]]) -> dict[Group, list[dict[str, Any]]]:
     return {key: sorted(some, key=lambda r: clock(r)["median"]) for key, some in found.items()}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return what JSON can hold."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

@@ -2,33 +2,57 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .document import clock, groups, metric, timed
 
+Result = Mapping[str, Any]
+
 
 def mark(results: list[dict[str, Any]]) -> None:
-    """Set "front" of every result.
+    """Set "front" and "near" of every result.
 
     A result is on the front if none of its group (quantity, scene, size) has both no greater
-    median time and no greater RMSE against the world's truth, with one of the two less. Of results
-    that are equal in both, all are on it. A result without quantity, error or time, or
-    that is unsteady, never is.
+    median wall time and no greater RMSE against the world's reference, with one of the two less.
+    Of results that are equal in both, all are on it. It is near the front if it is off it only
+    because of results whose quartiles of time overlap with its own: whether they are faster is not
+    certain. Unsteady results count like any other. A result without quantity, error or time is
+    neither.
     """
     for result in results:
-        result["front"] = False
+        result["front"] = result["near"] = False
     for (quantity, _, _), group in groups(results).items():
         if not quantity:
             continue
-        points = []
-        for result in group:
-            rmse = metric(result, "world", "rmse")
-            if rmse is not None and not result["unsteady"] and timed(result):
-                points.append((clock(result)["median"], rmse, result))
-        points.sort(key=lambda point: point[:2])
-        latest = (math.nan, math.inf)
-        for time, rmse, result in points:
-            if rmse < latest[1] or (time, rmse) == latest:
-                result["front"] = True
-                latest = (time, rmse)
+        points = comparable(group)
+        for result in points:
+            rivals = [other for other in points if beats(other, result)]
+            result["front"] = not rivals
+            result["near"] = bool(rivals) and all(overlap(other, result) for other in rivals)
+
+
+def comparable(results: Sequence[Result]) -> list[Any]:
+    """Return the results that have both a time and an error, the fastest first."""
+    found = [r for r in results if timed(r) and metric(r, "world", "rmse") is not None]
+    return sorted(found, key=lambda r: (clock(r)["median"], error_of(r)))
+
+
+def error_of(result: Result) -> float:
+    """Return a result's RMSE against the world's reference, which it has."""
+    error = metric(result, "world", "rmse")
+    assert error is not None  # noqa: S101  see `comparable`
+    return error
+
+
+def beats(one: Result, other: Result) -> bool:
+    """Return whether one result has no greater time and error than the other, and one is less."""
+    time, late = clock(one)["median"], clock(other)["median"]
+    error, worse = error_of(one), error_of(other)
+    return time <= late and error <= worse and (time < late or error < worse)
+
+
+def overlap(one: Result, other: Result) -> bool:
+    """Return whether the quartiles of two results' times overlap."""
+    a, b = clock(one), clock(other)
+    return a["low"] <= b["high"] and b["low"] <= a["high"]

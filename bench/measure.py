@@ -49,17 +49,17 @@ class Timing:
     """What a subject takes.
 
     Attributes:
+        wall_ms: from the call until the work is finished: what is compared.
         device_ms: by the device's clock, all passes; None for what doesn't run there.
-        wall_ms: from the call until the work is finished.
-        ratio: time (of the device where there is one) over that of the reference run just before.
+        ratio: wall time over that of the reference run just before.
         runs: repetitions measured.
-        unsteady: why this is not to be relied on; empty if it is.
+        unsteady: why the median may be off by more than the quartiles tell; empty if it is not.
         passes: name -> median milliseconds of each pass on the device.
         skipped: name -> why a pass was not needed.
     """
 
-    device_ms: Spread | None
     wall_ms: Spread
+    device_ms: Spread | None
     ratio: Spread
     runs: int
     unsteady: str
@@ -68,7 +68,7 @@ class Timing:
 
 
 _NO_TIME = Spread(0.0, 0.0, 0.0)
-UNTIMED = Timing(None, _NO_TIME, _NO_TIME, 0, "", {}, {})
+UNTIMED = Timing(_NO_TIME, None, _NO_TIME, 0, "", {}, {})
 """Of what is no program."""
 
 
@@ -88,7 +88,7 @@ class Stopwatch:
         self._reference = Subject(run=GatherLoad(runtime).run)
         self.reference_ms: list[float] = []
         for _ in range(WARM_UP + FEWEST):
-            self.reference_ms.append(self._once(self._reference)[0])
+            self.reference_ms.append(self._once(self._reference)[1])
 
     def time(self, subject: Subject, again: Callable[[], Subject] | None = None) -> Timing:
         """Return what a subject takes; measured again, up to 3 times, if it is unsteady.
@@ -105,6 +105,8 @@ class Stopwatch:
         if took > LONG_MS:
             again = None
         repeats = min(MOST_REPEATS, max(1, round(min(self.reference_ms) / took)))
+        if subject.setup is not None:
+            repeats = 1
         least = FEWEST if took <= LONG_MS else LONG_RUNS
         took = 1e-3 * (took * repeats + min(self.reference_ms))
         runs = self._runs or min(MOST, max(least, 2 * int(0.5 * self._seconds / took)))
@@ -130,6 +132,8 @@ class Stopwatch:
         self, subject: Subject, repeats: int = 1
     ) -> tuple[float, float, dict[str, float], dict[str, str]]:
         """Return milliseconds of device and wall clock, passes and skips: of one of the repeats."""
+        if subject.setup is not None:
+            subject.setup()
         with self._runtime.frame():
             start = time.perf_counter()
             for _ in range(repeats):
@@ -150,17 +154,17 @@ class Stopwatch:
         skipped: dict[str, str] = {}
         for index in range(runs):
             subject = halves[2 * index // runs]
-            beside.append(self._once(self._reference)[0])
+            beside.append(self._once(self._reference)[1])
             on_device, on_wall, parts, skipped = self._once(subject, repeats)
             device.append(on_device)
             wall.append(on_wall)
-            ratio.append((on_device if subject.on_device else on_wall) / beside[-1])
+            ratio.append(on_wall / beside[-1])
             for name, ms in parts.items():
                 passes.setdefault(name, []).append(ms)
         self.reference_ms += beside
         return Timing(
-            device_ms=Spread.of(device) if subject.on_device else None,
             wall_ms=Spread.of(wall),
+            device_ms=Spread.of(device) if subject.on_device else None,
             ratio=Spread.of(ratio),
             runs=runs,
             unsteady=disagreement(ratio) or busyness(beside, min(self.reference_ms)),
@@ -185,10 +189,3 @@ def busyness(reference_ms: Sequence[float], fastest_ms: float) -> str:
     if slower <= BUSY:
         return ""
     return f"the machine was busy: the reference took {slower:.1f} times its fastest time"
-
-
-def median_ms(runtime: Runtime, run: Callable[[], object], runs: int = 5) -> float:
-    """Return the median device time of some runs after a warm-up, milliseconds."""
-    timing = Stopwatch(runtime, runs=max(4, runs + runs % 2)).time(Subject(run=run))
-    assert timing.device_ms is not None  # noqa: S101  a subject on the device has one
-    return timing.device_ms.median

@@ -13,8 +13,8 @@ from ssgi_cl import atomic
 from ssgi_cl.metrics import REGIONS
 
 from . import viewer
-from .document import Group, clock, groups, metric, timed
-from .guide import GUIDE, advises
+from .document import Group, groups, metric, timed
+from .guide import guides
 from .peers import PEERS
 from .plot import looks, plot, swatch
 from .report_page import page
@@ -24,9 +24,11 @@ from .wording import (
     NOTHING,
     calibration_line,
     ceiling,
+    device_milliseconds,
     milliseconds,
     number,
     percent,
+    quartiles,
     ratio,
     revision,
     short_name,
@@ -38,15 +40,17 @@ if TYPE_CHECKING:
 
 _STAR = '<span class="star" title="on the front">&#9733;</span>'
 _COLUMNS = (
-    "case", "ms", "RMSE", "RMSE, same model", "bias, same model", "bias", "99 %", "MRSE",
-    "PSNR, dB", "SSIM", "FLIP", "quartiles, ms", "ratio", "G/s", "GB/s", "of ceiling",
+    "case", "ms", "quartiles, ms", "RMSE", "RMSE, same model", "bias, same model", "bias", "99 %",
+    "MRSE", "PSNR, dB", "SSIM", "FLIP", "device, ms", "ratio", "G/s", "GB/s", "of ceiling",
 )
 _HOW = (
-    "Time is the median by the device's clock, or the wall clock for what does not run there; "
-    "ratio is time over that of the reference case run just before. RMSE, bias and the rest "
-    "compare with rays or paths against the mesh, the world's truth (FLIP of light is HDR-FLIP); "
-    "&ldquo;same model&rdquo; is what the same screen-space model converges to. A star marks what "
-    "nothing in its group beats in both time and error, ~ a time that is not to be relied on."
+    "ms is the median wall time of a frame, all that the result needs beyond the base G-buffer "
+    "counted; device, ms is that of the passes alone by the device's clock, and nothing is judged "
+    "by it. Ratio is wall time over that of the reference case run just before. RMSE, bias and the "
+    "rest compare with rays or paths against the mesh, the world's truth (FLIP of light is "
+    "HDR-FLIP); &ldquo;same model&rdquo; is what the same screen-space model converges to. A star "
+    "marks what nothing in its group beats in both time and error, + what only results beat that "
+    "overlap with it in time, ~ an unsteady time: see its quartiles."
 )
 
 
@@ -67,8 +71,7 @@ def write(
     parts = [_header(document)]
     grouped = groups(document["results"])
     parts.append(_contents(list(grouped)))
-    if advises(document):
-        parts.append(_guide())
+    parts.append(_guide(document))
     families = sorted({result["family"] for result in document["results"]})
     look = looks(families, list(PEERS))
     for index, (key, results) in enumerate(grouped.items()):
@@ -127,11 +130,20 @@ def _contents(keys: list[Group]) -> str:
     return f'<nav aria-label="Groups"><ul>{items}</ul></nav>'
 
 
-def _guide() -> str:
-    rows = "".join(
-        f"<dt>{escape(need)}</dt><dd>{escape(served)}</dd>" for need, served in GUIDE.items()
-    )
-    return f'<section><h2>Who should use which</h2><dl class="guide">{rows}</dl></section>'
+def _guide(document: Mapping[str, Any]) -> str:
+    tables = ""
+    for guide in guides(document):
+        head = "".join(f'<th scope="col">{escape(name)}</th>' for name in ("ms", *guide.scenes))
+        rows = "".join(
+            f'<tr><th scope="row">{ms:g}</th>'
+            + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+            for ms, cells in guide.rows.items()
+        )
+        tables += (
+            f'<h3>{escape(guide.case)}</h3><div class="scroll" tabindex="0"><table><thead><tr>'
+            f"{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        )
+    return f"<section><h2>The least error within a time</h2>{tables}</section>" if tables else ""
 
 
 def _plot(
@@ -176,10 +188,12 @@ def _table(results: list[dict[str, Any]], calibration: Mapping[str, float]) -> s
 
 
 def _notes(results: list[dict[str, Any]]) -> str:
-    """Return what times leave out and which are unsteady, each text once with all its cases."""
+    """Return what times count and which are unsteady, each text once with all its cases."""
     said: dict[str, list[str]] = {}
     for result in results:
-        for text in (result.get("note"), result["unsteady"] and f"~ {result['unsteady']}"):
+        counted = result.get("counted") and f"counted: {result['counted']}"
+        unsteady = result["unsteady"] and f"~ {result['unsteady']}"
+        for text in (counted, result.get("note"), unsteady):
             if text:
                 said.setdefault(text, []).append(short_name(result))
     items = "".join(
@@ -190,24 +204,22 @@ def _notes(results: list[dict[str, Any]]) -> str:
 
 def _row(result: dict[str, Any], calibration: Mapping[str, float]) -> list[str]:
     """Return the cells of `_COLUMNS`, HTML."""
-    time = clock(result)
     reached, what = ceiling(result, calibration)
-    star = _STAR if result.get("front") else '<span class="star"></span>'
-    wall = "" if result.get("device_ms") is not None or not timed(result) else (
-        " <small>wall</small>"
+    star = _STAR if result.get("front") else (
+        f'<span class="star">{"+" if result.get("near") else ""}</span>'
     )
-    spread = f"<small>{number(time['low'])} to {number(time['high'])}</small>"
 
     def error(name: str, sign: str = "") -> str:
         return number(metric(result, "world", name), sign)
 
     return [
         star + escape(short_name(result)),
-        milliseconds(result) + wall,
+        milliseconds(result),
+        f"<small>{quartiles(result)}</small>" if timed(result) else NOTHING,
         error("rmse"), number(metric(result, "assumption", "rmse")),
         number(metric(result, "assumption", "bias"), "+"), error("bias", "+"),
         error("p99"), error("mrse"), error("psnr"), error("ssim"), error("flip"),
-        spread if timed(result) else NOTHING,
+        device_milliseconds(result),
         ratio(result),
         number(result.get("samples_g_s")),
         number(result.get("moved_gb_s")),

@@ -44,7 +44,6 @@ a { color: var(--mark); }
 dl.facts { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1rem;
   margin: 1rem 0; }
 dl.facts dt { color: var(--soft); } dl.facts dd { margin: 0; overflow-wrap: anywhere; }
-dl.guide dt { font-weight: 500; } dl.guide dd { margin: 0 0 .5rem 1.2rem; max-width: 44rem; }
 nav ul { margin: .3rem 0; padding-left: 1.2rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9rem; }

@@ -1,19 +1,17 @@
 """The table of what a scene doesn't need: frames with and without each skip.
 
-    python -m ssgi_cl.bench.skips docs/skips.md
+`make figures` writes docs/skips.md.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from statistics import median
+from typing import Any
 
 import numpy as np
 
-from ssgi_cl.atomic import replacement
 from ssgi_cl.camera import Camera
 from ssgi_cl.plan import SKIPS
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -57,9 +55,34 @@ class Row:
     skipped: tuple[str, ...]
 
 
-def measured(runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS) -> Row:
+def record(
+    runtime: Runtime, rounds: int = ROUNDS, size: tuple[int, int] = SIZE,
+    report: Callable[[str], object] = lambda name: None,
+) -> dict[str, Any]:
+    """Return the rows of all scenes as JSON can hold them; see `page`.
+
+    Args:
+        runtime: the device.
+        rounds: pairs of frames of each column.
+        size: columns and rows.
+        report: called with the name of each scene before it is measured.
+    """
+    rows = []
+    for make in SKIP_SCENES:
+        view = make()
+        report(view.name)
+        rows.append(asdict(measured(runtime, view, rounds, size)))
+    return {
+        "device": f"{runtime.info.label}, {runtime.form}", "size": size, "rounds": rounds,
+        "rows": rows,
+    }
+
+
+def measured(
+    runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS, size: tuple[int, int] = SIZE
+) -> Row:
     """Render a scene with each skip, in turns, and check that the pictures are the same."""
-    cameras = _cameras(view)
+    cameras = _cameras(view, size)
     columns = (*COLUMNS, *SSDO)
     frames = {column: _rendered(runtime, view, cameras[0], column) for column in columns}
     taken: dict[str, list[float]] = {column: [] for column in columns}
@@ -86,11 +109,11 @@ def measured(runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS) -> Row:
     )
 
 
-def _cameras(view: BuiltinScene) -> tuple[Camera, Camera]:
+def _cameras(view: BuiltinScene, size: tuple[int, int]) -> tuple[Camera, Camera]:
     away = np.subtract(view.eye, view.target) * (1.0 + STEP)
     x, y, z = np.add(view.target, away).tolist()
-    return view.camera(*SIZE), Camera.look_at(
-        (x, y, z), view.target, view.up, yfov=view.yfov, width=SIZE[0], height=SIZE[1]
+    return view.camera(*size), Camera.look_at(
+        (x, y, z), view.target, view.up, yfov=view.yfov, width=size[0], height=size[1]
     )
 
 
@@ -106,65 +129,48 @@ def _rendered(runtime: Runtime, view: BuiltinScene, camera: Camera, column: str)
     )
 
 
-def page(rows: Sequence[Row], runtime: Runtime) -> str:
-    """Return the table in Markdown."""
+def page(found: Mapping[str, Any]) -> str:
+    """Return the page of what `record` returns."""
+    columns, high = found["size"]
     lines = [
         "# What a scene doesn't need",
         "",
-        f"Milliseconds of the device for a frame of {SIZE[0]} x {SIZE[1]} pixels, {LAYERS} depth "
-        "layers, GTAO, one shadow map of 1024 texels a lamp face; medians of "
-        f"{2 * ROUNDS} frames, columns in turns. The camera moves between frames but in "
-        f"`{STILL}`. Each column has that skip alone; `none` has none, `{ALONE}` asks for nothing "
-        "but ambient occlusion, with all. Every picture has the same bits as that of `none`.",
+        f"Wall milliseconds, from the call to the finished arrays on the host, for a frame of "
+        f"{columns} x {high} pixels, {LAYERS} depth layers, GTAO, one shadow map of 1024 texels a "
+        f"light face; medians of {2 * found['rounds']} frames, columns in turns. The camera moves "
+        f"between frames but in `{STILL}`. Each column has that skip alone; `none` has none, "
+        f"`{ALONE}` asks for nothing but ambient occlusion, with all. Every picture is "
+        "bit-identical to that of `none`.",
         "",
-        f"Device: {runtime.info.label}, {runtime.form}.",
+        f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}.",
         "",
         "| scene | seen | " + " | ".join(COLUMNS) + " | none / all |",
         "|---|---:|" + "---:|" * (len(COLUMNS) + 1),
     ]
-    for row in rows:
-        times = " | ".join(f"{row.ms[column]:.1f}" for column in COLUMNS)
-        gain = row.ms["none"] / row.ms[ALL]
-        lines.append(f"| {row.name} | {100.0 * row.seen:.0f} % | {times} | {gain:.1f} |")
+    for row in found["rows"]:
+        wall = row["wall"]
+        times = " | ".join(f"{wall[column]:.1f}" for column in COLUMNS)
+        seen = f"{100.0 * row['seen']:.0f} %"
+        lines.append(f"| {row['name']} | {seen} | {times} | {wall['none'] / wall[ALL]:.1f} |")
     lines += [
         "",
-        "The same from the call to the finished arrays on the host, and frames that `ssdo` lights "
-        "(its defaults, both layers shaded), milliseconds of the device:",
+        "Frames that `ssdo` lights (its defaults, both layers shaded), by the wall clock; and the "
+        "frames above by the device's clock, passes alone:",
         "",
-        "| scene | wall, none | wall, all | none / all | ssdo, none | ssdo, all | none / all |",
+        "| scene | ssdo, none | ssdo, all | none / all | device, none | device, all | none / all |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
-    for row in rows:
-        pairs = ((row.wall, ("none", ALL)), (row.ms, SSDO))
+    for row in found["rows"]:
+        pairs = ((row["wall"], SSDO), (row["ms"], ("none", ALL)))
         cells = [
-            f"{ms[before]:.1f} | {ms[after]:.1f} | {ms[before] / ms[after]:.1f}"
+            f"{ms[before]:.1f} | {ms[after]:.1f} | {ms[before] / max(ms[after], 1e-9):.1f}"
             for ms, (before, after) in pairs
         ]
-        lines.append(f"| {row.name} | " + " | ".join(cells) + " |")
+        lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
     lines += ["", "| skip | what it leaves out |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in SKIPS.items()]
     lines += ["", "Left out with all of them, the camera moving:", ""]
-    for row in rows:
-        lines.append(f"- {row.name}: " + ("; ".join(dict.fromkeys(row.skipped)) or "nothing"))
-    lines += ["", "Made by `python -m ssgi_cl.bench.skips docs/skips.md`.", ""]
+    for row in found["rows"]:
+        lines.append(f"- {row['name']}: " + ("; ".join(dict.fromkeys(row["skipped"])) or "nothing"))
+    lines += ["", "Made by `make figures`.", ""]
     return "\n".join(lines)
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Measure all scenes, or those whose names hold the second argument, and write the page."""
-    if not 1 <= len(arguments) <= 2:
-        raise SystemExit("usage: python -m ssgi_cl.bench.skips PAGE [WORDS OF SCENES]")
-    runtime = Runtime.open()
-    wanted = arguments[1] if len(arguments) == 2 else ""
-    rows = []
-    for make in SKIP_SCENES:
-        view = make()
-        if wanted in view.name:
-            rows.append(measured(runtime, view))
-            print(rows[-1], file=sys.stderr)
-    with replacement(Path(arguments[0])) as target:
-        target.write_text(page(rows, runtime), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -148,7 +148,7 @@ def measure(
         if not why:
             try:
                 _one(case, context, family, watch, found, errors)
-            except (SsgiError, ValueError) as error:
+            except (SsgiError, ValueError, RuntimeError) as error:  # peers raise what they like
                 why = _line(error)
         if why:
             found.skipped.append({"name": case.name, "reason": why})
@@ -270,10 +270,11 @@ def _entry(
         "scene": case.scene,
         "size": list(case.size),
         "quantity": subject.quantity,
+        "counted": subject.counted,
         "note": subject.note,
         "timed": subject.timed,
-        "device_ms": asdict(timing.device_ms) if timing.device_ms else None,
         "wall_ms": asdict(timing.wall_ms),
+        "device_ms": asdict(timing.device_ms) if timing.device_ms else None,
         "runs": timing.runs,
         "ratio": asdict(timing.ratio),
         "unsteady": timing.unsteady,
@@ -285,4 +286,5 @@ def _entry(
         ],
         "errors": errors,
         "front": False,
+        "near": False,
     }

@@ -14,7 +14,7 @@ from PIL import Image
 from ssgi_cl import atomic
 
 from .document import Group, groups, metric
-from .guide import GUIDE, advises
+from .guide import guides
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
@@ -22,25 +22,38 @@ from .report_page import PLOT_STYLE
 from .verdict import verdict
 from .wording import (
     calibration_line,
+    device_milliseconds,
     milliseconds,
     number,
-    ratio,
+    quartiles,
     revision,
     rmse,
     short_name,
+    star,
     title,
 )
 
 if TYPE_CHECKING:
     from .suite import Pictures
 
-_HEAD = "| | case | ms | ratio | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model | its bias |"
-_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
-_LEGEND = (
-    "\\* nothing of its group is both faster and closer to the truth. ~ unsteady. Ratio: time over "
-    "that of the reference run beside it. RMSE, bias, MRSE, SSIM and FLIP (of light HDR-FLIP) are "
-    "against rays or paths through the mesh; the last two columns are against what the same "
-    "screen-space model converges to. RMSE of light: in W/m², and as a share of the truth's mean."
+_HEAD = (
+    "| | case | ms | quartiles | device ms | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model "
+    "| its bias | counted |"
+)
+_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
+LEGEND = (
+    "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
+    "for the result beyond the base G-buffer (one layer, no overscan), which everything here gets "
+    "for nothing: layers and overscan drawn, auxiliary cameras and maps drawn, lights chosen, "
+    "copies to and from the device, blur or denoiser; the last column names it. Search trees of "
+    "meshes that do not move are built before, those of meshes that move in every frame. Device "
+    "ms: by the device's clock, passes alone; nothing is judged by it.",
+    "\\* nothing in its group is both faster and closer to the reference; + only such results are "
+    "as overlap with it in time. ~ unsteady: the halves of its runs differ by more than a tenth, "
+    "or the machine was busy; it counts like any other. RMSE, bias, MRSE, SSIM and FLIP (of light "
+    "HDR-FLIP) are against rays or paths through the mesh; the model's against what the same "
+    "screen-space model converges to. RMSE of light: in W/m², and as a share of the reference's "
+    "mean.",
 )
 _ENTRY_WIDTH, _ROW = 140, 22
 _STRIP, _QUALITY = 1200, 80
@@ -66,50 +79,101 @@ def write(
     Raises:
         OSError: a file can't be written; the message names it.
     """
-    page = Path(path)
+    file = Path(path)
+    shown = strips(document, pictures)
+    files = []
+    for name, drawn in plots(document, file.stem).items():
+        files.append(file.with_name(f"{name}.svg"))
+        with atomic.replacement(files[-1]) as temporary:
+            temporary.write_text(drawn, encoding="utf-8")
+    for name, case in zip(_names(document, file.stem), shown, strict=True):
+        if case:
+            files.append(file.with_name(f"{name}.jpg"))
+            with atomic.replacement(files[-1]) as temporary:
+                _strip(pictures[case]).save(temporary, "JPEG", quality=_QUALITY)
+    with atomic.replacement(file) as temporary:
+        temporary.write_text(page({**document, "strips": shown}, file.stem), encoding="utf-8")
+    return [file, *files]
+
+
+def strips(document: Mapping[str, Any], pictures: Mapping[str, Pictures]) -> list[str]:
+    """Return for each group of a document the case whose pictures are shown; "" for none."""
+    found = (_best(results, pictures) for results in groups(document["results"]).values())
+    return [best["name"] if best else "" for best in found]
+
+
+def plots(document: Mapping[str, Any], stem: str) -> dict[str, str]:
+    """Return name of a file, without its ending -> SVG, of each group that has a plot."""
+    grouped = groups(document["results"])
+    drawn = {
+        name: _drawing(key, results)
+        for name, (key, results) in zip(_names(document, stem), grouped.items(), strict=True)
+    }
+    return {name: drawing for name, drawing in drawn.items() if drawing}
+
+
+def page(document: Mapping[str, Any], stem: str) -> str:
+    """Return the page: a function of the document alone.
+
+    Args:
+        document: see `document`; its `strips` are what the function of that name returns.
+        stem: with which the names of plots and pictures begin.
+    """
     device, machine = document["device"], document["machine"]
     lines = [
         "# Run time against error",
         "",
         f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads. "
-        f"Revision {revision(document)}. "
+        f"Revision {revision(document)}, {document['created']}. "
         f"C{calibration_line(document['calibration'])[1:]}. "
         f"Reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms.",
-        "",
-        _LEGEND,
     ]
-    if advises(document):
-        lines += ["", "## Who should use which", ""]
-        lines += (f"- {need}: {served}" for need, served in GUIDE.items())
-    files = []
-    for key, results in groups(document["results"]).items():
+    for text in LEGEND:
+        lines += ["", text]
+    lines += _guides(document)
+    shown = document.get("strips") or [""] * len(groups(document["results"]))
+    drawn = plots(document, stem)
+    for name, strip, (key, results) in zip(
+        _names(document, stem), shown, groups(document["results"]).items(), strict=True
+    ):
         lines += ["", f"## {title(key)}", ""]
-        name = f"{page.stem}-{key[0]}-{key[1]}-{key[2][1]}x{key[2][0]}"
-        drawn = _drawing(key, results)
-        if drawn:
-            files.append(page.with_name(f"{name}.svg"))
-            with atomic.replacement(files[-1]) as temporary:
-                temporary.write_text(drawn, encoding="utf-8")
+        if name in drawn:
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = verdict(results)
         lines += [said, ""] if said else []
         lines += [_HEAD, _RULE, *map(_row, results)]
-        best = _best(results, pictures)
-        if best is not None:
-            files.append(page.with_name(f"{name}.jpg"))
-            with atomic.replacement(files[-1]) as temporary:
-                _strip(pictures[best["name"]]).save(temporary, "JPEG", quality=_QUALITY)
+        if strip:
+            case = strip.rsplit(".", 2)[0]
             lines += [
                 "",
-                f"![{short_name(best)}, truth, error]({name}.jpg)",
+                f"![{case}, truth, error]({name}.jpg)",
                 "",
-                f"*{short_name(best)}; truth; error from blue, {-OCCLUSION_RANGE}, to orange, "
+                f"*{case}; truth; error from blue, {-OCCLUSION_RANGE}, to orange, "
                 f"+{OCCLUSION_RANGE} (of light, half the truth's luminance).*",
             ]
     lines += ["", *(f"- {entry['name']}: {entry['reason']}" for entry in document["skipped"])]
-    with atomic.replacement(page) as temporary:
-        temporary.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    return [page, *files]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _guides(document: Mapping[str, Any]) -> list[str]:
+    """Return the tables of what has the least error within a time."""
+    found = guides(document)
+    if not found:
+        return []
+    lines = ["", "## The least error within a time", "", "Setting and RMSE, by median wall time."]
+    for guide in found:
+        lines += ["", f"{guide.case}:", "", f"| ms | {' | '.join(guide.scenes)} |"]
+        lines.append("|---:|" + "---|" * len(guide.scenes))
+        lines += (f"| {ms:g} | {' | '.join(cells)} |" for ms, cells in guide.rows.items())
+    return lines
+
+
+def _names(document: Mapping[str, Any], stem: str) -> list[str]:
+    """Return with what the names of the files of each group begin."""
+    return [
+        f"{stem}-{quantity}-{scene}-{columns}x{rows}"
+        for quantity, scene, (rows, columns) in groups(document["results"])
+    ]
 
 
 def _best(
@@ -146,14 +210,16 @@ def _row(result: Mapping[str, Any]) -> str:
     world = [number(metric(result, "world", name), "+" if name == "bias" else "")
              for name in ("bias", "mrse", "ssim", "flip")]
     cells = (
-        "\\*" if result["front"] else "",
+        star(result).replace("*", "\\*"),
         short_name(result),
         milliseconds(result),
-        ratio(result),
+        quartiles(result),
+        device_milliseconds(result),
         rmse(result, "world"),
         *world,
         rmse(result, "assumption"),
         number(metric(result, "assumption", "bias"), "+"),
+        result.get("counted") or "",
     )
     return f"| {' | '.join(cells)} |"
 

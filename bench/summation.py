@@ -1,16 +1,14 @@
-"""How float32 sums of many lights err: `python -m ssgi_cl.bench.summation` writes a table of it."""
+"""How float32 sums of many lights err; `make figures` writes docs/summation.md."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
-import click
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.atomic import replacement
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import on_device
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
@@ -35,6 +33,8 @@ SIZE = (6, 8)
 
 HEIGHT = 1.5
 """Of the lights above the wall that they shine on, scene units."""
+POWERS = (10, 12, 14, 16, 18)
+"""Of two: numbers of terms."""
 SIDES = (32, 64, 128)
 """Of the maps: as many lights as texels."""
 
@@ -150,46 +150,46 @@ def technique_errors(runtime: Runtime, flux: Doubles) -> Iterator[tuple[str, flo
     yield "rsm_gather", error(rsm_gather(gbuffer, rsm, pattern="all", runtime=runtime))
 
 
-def report(runtime: Runtime) -> str:
-    """Return the page."""
+def measured(runtime: Runtime) -> dict[str, Any]:
+    """Return all errors as JSON can hold them; see `page`."""
+    sums = []
+    for name, terms_of in TERMS.items():
+        for power in POWERS:
+            terms = terms_of(1 << power).astype(np.float32)
+            right = math.fsum(terms.astype(np.float64))
+            errors = {kind: abs(total(terms) / right - 1.0) for kind, total in SUMS.items()}
+            sums.append({"terms": name, "count": 1 << power, "errors": errors})
+    found = [
+        {"terms": name, "count": side * side,
+         "errors": dict(technique_errors(runtime, terms_of(side * side)))}
+        for name, terms_of in TERMS.items() for side in SIDES
+    ]
+    return {"device": f"{runtime.info.label}, {runtime.form}", "sums": sums, "techniques": found}
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """Return the page of what `measured` returns."""
     lines = [
         "# Sums of many lights",
         "",
-        "Made by `python -m ssgi_cl.bench.summation`.",
+        f"Made by `make figures`. {found['device']}; "
+        f"revision {found.get('revision') or 'unknown'}.",
         "",
         f"Relative errors of float32 sums against float64. Terms: all 1/3; 1 in front of "
         f"{1.0 / RANGE:g}s; spread evenly over the logarithm of {RANGE:g}, in no order. Sums: one "
         f"after the other; by blocks of {BLOCK} and batches of {BATCH}; of halves; with what each "
         "addition lost carried along.",
         "",
-        "| terms | count | " + " | ".join(SUMS) + " |",
-        "|---|---:|" + "---:|" * len(SUMS),
-    ]
-    for name, terms_of in TERMS.items():
-        for power in (10, 12, 14, 16, 18):
-            terms = terms_of(1 << power).astype(np.float32)
-            right = math.fsum(terms.astype(np.float64))
-            errors = (abs(total(terms) / right - 1.0) for total in SUMS.values())
-            lines.append(f"| {name} | {1 << power} | " + " | ".join(map(_digits, errors)) + " |")
-    found = [
-        (name, side * side, dict(technique_errors(runtime, terms_of(side * side))))
-        for name, terms_of in TERMS.items() for side in SIDES
-    ]
-    lines += [
+        *_table("terms", found["sums"]),
         "",
         "Techniques, as many lights as terms, all at all pixels; the largest error of a pixel. It "
         "includes the roundings of each light's form factor.",
         "",
-        "| flux | lights | " + " | ".join(found[0][2]) + " |",
-        "|---|---:|" + "---:|" * len(found[0][2]),
-    ]
-    for name, count, errors_of in found:
-        cells = " | ".join(map(_digits, errors_of.values()))
-        lines.append(f"| {name} | {count} | {cells} |")
-    lines += [
+        *_table("flux", found["techniques"]),
         "",
         "Choice: blocks (rsm_gather: of 256 and no batches). They cost one addition in 64 and need "
-        "two sums of each colour; the techniques stay below 1e-5. Halves would need a sum for each "
+        "two sums of each colour; the largest error of a technique above is "
+        f"{_digits(_largest(found['techniques']))}. Halves would need a sum for each "
         "level, compensation three further operations on each colour of each light, a third of "
         "what a light costs in all, for digits that a form factor in float32 has not.",
         "",
@@ -197,20 +197,18 @@ def report(runtime: Runtime) -> str:
     return "\n".join(lines)
 
 
+def _table(what: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    heads = list(rows[0]["errors"])
+    lines = [f"| {what} | count | {' | '.join(heads)} |", "|---|---:|" + "---:|" * len(heads)]
+    for row in rows:
+        cells = " | ".join(_digits(row["errors"][head]) for head in heads)
+        lines.append(f"| {row['terms']} | {row['count']} | {cells} |")
+    return lines
+
+
+def _largest(rows: Sequence[Mapping[str, Any]]) -> float:
+    return max(float(error) for row in rows for error in row["errors"].values())
+
+
 def _digits(error: float) -> str:
     return f"{error:.1e}"
-
-
-@click.command()
-@click.option("--output", default="docs/summation.md", show_default=True,
-              type=click.Path(dir_okay=False, path_type=Path), help="The page.")
-@click.option("--device", metavar="WORDS", help="Words of the device's label.")
-def main(output: Path, device: str | None) -> None:
-    """Measure how sums of many lights err in float32 and write a table."""
-    with replacement(output) as path:
-        path.write_text(report(Runtime.open(device)), encoding="utf-8")
-    click.echo(f"wrote {output}")
-
-
-if __name__ == "__main__":
-    main(prog_name="python -m ssgi_cl.bench.summation")

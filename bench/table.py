@@ -10,18 +10,21 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .document import clock, groups, metric, timed
+from .document import groups, metric
 from .verdict import verdict
 from .wording import (
     NOTHING,
     calibration_line,
     ceiling,
+    device_milliseconds,
     milliseconds,
     number,
+    quartiles,
     ratio,
     revision,
     rmse,
     short_name,
+    star,
     title,
     unit,
 )
@@ -30,9 +33,11 @@ Row = Mapping[str, Any]
 Cell = Callable[[Row], str]
 
 _LEGEND = (
-    "* nothing here is both faster and closer to the world's truth; ~ unsteady, see below; "
-    "ratio: to the reference; ceiling: share of the nearer one; FLIP: of light HDR-FLIP; model: "
-    "RMSE and bias against what the same screen-space model converges to; %: of the truth's mean"
+    "ms: median wall time; device: by the device's clock; * nothing here is both faster and closer "
+    "to the world's truth; + only what overlaps with it in time is; ~ unsteady, see below; "
+    "ratio: wall time to that of the reference; ceiling: share of the nearer one; FLIP: of light "
+    "HDR-FLIP; model: RMSE and bias against what the same screen-space model converges to; %: of "
+    "the truth's mean"
 )
 
 
@@ -104,15 +109,12 @@ def _columns(calibration: Mapping[str, float]) -> list[tuple[str, int, Cell]]:
         reached, what = ceiling(row, calibration)
         return f"{100.0 * reached:.0f} % {what}" if what else NOTHING
 
-    def spread(row: Row) -> str:
-        time = clock(row)
-        return f"{number(time['low'])}..{number(time['high'])}" if timed(row) else NOTHING
-
     return [
-        ("", 0, lambda row: "*" if row.get("front") else " "),
+        ("", 0, lambda row: star(row) or " "),
         ("case", 0, short_name),
         ("ms", 0, milliseconds),
-        ("quartiles", 5, spread),
+        ("quartiles", 3, quartiles),
+        ("device", 5, device_milliseconds),
         ("ratio", 2, ratio),
         ("G/s", 6, lambda row: number(row.get("samples_g_s"))),
         ("GB/s", 7, lambda row: number(row.get("moved_gb_s"))),

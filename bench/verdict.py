@@ -1,146 +1,114 @@
-"""When to cast rays instead, and what this library's own are worth beside what is published."""
+"""What the rows of a group say: which side has the least error within which time.
+
+Every sentence follows from the rows alone, unsteady ones included, by their median wall times;
+where quartiles overlap, the sentence says so.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import groupby, pairwise
 from typing import Any
 
-from .document import clock, metric, timed
-from .peers import PEERS, mitsuba_path
-from .peers.embree import MOVING, STATIC
+from .document import clock
+from .front import Result, beats, comparable, error_of, overlap
+from .peers import PEERS, embree, mitsuba_ao, mitsuba_path
 from .wording import number, short_name
 
-_Result = Mapping[str, Any]
-
 PUBLISHED = {"xegtao": "XeGTAO's High setting"}
-"""Families that measure what others chose, with this library's kernels."""
+"""Families that measure settings which others published, with this library's kernels."""
 
-STILL = (*STATIC, *mitsuba_path.FAMILIES)
-"""Families of rays and paths through geometry that stands still."""
+STATIC = (*embree.FAMILIES, *mitsuba_ao.STATIC, *mitsuba_path.FAMILIES)
+"""Families of rays and paths against a mesh that does not move: its tree is built once."""
+MOVING = tuple(mitsuba_ao.MOVING)
+"""Families of rays against a mesh that moves: its tree is built in every run."""
 
-ALIKE = 1.05
-"""Times that differ by no more than this factor are called the same cost."""
+OWN = "this library"
+RAYS = "rays against the mesh"
+MOST_PAIRS = 3
+"""Pairs of results that are named because their times overlap."""
 
 
-def rays_ms(
-    results: Sequence[_Result], rmse: float, families: Iterable[str] = STILL
-) -> float | None:
-    """Return the least time in which rays have at most this error against the world's truth.
+def verdict(results: Sequence[Result]) -> str:
+    """Return what the results of one group say, in some sentences.
 
-    Between two settings of a family time is a power of the error; where one ray already has less
-    error, it is the time of that. None where no number of rays that was measured reaches it.
-
-    Args:
-        results: of one group.
-        rmse: the error, > 0.
-        families: of rays against the mesh.
+    One for each published setting; one for a mesh that does not move, and one for a mesh that
+    moves, each over the rows of this library and of such rays. "" where there is nothing of this
+    library, or nothing to compare it with.
     """
-    best = None
-    for family in families:
-        points = sorted(
-            (error, clock(result)["median"])
-            for result in results
-            if result["family"] == family
-            and (error := metric(result, "world", "rmse")) is not None
-            and error > 0.0
-        )
-        if not points or rmse < points[0][0]:
-            continue
-        time = points[-1][1]
-        for (low, slow), (high, fast) in pairwise(points):
-            if low <= rmse < high:
-                share = math.log(rmse / low) / math.log(high / low)
-                time = slow * (fast / slow) ** share
-        best = time if best is None else min(best, time)
-    return best
-
-
-def verdict(results: Sequence[_Result]) -> str:
-    """Return from which error on rays are the better choice, in some sentences.
-
-    Some for geometry that stands still, some for geometry that moves, so that the rays' search tree
-    is built again; and one for each published setting. "" where a group has no rays, or nothing of
-    this library, to compare; unsteady results don't count.
-    """
-    results = [result for result in results if not result["unsteady"]]
-    mine = _points(
-        result for result in results
-        if result["family"] not in PEERS and result["family"] not in PUBLISHED and timed(result)
-    )
-    said = [
-        _beside(PUBLISHED[result["family"]], point, mine)
-        for result in results if result["family"] in PUBLISHED
-        for point in _points([result]) if mine
-    ]
-    for families, where in (
-        (STILL, "the building of their tree not counted"),
-        (tuple(MOVING), "the building of their tree counted"),
+    rows = comparable(results)
+    if not any(_own(row) for row in rows):
+        return ""
+    said = [_within(row, rows) for row in rows if row["family"] in PUBLISHED]
+    for families, what in (
+        (STATIC, "the mesh does not move: its tree is built once and not counted"),
+        (MOVING, "the mesh moves: its tree is built in every frame and counted"),
     ):
-        if mine and any(result["family"] in families for result in results):
-            said.append(_crossing(results, mine, families, where))
-            rays = _points(result for result in results if result["family"] in families)
-            if rays:
-                first = min(rays, key=lambda point: point[1])
-                said.append(_beside(f"The fastest of these rays, {first[2]},", first, mine))
+        if any(row["family"] in families for row in rows):
+            said.append(_sides([r for r in rows if _own(r) or r["family"] in families], what))
     return " ".join(said)
 
 
-_Point = tuple[float, float, str]
-"""Error, time and name of a result."""
+def leader(rows: Sequence[Result], ms: float) -> Any:
+    """Return the row of least error among those whose median time is at most `ms`, or None.
+
+    Of equal errors the fastest.
+    """
+    within = [row for row in rows if clock(row)["median"] <= ms]
+    return min(within, key=lambda r: (error_of(r), clock(r)["median"]), default=None)
 
 
-def _points(results: Iterable[_Result]) -> list[_Point]:
-    """Return those of results that have an error, by error."""
-    return sorted(
-        (error, clock(result)["median"], short_name(result))
-        for result in results
-        if (error := metric(result, "world", "rmse")) is not None
+def told(row: Result) -> str:
+    """Return a row's name with its RMSE and its time."""
+    return (
+        f"{short_name(row)} (RMSE {number(error_of(row))}, {number(clock(row)['median'])} ms)"
     )
 
 
-def _beside(what: str, of: _Point, mine: Sequence[_Point]) -> str:
-    """Return what this library reaches at the cost of something else."""
-    error, time, _ = of
-    said = f"{what} has an RMSE of {number(error)} in {number(time)} ms"
-    within = [point for point in mine if point[1] <= ALIKE * time]
-    if not within:
-        return f"{said}; nothing of this library is as fast."
-    least, took, name = within[0]
-    return f"{said}; at that cost {name} has {number(least)}, in {number(took)} ms."
+def _own(row: Result) -> bool:
+    return row["family"] not in PEERS and row["family"] not in PUBLISHED
 
 
-def _crossing(
-    results: Sequence[_Result], mine: Sequence[_Point],
-    families: tuple[str, ...], where: str,
-) -> str:
-    """Return where rays of some families overtake.
+def _within(published: Result, rows: Sequence[Result]) -> str:
+    """Return what else can be had in the time of a published setting."""
+    best = leader(rows, clock(published)["median"])
+    said = f"{PUBLISHED[published['family']]} is {told(published)}"
+    if best is published:
+        return f"{said}; no row has less error within that time."
+    tie = "; their times overlap" if overlap(best, published) else ""
+    return f"{said}; the least error within that time is that of {told(best)}{tie}."
+
+
+def _sides(rows: Sequence[Result], what: str) -> str:
+    """Return which side has the least error within which time.
 
     Args:
-        results: of one group.
-        mine: (error, time, name) of this library's, by error.
-        families: of rays.
-        where: what their time is of.
+        rows: of both sides, the fastest first; see `comparable`.
+        what: the case that is compared.
     """
-    ahead = [
-        (error, time, name)
-        for error, time, name in mine
-        if (rays := rays_ms(results, error, families)) is None or time < rays
+    front = [row for row in rows if not any(beats(other, row) for other in rows)]
+    runs = [list(run) for _, run in groupby(front, key=_own)]
+    parts = []
+    for run in runs:
+        side = OWN if _own(run[0]) else RAYS
+        start = number(clock(run[0])["median"])
+        last = f", down to {told(run[-1])}" if len(run) > 1 else ""
+        parts.append(f"from {start} ms on {side} with {told(run[0])}{last}")
+    said = f"Where {what}, the least error within a time is that of: {'; then '.join(parts)}."
+    pairs = _uncertain(rows, runs)
+    if pairs:
+        said += f" Their times overlap, so that their order is not certain: {'; '.join(pairs)}."
+    return said
+
+
+def _uncertain(rows: Sequence[Result], runs: Sequence[Sequence[Result]]) -> list[str]:
+    """Return pairs of results of both sides whose order in time decides, and is not certain."""
+    pairs = [(run[-1], following[0]) for run, following in pairwise(runs)]
+    for row in rows:
+        rivals = [other for other in rows if beats(other, row)]
+        if rivals and all(overlap(other, row) for other in rivals):
+            pairs += [(other, row) for other in rivals if _own(other) != _own(row)][:1]
+    names = [
+        f"{short_name(a)} and {short_name(b)}" for a, b in pairs if overlap(a, b)
     ]
-    if not ahead:
-        return (
-            "Rays against the mesh reach every error measured here in less time, "
-            f"{where}."
-        )
-    error, time, name = ahead[0]
-    rays = rays_ms(results, error, families)
-    if rays is None:
-        return (
-            f"No rays measured reach an RMSE of {number(error)}, which {name} has in "
-            f"{number(time)} ms: from where on they are the better choice can't be told, {where}."
-        )
-    return (
-        f"Rays against the mesh are the better choice below an RMSE of {number(error)}, which "
-        f"{name} has in {number(time)} ms (rays need {number(rays)} ms), {where}."
-    )
+    return list(dict.fromkeys(names))[:MOST_PAIRS]

@@ -23,6 +23,10 @@ _PIXELS = (800, 600)
 _YFOV = math.radians(50.0)
 
 
+class MissingMeshError(ValueError):
+    """A view's mesh is not where it is looked for."""
+
+
 def views_of(
     names: Sequence[str], runtime: Runtime, meshes: Path | None = None
 ) -> dict[str, BuiltinScene]:
@@ -41,6 +45,7 @@ def views_of(
     Raises:
         ValueError: two scenes have one name, no scene is called so and no file either, or what
             is said of a view is not usable.
+        MissingMeshError: the mesh of a view is not there; a ValueError.
         SceneError: a file can't be read.
     """
     found: dict[str, BuiltinScene] = {}
@@ -72,6 +77,8 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
             radius = check.number(
                 f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units"
             )
+        if not mesh.is_file():
+            raise MissingMeshError(f"there is no mesh {_mesh(path, fields)} (--meshes FOLDER)")
     scene = load_scene(mesh)
     camera = camera or default_camera(scene, *_PIXELS, _YFOV, runtime)
     low, high = scene.bounds

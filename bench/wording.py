@@ -68,10 +68,28 @@ def short_name(result: Mapping[str, Any]) -> str:
 
 
 def milliseconds(result: Mapping[str, Any]) -> str:
-    """Return a result's median time, with a mark if it is unsteady; `NOTHING` for a bound."""
+    """Return a result's median wall time, marked ~ if it is unsteady; `NOTHING` for a bound."""
     if not timed(result):
         return NOTHING
     return number(clock(result)["median"]) + ("~" if result["unsteady"] else "")
+
+
+def quartiles(result: Mapping[str, Any]) -> str:
+    """Return the quartiles of a result's wall time; `NOTHING` for a bound."""
+    if not timed(result):
+        return NOTHING
+    return f"{number(clock(result)['low'])}..{number(clock(result)['high'])}"
+
+
+def device_milliseconds(result: Mapping[str, Any]) -> str:
+    """Return a result's median time by the device's clock; `NOTHING` if it runs elsewhere."""
+    spread = result.get("device_ms")
+    return number(spread["median"]) if spread and timed(result) else NOTHING
+
+
+def star(result: Mapping[str, Any]) -> str:
+    """Return the mark of a result on the front, *, or near it, +."""
+    return "*" if result.get("front") else "+" if result.get("near") else ""
 
 
 def rmse(result: Mapping[str, Any], truth: str) -> str:

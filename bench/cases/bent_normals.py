@@ -48,7 +48,7 @@ class BentNormals(Own):
             return np.where(context.seen, angle, 0.0).astype(np.float32)
 
         return Subject(
-            run=lambda: technique.run(gbuffer),
+            run=lambda: technique.both(gbuffer),
             image=angles,
             quantity="bent",
             samples=2.0 * slices * taps * np.count_nonzero(context.seen) if match else 0.0,

@@ -54,7 +54,7 @@ class Converged(Own):
         technique = self.make(context.runtime, context.size, params)
         gbuffer = context.gbuffer
         return Subject(
-            run=lambda: technique.run(gbuffer),
+            run=lambda: technique(gbuffer),
             image=lambda: technique(gbuffer),
             quantity="model",
             samples=2.0 * params.slices * params.taps * np.count_nonzero(context.seen),

@@ -38,7 +38,7 @@ class Lecture(Own):
         gbuffer = context.gbuffer
         rows, columns = context.size
         return Subject(
-            run=lambda: technique.run(gbuffer),
+            run=lambda: technique(gbuffer),
             image=lambda: technique(gbuffer),
             quantity="occlusion",
             samples=36.0 / 4.0 * np.count_nonzero(context.seen),

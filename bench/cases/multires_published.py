@@ -13,8 +13,9 @@ from ssgi_cl.truth import Truth
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .multires_splat import all_lights, array_of, chosen_lights, relative_rmse
-from .vpl_splat import PIXEL_BYTES
+from ..drawn import DrawnMaps, DrawnView
+from .multires_splat import all_lights, relative_rmse
+from .vpl_splat import MAP_SIZE, PIXEL_BYTES, counted, lit
 
 
 @dataclass(frozen=True)
@@ -28,26 +29,27 @@ class MultiresPublishedByNumber(Own):
         params = MultiresPublishedParams(
             vpls=count_of(setting, "a number of lights", 1, 1 << 20)
         )
-        vpls = chosen_lights(context, params.vpls)
+        maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
         technique = MultiresPublished(context.runtime, context.size, params)
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return array_of(technique.run(context.gbuffer, vpls))
+            return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
-        off = image() - all_lights(context, vpls)
+        off = image() - all_lights(context, maps, params.vpls)
         share = sum(technique.counts()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
             "assumption": lambda: context.bounce(visibility=False),
         }
         return Subject(
-            run=lambda: technique.run(context.gbuffer, vpls),
+            run=image,
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
             truths=truths,
-            note=f"{len(vpls)} lights, chosen before; subsplats for {100 * share:.1f} % of the "
+            counted=counted(view),
+            note=f"{params.vpls} lights; subsplats for {100 * share:.1f} % of the "
             f"pixels; off all lights at all pixels by {relative_rmse(off, image()):.2f} % of the "
             "mean (RMSE)",
         )

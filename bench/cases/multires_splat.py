@@ -9,17 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.memory import Plane
-from ssgi_cl.rasterize.shadow_map import rsm
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, drawn_maps
+from ..drawn import DrawnMaps, DrawnView
+from .vpl_splat import MANY, MAP_SIZE, PIXEL_BYTES, WALLS, counted, lit
 
 GEOMETRY = "geometry"
 
@@ -49,34 +47,34 @@ class MultiresByError(Own):
             vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
             light_error=self.light_share * few, coarsest=self.coarsest,
         )
-        vpls = chosen_lights(context, params.vpls)
+        maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
         technique = MultiresSplat(context.runtime, context.size, params)
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return array_of(technique.run(context.gbuffer, vpls))
+            return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
-        off = image() - all_lights(context, vpls)
+        off = image() - all_lights(context, maps, params.vpls)
         share = sum(technique.grid.counts().values()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
             "assumption": lambda: context.bounce(visibility=False),
         }
         return Subject(
-            run=lambda: technique.run(context.gbuffer, vpls),
+            run=image,
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
             truths=truths,
-            note=f"{len(vpls)} lights, chosen before; {100 * share:.1f} % of the pixels computed; "
-            f"off all lights at all pixels by {relative_rmse(off, image()):.2f} % of the mean "
-            "(RMSE)",
+            counted=counted(view),
+            note=f"{params.vpls} lights; {100 * share:.1f} % of the pixels computed; off all "
+            f"lights at all pixels by {relative_rmse(off, image()):.2f} % of the mean (RMSE)",
         )
 
 
 @dataclass(frozen=True)
 class MultiresWalls(Own):
-    """Walls block light, over four layers and a tenth of overscan; the setting: number of lights.
+    """Walls block light; the setting is the number of lights.
 
     Attributes:
         error: of interpolation, and of few lights for many; less shows the grid's cells alone.
@@ -93,47 +91,35 @@ class MultiresWalls(Own):
             vpls=count_of(setting, "a number of lights", 1, 1 << 20), error=self.error,
             light_error=self.error, visibility=True,
         )
-        maps, gbuffer = drawn_maps(context), context.layered(4, 0.1)
+        maps = DrawnMaps(context, MAP_SIZE)
+        view = DrawnView(context, *((1, 0.0) if self.solid else WALLS))
         technique = MultiresSplat(context.runtime, context.size, params)
         scene = device_scene(context.view.scene, context.runtime) if self.solid else None
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return array_of(technique.run(gbuffer, None, maps, scene=scene))
+            return lit(
+                context, maps, lambda rsms: technique.run(view.draw(), None, rsms, scene=scene)
+            )
 
         image()
         share = sum(technique.grid.counts().values()) / pixels
         return Subject(
-            run=lambda: technique.run(gbuffer, None, maps, scene=scene),
+            run=image,
             image=image,
             quantity="bounce",
             moved=pixels * PIXEL_BYTES,
             truths={"world": context.bounce},
-            note=f"without drawing the maps and, as long as they stay, without choosing lights; "
-            f"{100 * share:.1f} % of the pixels computed",
+            counted=counted(view),
+            note=f"{100 * share:.1f} % of the pixels computed",
         )
 
 
-def chosen_lights(context: Context, count: int) -> Vpls:
-    """Return lights from maps of the lamps."""
-    if not context.lamps:
-        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-    maps = [
-        rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=context.runtime)
-        for lamp in context.lamps
-    ]
-    return choose_vpls(maps, count, runtime=context.runtime)
-
-
-def all_lights(context: Context, vpls: Vpls) -> NDArray[np.float32]:
+def all_lights(context: Context, maps: DrawnMaps, count: int) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
-    params = VplSplatParams(vpls=len(vpls), cutoff=0.0, refine=0.0)
-    return array_of(VplSplat(context.runtime, context.size, params).run(context.gbuffer, vpls))
-
-
-def array_of(plane: Plane) -> NDArray[np.float32]:
-    """Return [rows, columns, channels] of a plane."""
-    return np.moveaxis(plane.download(), 0, -1)
+    params = VplSplatParams(vpls=count, cutoff=0.0, refine=0.0)
+    technique = VplSplat(context.runtime, context.size, params)
+    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
 
 
 def relative_rmse(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:

@@ -12,7 +12,10 @@ from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .vpl_splat import drawn_maps
+from ..drawn import DrawnMaps
+
+MAP_SIZE = 512
+"""Texels along a side of each map."""
 
 
 @dataclass(frozen=True)
@@ -30,26 +33,25 @@ class RsmGatherFamily(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
-        maps, gbuffer = drawn_maps(context), context.gbuffer
+        gbuffer, drawn = context.gbuffer, lamp_maps(context)
         params = RsmGatherParams(
             samples=samples, pattern=self.pattern, resolution=self.resolution
         )
         technique = RsmGather(context.runtime, context.size, params)
 
         def image() -> NDArray[np.float32]:
-            return technique(gbuffer, maps)
+            return technique(gbuffer, [rsm for maps in drawn for rsm in maps.reflective()])
 
         # Samples that are the same for all pixels need no scattered reads, others ten each.
         pixels = int(np.count_nonzero(context.seen))
-        note = "without drawing the maps and, as long as they stay, without drawing samples"
+        note = ""
         if self.resolution != "full":
             image()
-            share = technique.computed
-            pixels = int(share * pixels)
-            note += f"; {100.0 * share:.1f} % of the pixels computed"
-        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(maps)
+            pixels = int(technique.computed * pixels)
+            note = f"{100.0 * technique.computed:.1f} % of the pixels computed"
+        reads = 0.0 if self.pattern == "flux" else 10.0 * pixels * samples * len(drawn)
         return Subject(
-            run=lambda: technique.run(gbuffer, maps),
+            run=image,
             image=image,
             quantity="bounce",
             samples=reads,
@@ -57,8 +59,20 @@ class RsmGatherFamily(Own):
                 "world": context.bounce,
                 "assumption": lambda: context.bounce(visibility=False),
             },
+            counted=f"{DrawnMaps.counted}, samples drawn",
             note=note,
         )
+
+
+def lamp_maps(context: Context) -> list[DrawnMaps]:
+    """Return the maps of each lamp, which the published pattern projects a pixel into one by one.
+
+    Raises:
+        ValueError: the view has no lamp.
+    """
+    if not context.lamps:
+        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+    return [DrawnMaps(context, MAP_SIZE, lamps=[lamp]) for lamp in context.lamps]
 
 
 FAMILIES: Mapping[str, Family] = {

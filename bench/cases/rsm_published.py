@@ -12,7 +12,8 @@ from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
-from .vpl_splat import drawn_maps
+from ..drawn import DrawnMaps
+from .rsm_gather import lamp_maps
 
 
 @dataclass(frozen=True)
@@ -24,26 +25,27 @@ class RsmPublishedFamily(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
-        maps, gbuffer = drawn_maps(context), context.gbuffer
+        gbuffer, drawn = context.gbuffer, lamp_maps(context)
         params = RsmPublishedParams(samples=samples)
         technique = RsmPublished(context.runtime, context.size, params)
 
         def image() -> NDArray[np.float32]:
-            return technique(gbuffer, maps)
+            return technique(gbuffer, [rsm for maps in drawn for rsm in maps.reflective()])
 
         image()
         share = technique.computed
         pixels = int(share * context.size[0] * context.size[1])
         return Subject(
-            run=lambda: technique.run(gbuffer, maps),
+            run=image,
             image=image,
             quantity="bounce",
-            samples=10.0 * pixels * samples * len(maps),
+            samples=10.0 * pixels * samples * len(drawn),
             truths={
                 "world": context.bounce,
                 "assumption": lambda: context.bounce(visibility=False),
             },
-            note=f"without drawing the maps; {100 * share:.1f} % of the pixels gathered for",
+            counted=DrawnMaps.counted,
+            note=f"{100 * share:.1f} % of the pixels gathered for",
         )
 
 

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize import rsm
 from ssgi_cl.render import render
-from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.shade import Shade
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
+from ..drawn import DrawnMaps
 from .skips import MOVING
+
+DRAWN = tuple(name for name in MOVING if name != "maps")
+"""What may be left out of a frame whose lamps move too."""
 
 
 class Direct(Own):
@@ -29,10 +32,8 @@ class Direct(Own):
         size = count_of(setting, "texels along a side", 16, 8192)
         if not context.lamps:
             raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-        maps = [
-            rsm(context.view.scene, lamp, size=size, runtime=context.runtime)
-            for lamp in context.lamps
-        ]
+        maps = DrawnMaps(context, size, flux=False)
+        technique = Shade(context.runtime, context.size)
         seen = context.host_gbuffer
         white = DeviceGBuffer(context.runtime, context.size)
         white.upload(
@@ -44,16 +45,16 @@ class Direct(Own):
 
         def image() -> NDArray[np.float32]:
             # A white surface of irradiance E has the radiance E / pi.
-            radiance = shade(white, context.lamps, rsms=maps, runtime=context.runtime)
-            return np.float32(math.pi) * radiance
+            radiance = technique.run(white, context.lamps, shadows=maps.shadows()).download()
+            return np.ascontiguousarray(np.float32(math.pi) * np.moveaxis(radiance, 0, -1))
 
         return Subject(
             run=image,
             image=image,
             quantity="direct",
-            samples=25.0 * len(maps) * np.count_nonzero(context.seen),
+            samples=25.0 * len(context.lamps) * np.count_nonzero(context.seen),
             truths={"world": context.direct},
-            note="without drawing the shadow maps; the wall clock's time includes copies",
+            counted="shadow maps drawn",
         )
 
 
@@ -69,8 +70,9 @@ class WholeFrame(Own):
         return Subject(
             run=lambda: render(
                 view.scene, context.camera, view.lights, ao="ssao", ao_radius=context.radius,
-                ao_samples=samples, skips=MOVING, runtime=context.runtime,
-            )
+                ao_samples=samples, skips=DRAWN, runtime=context.runtime,
+            ),
+            counted="the whole frame, light maps drawn",
         )
 
 

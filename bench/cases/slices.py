@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ssgi_cl import metrics
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.presets import NAMES
 from ssgi_cl.presets.choose import choose
@@ -22,6 +23,7 @@ from ssgi_cl.truth import slices as assumption
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
+from ..drawn import DrawnView
 
 OVERSCAN = 0.1
 """Share of the image round it that a G-buffer of several layers has."""
@@ -36,7 +38,7 @@ _SETTING = re.compile(r"([1-9]\d?)x([1-9]\d?)(?:-([1-9]\d?))?")
 class Slices(Own):
     """A technique that scans slices; the setting is SLICESxTAPS, or SLICESxTAPS-LAYERS.
 
-    Taps count per side. Several layers come with overscan; the time to draw them is not counted.
+    Taps count per side. Several layers come with overscan, and are drawn in each run.
 
     Attributes:
         make, params: the technique.
@@ -60,26 +62,26 @@ class Slices(Own):
 
 def _layered(context: Context, make: Any, params: SliceParams, layers: int) -> Subject:
     """Return a technique on a G-buffer of some layers, with overscan if there are several."""
-    gbuffer = context.gbuffer if layers == 1 else context.layered(layers, OVERSCAN)
-    technique = make(context.runtime, context.size, params, gbuffer.margin, layers=layers)
-    note = "" if layers == 1 else "several depth layers, and a tenth of overscan"
-    return _subject(context, technique, gbuffer, note)
+    view = DrawnView(context, layers, OVERSCAN if layers > 1 else 0.0)
+    technique = make(context.runtime, context.size, params, view.gbuffer.margin, layers=layers)
+    return _subject(context, technique, view)
 
 
 def _subject(
-    context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer, note: str
+    context: Context, technique: SliceTechnique[Any], view: DrawnView, note: str = ""
 ) -> Subject:
-    params, layers = technique.params, technique.layers
+    params, layers, gbuffer = technique.params, technique.layers, view.gbuffer
     truths: dict[str, Any] = {"world": context.occlusion}
     if not getattr(params, "joined", False):
         truths["assumption"] = lambda: converged(context, technique, gbuffer)
     return Subject(
-        run=lambda: technique.run(gbuffer),
-        image=lambda: technique(gbuffer),
+        run=lambda: technique(view.draw()),
+        image=lambda: technique(view.draw()),
         quantity="occlusion",
         samples=2.0 * params.slices * params.taps * layers * np.count_nonzero(context.seen),
         moved=context.size[0] * context.size[1] * 4 * (layers + 3 + 1),
         truths=truths,
+        counted=view.counted,
         note=note,
     )
 
@@ -127,22 +129,50 @@ class Presets(Own):
 
 XEGTAO_HIGH = {"tap_power": 2.0, "falloff": 0.615, "contrast": 2.2}
 """With 3 slices, 3 taps a side and 1.457 times the radius: XeGTAO's High setting (Intel 2021)."""
+XEGTAO_FACTOR = 1.457
+"""Of the radius, as published."""
+XEGTAO_FACTORS = (1.0, XEGTAO_FACTOR, 1.75, 2.0, 2.25, 2.5, 3.0)
+"""Of the radius, of which the one of least error on the measured scene is taken for "best"."""
 
 
 class XegtaoHigh(Own):
-    """XeGTAO's High setting as parameters of GTAO, with this library's blur."""
+    """XeGTAO's High setting as parameters of GTAO, with this library's blur.
 
-    SETTINGS = ("high",)
+    The setting is "high", with the published factor of the radius, or "best", with that of
+    `XEGTAO_FACTORS` which has the least RMSE against the measured scene's own rays.
+    """
+
+    SETTINGS = ("high", "best")
 
     def prepare(self, context: Context, setting: str) -> Subject:
-        """Make it ready."""
-        if setting != "high":
-            raise ValueError(f"setting is {setting!r}: expected 'high'")
-        values: dict[str, Any] = dict(XEGTAO_HIGH)
-        params = GtaoParams(slices=3, taps=3, radius=1.457 * context.radius, **values)
-        note = "3 slices, 3 taps a side, radius times 1.457, falloff .615, contrast 2.2"
-        technique = Gtao(context.runtime, context.size, params)
-        return _subject(context, technique, context.gbuffer, note)
+        """Make it ready; "best" needs the scene's reference."""
+        if setting not in self.SETTINGS:
+            raise ValueError(f"setting is {setting!r}: expected 'high' or 'best'")
+        factor = XEGTAO_FACTOR
+        if setting == "best":
+            factor = context.shared("XeGTAO's factor", lambda: _best_factor(context))
+        note = (
+            f"3 slices, 3 taps a side, radius times {factor:g}, falloff .615, contrast 2.2"
+            + (f", the best of {', '.join(f'{f:g}' for f in XEGTAO_FACTORS)} on this scene"
+               if setting == "best" else "")
+        )
+        return _subject(context, _xegtao(context, factor), DrawnView(context, 1, 0.0), note)
+
+
+def _xegtao(context: Context, factor: float) -> Gtao:
+    values: dict[str, Any] = dict(XEGTAO_HIGH)
+    params = GtaoParams(slices=3, taps=3, radius=factor * context.radius, **values)
+    return Gtao(context.runtime, context.size, params)
+
+
+def _best_factor(context: Context) -> float:
+    """Return the factor of the radius with the least RMSE against the scene's rays."""
+    truth = context.occlusion().mean
+
+    def error(factor: float) -> float:
+        return metrics.rmse(_xegtao(context, factor)(context.gbuffer), truth, context.seen)
+
+    return min(XEGTAO_FACTORS, key=error)
 
 
 FAMILIES: Mapping[str, Family] = {

@@ -62,7 +62,7 @@ def ssao_subject(context: Context, params: SsaoParams) -> Subject:
     pixels, seen = context.size[0] * context.size[1], float(np.count_nonzero(context.seen))
     model = replace(params, blur_radius=0, resolution="full", samples=16, max_samples=0)
     return Subject(
-        run=lambda: technique.run(gbuffer),
+        run=lambda: technique(gbuffer),
         image=lambda: technique(gbuffer),
         quantity="occlusion",
         samples=seen / RESOLUTIONS[params.resolution] ** 2 * params.samples,

@@ -14,18 +14,17 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.further_views import SIZE, FurtherViews
 from ssgi_cl.lights import Environment
-from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.view import device_scene, margin_of
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.render import Renderer
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.shadow_maps import uploaded_maps
 from ssgi_cl.techniques.ssao import SsaoParams
 from ssgi_cl.techniques.ssdo import Ssdo, SsdoPlanes
 from ssgi_cl.techniques.ssdo_params import SsdoParams
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context
+from ..drawn import DrawnMaps, DrawnView
 
 MAP_SIZE = 1024
 """Texels along a side of each shadow map."""
@@ -84,10 +83,7 @@ class SsdoFamily(Own):
         if not context.lamps:
             raise ValueError(f"{context.view.name} has no lamp: expected at least one")
         runtime = context.runtime
-        margin = margin_of(context.camera, self.overscan)
-        rasterizer = Rasterizer(
-            runtime, context.size, layers=self.layers, margin=margin, attributes=self.layers
-        )
+        view = DrawnView(context, self.layers, self.overscan, attributes=self.layers)
         counted: dict[str, Any] = {
             **(FAR if self.far else {}), "slices" if self.method == "bitmask" else "samples": number
         }
@@ -96,37 +92,39 @@ class SsdoFamily(Own):
         params = SsdoParams(
             radius=radius, method=self.method, resolution=self.resolution, **counted
         )
+        margin = view.gbuffer.margin
         technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
-        with runtime.frame():
-            gbuffer = rasterizer.render(device_scene(context.view.scene, runtime), context.camera)
-            gbuffer.derive()
-        gbuffer.emits = False  # the truth is of lamps alone
         lamps = context.lamps
-        maps = [rsm(context.view.scene, lamp, size=MAP_SIZE, runtime=runtime) for lamp in lamps]
-        shadows = uploaded_maps(lamps, maps, runtime)
+        maps = DrawnMaps(context, MAP_SIZE, flux=False)
         further = FurtherViews(runtime, self.views, FAR_VIEWS if self.far else SIZE)
 
         def run() -> SsdoPlanes:
+            gbuffer = _dark(view.draw())
             views = further.drawn(context.view.scene, context.camera, gbuffer, lamps)
             return technique.run(
-                gbuffer, lamps, shadows=shadows, views=map(_dark, views) if self.views else ()
+                gbuffer, lamps, shadows=maps.shadows(),
+                views=map(_dark, views) if self.views else (),
             )
 
         def image() -> NDArray[np.float32]:
-            bounce = run().bounce
-            if bounce is None:
-                return np.zeros((*context.size, 3), np.float32)
-            return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
+            with runtime.frame():
+                bounce = run().bounce
+                if bounce is None:
+                    return np.zeros((*context.size, 3), np.float32)
+                return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
 
         reads = number * (2 * params.taps if self.method == "bitmask" else params.points().taps)
         pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
+        drawn = [view.counted, "shadow maps drawn"]
+        drawn += [f"{self.views} auxiliary cameras drawn"] if self.views else []
         return Subject(
-            run=run,
+            run=image,
             image=image,
             quantity="bounce",
             samples=float(pixels * reads * self.layers),
             truths={"world": context.bounce},
-            note="direct light of the lamps included, shadow maps and the camera's own view not",
+            counted="; ".join(filter(None, drawn)),
+            note="direct light of the lamps included",
         )
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
@@ -16,7 +15,8 @@ from ssgi_cl.vpls import Vpls
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context, exact
-from .vpl_splat import MANY, PIXEL_BYTES, drawn_maps
+from ..drawn import DrawnMaps
+from .vpl_splat import MANY, PIXEL_BYTES, lit
 
 SPECULAR, GLOSS = 0.5, 60.0
 """Reflectance and exponent that all surfaces get."""
@@ -46,25 +46,27 @@ class LobesByNumber(Own):
             vpls=1, glossy_vpls=count_of(setting, "a number of lights", 1, 1 << 20),
             cutoff=self.cutoff, unit_distance=0.1 * diagonal, cull=self.cull,
         )
-        maps = drawn_maps(context, polished(context.view.scene), MAP_SIZE)
+        maps = DrawnMaps(
+            context, MAP_SIZE, glossy=True, scene=polished(context.view.scene)
+        )
         technique = VplSplat(context.runtime, context.size, params)
 
         def every_texel() -> Truth:
             whole = replace(
-                params, glossy_vpls=sum(rsm.size[0] * rsm.size[1] for rsm in maps), cutoff=0.0,
-                cull=True,
+                params, cutoff=0.0, cull=True,
+                glossy_vpls=sum(rsm.size[0] * rsm.size[1] for rsm in maps.reflective()),
             )
             return exact(_mirrored(VplSplat(context.runtime, context.size, whole), context, maps))
 
         return Subject(
-            run=lambda: technique.run(context.gbuffer, NO_LIGHTS, maps),
+            run=lambda: _mirrored(technique, context, maps),
             image=lambda: _mirrored(technique, context, maps),
             quantity="mirrored",
             moved=context.size[0] * context.size[1] * PIXEL_BYTES,
             truths={
                 "assumption": lambda: context.truth("all texels as lobes", lambda _: every_texel())
             },
-            note="without drawing the maps and, as long as they stay, without choosing lights",
+            counted=f"{DrawnMaps.counted}, lights chosen",
         )
 
 
@@ -77,10 +79,10 @@ def polished(scene: Scene) -> Scene:
 
 
 def _mirrored(
-    technique: VplSplat, context: Context, maps: list[DeviceRsm]
+    technique: VplSplat, context: Context, maps: DrawnMaps
 ) -> NDArray[np.float32]:
     """Return irradiance by lights with lobes alone."""
-    return np.moveaxis(technique.run(context.gbuffer, NO_LIGHTS, maps).download(), 0, -1)
+    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, NO_LIGHTS, rsms))
 
 
 FAMILIES: Mapping[str, Family] = {

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.rasterize.shadow_map import rsm
+from ssgi_cl.memory import Plane
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 
 from ..case import Family, Own, Subject, count_of
 from ..context import Context, exact
+from ..drawn import DrawnMaps, DrawnView
 
 MAP_SIZE = 512
 """Texels along a side of the lamps' maps."""
 PIXEL_BYTES = 4 * (1 + 3 + 3)
 """Depth and normal read, E written."""
+WALLS = (4, 0.1)
+"""Layers and overscan of the G-buffer where walls block light."""
 MANY = ("256", "1024", "4096", "16384")
 """Numbers of lights that walls hide: with them thousands pay."""
 
@@ -89,44 +91,44 @@ class VplsByCut(Own):
 
 def vpl_subject(context: Context, params: VplSplatParams, *, solid: bool = False) -> Subject:
     """Return splatting with any parameters as a subject; `solid`: all triangles block light."""
-    maps = drawn_maps(context)
-    gbuffer = context.layered(4, 0.1) if params.visibility else context.gbuffer
+    maps = DrawnMaps(context, MAP_SIZE)
+    walls = params.visibility and not solid
+    view = DrawnView(context, *(WALLS if walls else (1, 0.0)))
     technique = VplSplat(context.runtime, context.size, params)
     scene = device_scene(context.view.scene, context.runtime) if solid else None
     pixels = context.size[0] * context.size[1]
 
     def image() -> NDArray[np.float32]:
-        return np.moveaxis(technique.run(gbuffer, None, maps, scene=scene).download(), 0, -1)
+        return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms, scene=scene))
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:
         truths["assumption"] = lambda: context.bounce(visibility=False)
     return Subject(
-        run=lambda: technique.run(gbuffer, None, maps, scene=scene),
+        run=image,
         image=image,
         quantity="bounce",
         moved=pixels * PIXEL_BYTES,
         truths=truths,
-        note="without drawing the maps and, as long as they stay, without choosing lights",
+        counted=counted(view),
     )
 
 
-def drawn_maps(
-    context: Context, scene: Scene | None = None, size: int = MAP_SIZE
-) -> list[DeviceRsm]:
-    """Return the lamps' maps in device memory: of the view's scene, or of another in its place."""
-    if not context.lamps:
-        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-    maps = []
-    for lamp in context.lamps:
-        drawn = rsm(scene or context.view.scene, lamp, size=size, runtime=context.runtime)
-        device = DeviceRsm(
-            context.runtime, drawn.cameras[0].size, len(drawn.cameras),
-            glossy=drawn.specular_flux is not None,
-        )
-        device.upload(drawn)
-        maps.append(device)
-    return maps
+def lit(
+    context: Context, maps: DrawnMaps, shine: Callable[[Sequence[DeviceRsm]], Plane]
+) -> NDArray[np.float32]:
+    """Draw a view's maps; return the irradiance [rows, columns, 3] that `shine` makes of them."""
+    with context.runtime.frame():
+        rsms = maps.reflective()
+        if not rsms:
+            return np.zeros((*context.size, 3), np.float32)
+        planes = shine(rsms).download()
+    return np.ascontiguousarray(np.moveaxis(planes, 0, -1))
+
+
+def counted(view: DrawnView) -> str:
+    """Return what a run of lights from maps counts beside the technique."""
+    return "; ".join(filter(None, (view.counted, f"{DrawnMaps.counted}, lights chosen")))
 
 
 FAMILIES: Mapping[str, Family] = {

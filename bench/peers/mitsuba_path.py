@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ssgi_cl.truth.light import MOST_PATHS
 from ssgi_cl.truth.mitsuba_scene import within
 from ssgi_cl.truth.path_tracer import OneBounce
 
 from ..case import Subject, count_of
 from ..context import Context
-from . import mitsuba_rays
+from . import mitsuba_rays, oidn
 from .mitsuba_rays import VARIANT, Estimator
 
 
 @dataclass(frozen=True)
 class MitsubaPath:
-    """The truth's own estimator with fewer paths; the setting is their number a pixel.
+    """The reference's own estimator with fewer paths; the setting is their number a pixel.
 
     Attributes:
         denoised: whether Intel's denoiser follows.
@@ -36,10 +38,21 @@ class MitsubaPath:
         if not context.lamps:
             raise ValueError(f"{view.name} has no lamp: expected at least one")
         with within(VARIANT):
-            estimator = Estimator(context, OneBounce(view.scene, context.lamps, VARIANT))
-        return mitsuba_rays.subject(
-            context, lambda: estimator.mean(paths), paths, "bounce", context.bounce,
-            denoised=self.denoised,
+            tracer = context.shared(
+                "Mitsuba's paths", lambda: OneBounce(view.scene, context.lamps, VARIANT)
+            )
+            estimator = Estimator(context, tracer, paths)
+        run = estimator.mean
+        if self.denoised:
+            run = oidn.denoised(context, run)
+        return Subject(
+            run=run,
+            image=run,
+            on_device=False,
+            quantity="bounce",
+            samples=float(paths) * np.count_nonzero(context.seen),
+            truths={"world": context.bounce},
+            counted="paths made and traced" + (", denoised" if self.denoised else ""),
         )
 
 

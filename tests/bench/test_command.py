@@ -44,7 +44,7 @@ def test_a_case_is_measured_and_written_as_json_and_html(tmp_path: Path) -> None
 
 def test_json_on_standard_output_is_the_document() -> None:
     document = json.loads(bench("ssao.4", "--json", "--no-errors").stdout)
-    assert document["format"] == "ssgi-bench 1"
+    assert document["format"] == "ssgi-bench 2"
     assert document["results"][0]["errors"] == {}
 
 

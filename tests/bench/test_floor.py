@@ -77,6 +77,6 @@ def test_a_floor_has_errors_and_no_time_in_every_table(tmp_path: Any) -> None:
     assert shown.split()[:3] == ["floor.1", "-", "-"]
     assert "0.0700" in shown
     page, *_ = summary.write(tmp_path / "page.md", document, {})
-    assert "| floor.1 | - | - | 0.0700 |" in page.read_text(encoding="utf-8")
+    assert "| floor.1 | - | - | - | 0.0700 |" in page.read_text(encoding="utf-8")
     report.write(tmp_path / "page.html", document, {})
     assert "0 to 0" not in (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -55,8 +55,9 @@ def test_other_quantities_do_not_compete() -> None:
     assert marked([case("a", 2.0, 0.2), case("b", 1.0, 0.1, quantity="direct")]) == ["a", "b"]
 
 
-def test_wall_time_counts_where_the_device_does_nothing() -> None:
-    assert marked([case("a", 1.0, 0.2, device_ms=None), case("b", 1.05, 0.1)]) == ["b"]
+def test_wall_time_counts_whatever_the_device_says() -> None:
+    slow = case("slow", 2.0, 0.2, device_ms={"median": 0.1, "low": 0.1, "high": 0.1})
+    assert marked([slow, case("fast", 1.0, 0.1, device_ms=None)]) == ["fast"]
 
 
 def test_old_marks_go_and_exact_results_count() -> None:
@@ -64,8 +65,17 @@ def test_old_marks_go_and_exact_results_count() -> None:
     assert marked([]) == []
 
 
-def test_what_is_unsteady_is_not_on_it_and_keeps_nothing_else_off() -> None:
+def test_what_is_unsteady_counts_like_any_other() -> None:
     results = [
-        case("lucky", 1.0, 0.1, unsteady="the machine was busy"), case("sure", 2.0, 0.2),
+        case("busy", 1.0, 0.1, unsteady="the machine was busy"), case("sure", 2.0, 0.2),
     ]
-    assert marked(results) == ["sure"]
+    assert marked(results) == ["busy"]
+
+
+def test_what_is_beaten_only_by_results_that_overlap_with_it_in_time_is_near() -> None:
+    wide = {"median": 2.2, "low": 1.9, "high": 2.6}
+    results = [
+        case("best", 2.0, 0.1), case("near", 2.2, 0.2, wall_ms=wide), case("beaten", 2.2, 0.3),
+    ]
+    assert marked(results) == ["best"]
+    assert [result["setting"] for result in results if result["near"]] == ["near"]

@@ -66,6 +66,51 @@ def test_work_of_the_host_counts_by_the_wall_clock(runtime: Runtime) -> None:
     assert timing.passes == {}
 
 
+@pytest.mark.parametrize("on_device", [True, False])
+def test_the_ratio_is_of_wall_times_whoever_does_the_work(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, on_device: bool
+) -> None:
+    subject = Subject(run=lambda: None, on_device=on_device)
+    # (device's clock, wall clock): the reference's are 3 and 4 ms, the subject's 1 and 8.
+    monkeypatch.setattr(
+        Stopwatch, "_once",
+        lambda self, of, repeats=1: ((1.0, 8.0) if of is subject else (3.0, 4.0)) + ({}, {}),
+    )
+    watch = Stopwatch(runtime, runs=4)
+    timing = watch.time(subject)
+    assert timing.ratio.median == 2.0
+    assert timing.wall_ms.median == 8.0
+    assert watch.reference_ms[0] == 4.0
+    assert (timing.device_ms and timing.device_ms.median) == (1.0 if on_device else None)
+
+
+def test_what_the_host_does_between_passes_counts(runtime: Runtime) -> None:
+    load = GatherLoad(runtime)
+
+    def run() -> None:
+        load.run()
+        time.sleep(0.05)
+
+    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
+    assert timing.wall_ms.low >= 50.0
+    # Both of its parts: the passes take at most as long as the reference, a fifth of the sleep on
+    # any machine but a busy one, whose reference is as slow.
+    assert timing.ratio.median > 50.0 / max(Stopwatch(runtime, runs=4).reference_ms) / 2.0
+
+
+def test_set_up_comes_before_each_run_and_is_not_timed(runtime: Runtime) -> None:
+    done = []
+
+    def setup() -> None:
+        done.append("setup")
+        time.sleep(0.05)
+
+    subject = Subject(run=lambda: done.append("run"), setup=setup, on_device=False)
+    timing = Stopwatch(runtime, runs=4).time(subject)
+    assert done == ["setup", "run"] * (len(done) // 2)
+    assert timing.wall_ms.median < 25.0
+
+
 def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: Runtime) -> None:
     load = GatherLoad(runtime)
 

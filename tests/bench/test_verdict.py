@@ -1,87 +1,191 @@
-"""The sentence that tells from which error on rays are the better choice."""
+"""What the rows of a group say, held to the rows themselves."""
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from ssgi_cl.bench.verdict import rays_ms, verdict
+from ssgi_cl.bench import front
+from ssgi_cl.bench.guide import guides
+from ssgi_cl.bench.verdict import leader, verdict
 
-from .documents import entry
+from .documents import entry, spread, whole
 
-RAYS = [entry("embree.1.hall.8x6", 10.0, 0.4), entry("embree.4.hall.8x6", 40.0, 0.1)]
-
-
-def test_between_two_settings_the_time_of_rays_is_a_power_of_the_error() -> None:
-    # Half way in the logarithm of the error: the geometric mean of both times.
-    assert rays_ms(RAYS, 0.2) == pytest.approx(20.0)
-    assert rays_ms(RAYS, 0.1) == pytest.approx(40.0)
-    assert rays_ms(RAYS, 0.9) == 10.0  # one ray does more than is asked
-    assert rays_ms(RAYS, 0.05) is None
-
-
-def test_the_faster_of_plain_and_blurred_rays_counts() -> None:
-    both = [*RAYS, entry("embree-blur.1.hall.8x6", 12.0, 0.08)]
-    assert rays_ms(both, 0.1) == 12.0
+STATIC = "the mesh does not move"
+MOVING = "the mesh moves"
+TOLD = re.compile(r"(\S+) \(RMSE (\S+), (\S+) ms\)")
+RUN = re.compile(r"from (\S+) ms on (this library|rays against the mesh) with ")
 
 
-def test_rays_are_better_below_the_least_error_that_is_reached_sooner_than_they_do() -> None:
-    own = [
-        entry("ssao.4.hall.8x6", 2.0, 0.3), entry("ssao.16.hall.8x6", 8.0, 0.2),
-        entry("ssao.64.hall.8x6", 60.0, 0.15),
+def row(name: str, ms: float, rmse: float | None, **changes: Any) -> dict[str, Any]:
+    """A result whose wall time is `ms`; that of the device is a tenth and must not count."""
+    return entry(
+        f"{name}.hall.8x6", rmse=rmse, wall_ms=spread(ms), device_ms=spread(0.1 * ms), **changes
+    )
+
+
+def is_own(name: str) -> bool:
+    return not name.startswith(("embree", "mitsuba", "xegtao", "vtk"))
+
+
+def time_of(result: dict[str, Any]) -> float:
+    return float(result["wall_ms"]["median"])
+
+
+def rmse_of(result: dict[str, Any]) -> float:
+    return float(result["errors"]["world"]["rmse"])
+
+
+def shown(value: float) -> float:
+    """A number as a sentence has it: three digits."""
+    return float(f"{value:.3g}")
+
+
+def check(results: list[dict[str, Any]]) -> None:
+    """Assert that no sentence contradicts a row, as far as three digits tell."""
+    said = verdict(results)
+    by_name = {f"{r['family']}.{r['setting']}": r for r in results if r.get("timed", True)}
+    for name, error, ms in TOLD.findall(said):
+        assert float(error) == shown(rmse_of(by_name[name]))
+        assert float(ms) == shown(time_of(by_name[name]))
+    for case, moving in ((STATIC, False), (MOVING, True)):
+        sentence = re.search(rf"Where {case}.*?\.(?= [A-Z]|$)", said)
+        if sentence is None:
+            continue
+        rows = [
+            r for name, r in by_name.items()
+            if is_own(name) or (not name.startswith(("xegtao", "vtk"))
+                                and ("moving" in name) == moving)
+        ]
+        runs = [(float(ms), side == "this library") for ms, side in RUN.findall(sentence[0])]
+        for result in rows:
+            within = [r for r in rows if time_of(r) <= time_of(result)]
+            least = min(map(rmse_of, within))
+            sides = {is_own(r["family"]) for r in within if rmse_of(r) == least}
+            started = [run for run in runs if run[0] <= shown(time_of(result))]
+            claimed = {started[-1][1]}
+            if started[-1][0] == shown(time_of(result)) != time_of(result):  # but for rounding
+                claimed |= {own for _, own in started[-2:]}
+            assert claimed & sides, (sentence[0], result["name"])
+    published = r"High setting is (\S+) .*? within that time(.*?)\.(?= |$)"
+    for name, text in re.findall(published, said):
+        others = [r for r in by_name.values() if time_of(r) <= time_of(by_name[name])]
+        best = TOLD.search(text)
+        found = rmse_of(by_name[best[1]]) if best else rmse_of(by_name[name])
+        assert found == min(map(rmse_of, others))
+
+
+NAMES = [
+    "gtao.2x9", "gtao.4x9", "bitmask_ao.2x14", "bitmask_ao.2x14-4", "xegtao.high", "embree.1",
+    "mitsuba-ao-blur.1", "mitsuba-ao-blur.4", "mitsuba-ao-moving-blur.1", "vtk-ssao.64",
+]
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> list[dict[str, Any]]:
+    rows = []
+    for name in draw(st.lists(st.sampled_from(NAMES), unique=True, min_size=1)):
+        ms = float(draw(st.integers(1, 30)))
+        rmse = draw(st.integers(1, 30)) / 100.0
+        unsteady = draw(st.sampled_from(["", "the machine was busy"]))
+        wide = draw(st.sampled_from([0.0, 0.1, 0.5]))
+        rows.append(row(name, ms, rmse, unsteady=unsteady))
+        rows[-1]["wall_ms"] = spread(ms, wide)
+    return rows
+
+
+@given(tables())
+def test_no_sentence_contradicts_a_row(results: list[dict[str, Any]]) -> None:
+    check(results)
+
+
+@given(tables())
+def test_no_cell_of_the_guide_contradicts_a_row(results: list[dict[str, Any]]) -> None:
+    for guide in guides(whole(*results)):
+        allowed = {
+            "There is no mesh": lambda name: is_own(name) or name.startswith("xegtao"),
+            "The mesh does not move": lambda name: "moving" not in name,
+            "The mesh moves": lambda name: not name.startswith(("embree", "mitsuba"))
+            or "moving" in name,
+        }[guide.case]
+        for ms, (cell,) in guide.rows.items():
+            errors = [
+                rmse_of(r) for r in results if allowed(r["family"]) and time_of(r) <= ms
+            ]
+            assert (cell == "-") == (not errors)
+            if errors:
+                assert float(cell.split()[1]) == pytest.approx(min(errors))
+
+
+def test_a_dearer_and_worse_row_is_not_called_best_because_the_better_one_is_unsteady() -> None:
+    rows = [
+        row("bitmask_ao.2x14-4", 79.3, 0.0935), row("mitsuba-ao-blur.4", 132.0, 0.0669),
+        row("mitsuba-ao-blur.1", 63.0, 0.0923, unsteady="the machine was busy"),
     ]
-    said = verdict([*RAYS, *own])
-    assert "below an RMSE of 0.200, which ssao.16 has in 8.00 ms (rays need 20.0 ms)" in said
+    said = verdict(rows)
+    assert said == (
+        "Where the mesh does not move: its tree is built once and not counted, the least error "
+        "within a time is that of: from 63.0 ms on rays against the mesh with mitsuba-ao-blur.1 "
+        "(RMSE 0.0923, 63.0 ms), down to mitsuba-ao-blur.4 (RMSE 0.0669, 132 ms)."
+    )
+    check(rows)
 
 
-def test_where_rays_are_always_sooner_or_never_as_good_it_says_so() -> None:
-    slow = entry("ssao.4.hall.8x6", 50.0, 0.3)
-    assert verdict([*RAYS, slow]).startswith("Rays against the mesh reach every error")
-    good = entry("ssao.4.hall.8x6", 50.0, 0.01)
-    said = verdict([*RAYS, good])
-    assert said.startswith("No rays measured reach an RMSE of 0.0100, which ssao.4 has in 50.0 ms")
-    assert "better choice below" not in said  # nothing was measured there
+def test_sides_that_change_are_told_in_turn() -> None:
+    rows = [
+        row("gtao.2x9", 3.0, 0.2), row("embree.1", 10.0, 0.1), row("bitmask_ao.2x14", 20.0, 0.05),
+        row("mitsuba-ao-blur.4", 90.0, 0.04), row("floor.1", 0.0, 0.01, timed=False),
+    ]
+    assert RUN.findall(verdict(rows)) == [
+        ("3.00", "this library"), ("10.0", "rays against the mesh"), ("20.0", "this library"),
+        ("90.0", "rays against the mesh"),
+    ]
+
+
+def test_times_that_overlap_are_called_so() -> None:
+    apart = [row("gtao.2x9", 10.0, 0.2), row("embree.1", 11.0, 0.1)]
+    assert "overlap" not in verdict(apart)
+    close = [dict(apart[0], wall_ms=spread(10.0, 0.2)), apart[1]]
+    assert verdict(close).endswith(
+        "Their times overlap, so that their order is not certain: gtao.2x9 and embree.1."
+    )
+    # Beaten, but by one that may be slower.
+    beaten = [row("embree.1", 10.0, 0.1), dict(row("gtao.2x9", 11.0, 0.2), wall_ms=spread(11, 0.2))]
+    assert "not certain: embree.1 and gtao.2x9." in verdict(beaten)
+
+
+def test_a_moving_mesh_is_told_of_with_its_own_rays_alone() -> None:
+    rows = [
+        row("gtao.2x9", 3.0, 0.2), row("mitsuba-ao-blur.1", 2.0, 0.1),
+        row("mitsuba-ao-moving-blur.1", 50.0, 0.1),
+    ]
+    still, moving = verdict(rows).split(" Where the mesh moves")
+    assert "from 2.00 ms on rays against the mesh" in still
+    assert "this library" not in still
+    assert RUN.findall(moving) == [("3.00", "this library"), ("50.0", "rays against the mesh")]
+
+
+def test_a_published_setting_is_held_to_every_row_that_is_no_slower() -> None:
+    published = row("xegtao.high", 10.0, 0.08)
+    assert verdict([published, row("gtao.2x9", 9.0, 0.07), row("gtao.4x9", 10.4, 0.01)]) == (
+        "XeGTAO's High setting is xegtao.high (RMSE 0.0800, 10.0 ms); the least error within that "
+        "time is that of gtao.2x9 (RMSE 0.0700, 9.00 ms)."
+    )
+    assert "no row has less error" in verdict([published, row("gtao.2x9", 9.0, 0.09)])
+    assert verdict([published]) == ""
 
 
 def test_without_rays_or_without_ours_nothing_is_said() -> None:
-    assert verdict(RAYS) == ""
-    assert verdict([entry("ssao.4.hall.8x6")]) == ""
-    assert verdict([*RAYS, entry("ssao.4.hall.8x6", rmse=None)]) == ""
+    assert verdict([row("embree.1", 10.0, 0.4)]) == ""
+    assert verdict([row("ssao.4", 1.0, 0.4)]) == ""
+    assert verdict([row("embree.1", 10.0, 0.4), row("ssao.4", 1.0, None)]) == ""
 
 
-def test_with_the_tree_counted_rays_are_told_of_separately() -> None:
-    both = [
-        *RAYS, entry("embree-moving.1.hall.8x6", 30.0, 0.4),
-        entry("embree-moving.4.hall.8x6", 60.0, 0.1),
-    ]
-    own = [entry("ssao.16.hall.8x6", 8.0, 0.2), entry("ssao.64.hall.8x6", 55.0, 0.1)]
-    still, _, moving, first = verdict([*both, *own]).split(". ")
-    assert "below an RMSE of 0.200" in still
-    assert still.endswith("the building of their tree not counted")
-    assert "below an RMSE of 0.100, which ssao.64 has in 55.0 ms (rays need 60.0 ms)" in moving
-    assert moving.endswith("the building of their tree counted")
-    assert first == (
-        "The fastest of these rays, embree-moving.1, has an RMSE of 0.400 in 30.0 ms; at that cost "
-        "ssao.16 has 0.200, in 8.00 ms."
-    )
-
-
-def test_a_published_setting_is_held_to_the_best_of_ours_at_the_same_cost() -> None:
-    published = entry("xegtao.high.hall.8x6", 10.0, 0.08)
-    own = [entry("gtao.2x9.hall.8x6", 10.4, 0.07), entry("gtao.4x9.hall.8x6", 11.0, 0.06)]
-    assert verdict([published, *own]) == (
-        "XeGTAO's High setting has an RMSE of 0.0800 in 10.0 ms; at that cost gtao.2x9 has 0.0700, "
-        "in 10.4 ms."
-    )
-    assert verdict([published]) == ""
-    assert "nothing of this library is as fast" in verdict([published, own[1]])
-
-
-def test_a_bound_is_no_result_of_this_library() -> None:
-    floor = entry("floor.1.hall.8x6", 0.0, 0.15, timed=False)
-    assert verdict([*RAYS, floor]) == ""
-
-
-def test_unsteady_results_do_not_count() -> None:
-    lucky = entry("ssao.4.hall.8x6", 1.0, 0.11, unsteady="the machine was busy")
-    assert verdict([*RAYS, lucky]) == ""
-    assert "below an RMSE of 0.300" in verdict([*RAYS, lucky, entry("ssao.16.hall.8x6", 5.0, 0.3)])
+def test_the_leader_is_the_fastest_of_those_with_the_least_error() -> None:
+    rows = front.comparable([row("a.1", 5.0, 0.1), row("b.1", 4.0, 0.1), row("c.1", 9.0, 0.01)])
+    assert leader(rows, 5.0)["family"] == "b"
+    assert leader(rows, 3.0) is None

@@ -1,0 +1,198 @@
+"""The tables of README and of docs/indirect.md, made from results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .document import clock, metric
+from .wording import NOTHING, milliseconds, number, quartiles, short_name
+
+Result = Mapping[str, Any]
+
+SCENE = "hall"
+"""Of README's table."""
+
+TECHNIQUES: Sequence[tuple[str, str, tuple[tuple[str, str], ...]]] = (
+    ("rasterize.gbuffer", "depth (N layers), normal, albedo, emission",
+     (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4"))),
+    ("rasterize.rsm", "depth, position, normal, flux of what a light sees",
+     (("512 x 512", "rsm.512"),)),
+    ("gtao", "ambient occlusion from horizons, cosine-weighted",
+     (("", "gtao.2x9"), ("2 layers", "gtao.2x9-2"))),
+    ("gtao(bent_normals=True)", "and bent normals: the mean unoccluded directions, world space; "
+     "RMSE in degrees", (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none"))),
+    ("bitmask_ao", "ambient occlusion from the surfaces between taps, in 32 sectors a slice",
+     (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"),
+      ("4 layers", "bitmask_ao.2x14-4"))),
+    ("hbao", "ambient occlusion from horizons as first published, fading with distance",
+     (("", "hbao.2x9"),)),
+    ("ssao", "ambient occlusion, points in a ball", (("16 samples, blurred", "ssao-blur.16"),)),
+    ("ray_ao", "ambient occlusion by Embree rays against the mesh: the reference", ()),
+    ("rsm_gather", "one-bounce indirect light, gathered from a reflective shadow map",
+     (("400 samples", "rsm-gather.400"), ('`resolution="adaptive"`', "rsm-gather-adaptive.400"))),
+    ("vpl_splat", "one-bounce indirect light from virtual point lights, any number of maps; "
+     "`glossy_vpls`: what polished surfaces mirror",
+     (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
+      ("with visibility", "vpl-walls.1024"))),
+    ("multires_splat", "the same light, at few pixels and by few lights, to an error that is "
+     "asked for", (("1 %", "multires.10-permille"), ("with visibility", "multires-walls.4096"))),
+    ("ssdo", "direct light that near surfaces hide, and one-bounce indirect light from them",
+     (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8"))),
+    ("bilateral_blur", "blur in space, depth and normal", (("15 x 15, separable", "blur.7"),)),
+    ("upsample", "half or quarter size to full size, along surfaces", (("half", "upsample.2"),)),
+    ("shade", "direct light with filtered shadows, ambient light times AO, emission",
+     (("direct light, maps of 1024", "direct.1024"),)),
+    ("multi_bounce", "AO brightened, colour by colour, by the light that surfaces reflect", ()),
+    ("tonemap", "exposure, filmic curve, sRGB", ()),
+    ("render", "all of it with `ssao`, light maps drawn", (("", "frame.16"),)),
+)
+"""Call, what it computes, and (what is measured, case) of each of its figures."""
+
+SPEED_UPS: Sequence[tuple[str, str, tuple[str, ...]]] = (
+    ("multires.10-permille", "vpl-plain.1024",
+     ("vpl.1024", "vpl-interleaved.1024", "rsm-gather.400", "rsm-gather-adaptive.400")),
+    ("vpl-interleaved.1024", "vpl-plain.1024",
+     ("vpl.1024", "multires.10-permille", "rsm-gather.400", "rsm-gather-adaptive.400")),
+    ("rsm-gather-adaptive.400", "rsm-gather.400",
+     ("vpl.1024", "vpl-interleaved.1024", "multires.10-permille")),
+    ("multires-walls.4096", "vpl-walls.4096",
+     ("vpl-walls.1024", "vpl.1024", "multires.10-permille")),
+)
+"""Case, the plain way to the same light, and its alternatives in this library."""
+
+AS_GOOD = 1.05
+"""An alternative reaches the error of a case if its own is at most this factor of it."""
+
+
+def techniques(results: Sequence[Result]) -> str:
+    """Return README's table: a row a call."""
+    by_name = {short_name(r): r for r in results if r["scene"] == SCENE}
+    sizes = {tuple(r["size"]) for r in by_name.values()}
+    size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
+    lines = [
+        f"| call | what it computes | {SCENE}, {size}: wall ms of a frame (quartiles); RMSE |",
+        "|---|---|---|",
+    ]
+    for call, meaning, cases in TECHNIQUES:
+        cells = [_figure(label, by_name.get(name)) for label, name in cases]
+        lines.append(f"| `{call}` | {meaning} | {'; '.join(cells) or NOTHING} |")
+    return "\n".join(lines)
+
+
+def _figure(label: str, result: Result | None) -> str:
+    """Return what was measured of a case, in a few words."""
+    told = f"{label}: " if label else ""
+    if result is None:
+        return f"{told}{NOTHING}"
+    time = milliseconds(result)
+    if time != NOTHING:
+        time = f"{time} ({quartiles(result)})"
+    error = _rmse(result)
+    return told + ", ".join(part for part in (time, error) if part and part != NOTHING)
+
+
+def _rmse(result: Result) -> str:
+    """Return the RMSE of AO or an angle, of light that in per cent of the reference's mean."""
+    error, mean = metric(result, "world", "rmse"), metric(result, "world", "mean")
+    if error is None:
+        return ""
+    if result["quantity"] in ("direct", "bounce") and mean:
+        return f"RMSE {100.0 * error / mean:.3g} %"
+    return f"RMSE {number(error)}"
+
+
+def speed_ups(results: Sequence[Result]) -> str:
+    """Return how many times as fast cases are as the best alternative and as the plain way."""
+    lines = [
+        "| case | scene | ms | best alternative with no more error | times as fast | plain | times "
+        "as fast |",
+        "|---|---|---:|---|---:|---|---:|",
+    ]
+    for scene in dict.fromkeys(r["scene"] for r in results):
+        found = {
+            short_name(r): r for r in results if r["scene"] == scene and r["quantity"] == "bounce"
+        }
+        for case, plain, alternatives in SPEED_UPS:
+            if case not in found:
+                continue
+            row = found[case]
+            best = best_alternative(row, [found[name] for name in alternatives if name in found])
+            cells = [short_name(row), scene, milliseconds(row)]
+            for other in (best, found.get(plain)):
+                cells += [NOTHING, NOTHING] if other is None else [
+                    f"{short_name(other)}, {milliseconds(other)} ms",
+                    number(clock(other)["median"] / clock(row)["median"]),
+                ]
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def best_alternative(row: Result, others: Sequence[Result]) -> Any:
+    """Return the fastest of other results whose error is as small as a row's, or None."""
+    error = metric(row, "world", "rmse")
+    fitting = [
+        other for other in others
+        if error is not None and (own := metric(other, "world", "rmse")) is not None
+        and own <= AS_GOOD * error
+    ]
+    return min(fitting, key=lambda r: clock(r)["median"], default=None)
+
+
+def indirect_blocks(results: Sequence[Result]) -> dict[str, str]:
+    """Return the blocks of docs/indirect.md."""
+    return {
+        "indirect-paths": by_scene(
+            results, ("vpl-walls", "multires-walls", "mitsuba-path", "mitsuba-path-oidn"), "bounce"
+        ),
+        "indirect-cut": by_scene(
+            results, ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain"), "cut", "assumption"
+        ),
+        "indirect-lobes": by_scene(
+            results, ("vpl-lobes", "vpl-lobes-cut", "vpl-lobes-plain"), "mirrored", "assumption"
+        ),
+        "indirect-ssdo": by_scene(
+            results,
+            ("ssdo-far", "ssdo-far-overscan", "ssdo-far-layer", "ssdo-far-layers",
+             "ssdo-far-views", "ssdo-far-all"),
+            "bounce", flip=True,
+        ),
+    }
+
+
+def by_scene(
+    results: Sequence[Result], families: Sequence[str], quantity: str, truth: str = "world", *,
+    flip: bool = False,
+) -> str:
+    """Return a table: a row a case, and for each scene time, error in per cent, and HDR-FLIP.
+
+    Args:
+        results: of several scenes.
+        families, quantity: which of them.
+        truth: what the error is against.
+        flip: whether FLIP is shown.
+    """
+    rows = [r for r in results if r["family"] in families and r["quantity"] == quantity]
+    scenes = list(dict.fromkeys(r["scene"] for r in rows))
+    cells = {(short_name(r), r["scene"]): r for r in rows}
+    names = sorted(
+        dict.fromkeys(short_name(r) for r in rows),
+        key=lambda name: families.index(name.partition(".")[0]),
+    )
+    heads = [f"{scene}, ms | RMSE" + (" | FLIP" if flip else "") for scene in scenes]
+    columns = len(scenes) * (3 if flip else 2)
+    lines = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * columns]
+    for name in names:
+        found = [cells.get((name, scene)) for scene in scenes]
+        parts = [part for one in found for part in _cell(one, truth, flip=flip)]
+        lines.append(f"| {name} | {' | '.join(parts)} |")
+    return "\n".join(lines)
+
+
+def _cell(result: Result | None, truth: str, *, flip: bool) -> list[str]:
+    if result is None:
+        return [NOTHING] * (3 if flip else 2)
+    error, mean = metric(result, truth, "rmse"), metric(result, truth, "mean")
+    share = NOTHING if error is None or not mean else f"{100.0 * error / mean:.3g} %"
+    cells = [f"{milliseconds(result)} ({quartiles(result)})", share]
+    return [*cells, number(metric(result, truth, "flip"))] if flip else cells

@@ -29,12 +29,12 @@ def views_of(
     """Return name -> scene with lights and a view.
 
     Args:
-        names: built-in or generated scenes (see `make_scene`), or files, which get the name of the file without its
-            ending, and where that has other letters than a-z, 0-9, _ and -, an underscore. A file
-            is a mesh, with its camera in NAME.scene.json beside it if there is one, or a view:
-            NAME.json with a camera (see `camera_from_json`) and `mesh`, the file of the mesh, as
-            seen from `meshes`. Either may have `ao_radius`, how far ambient occlusion reaches in
-            scene units; 5 % of the scene's diagonal without.
+        names: built-in or generated scenes (see `make_scene`), or files, which get the name of the
+            file without its ending, and where that has other letters than a-z, 0-9, _ and -, an
+            underscore. A file is a mesh, with its camera in NAME.scene.json beside it if there is
+            one, or a view: NAME.json with a camera (see `camera_from_json`) and `mesh`, the file
+            of the mesh, as seen from `meshes`. Either may have `ao_radius`, how far ambient
+            occlusion reaches in scene units; 5 % of the scene's diagonal without.
         runtime: the device that looks round in a file's scene for a view.
         meshes: the folder of the views' meshes; each view's own without.
 

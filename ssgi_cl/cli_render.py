@@ -82,8 +82,8 @@ if TYPE_CHECKING:
 @human_errors
 def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
     """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, a built-in scene (cornell_box,
-    hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND room,
-    colonnade, foliage, machine, street or terrain.
+    hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
+    room, colonnade, foliage, machine, street or terrain.
 
     A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
     the device.

@@ -100,8 +100,8 @@ def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> N
     model.scatter(baluster, STONE, start + share * along)
     middle, angle = 0.5 * (start + end), float(np.arctan2(-along[2], along[0]))
     turn = rotation((0, 1, 0), angle)[0]
-    model.put("box", middle + [0, 0.05, 0], (length, 0.1, 0.16), STONE, turn=turn)
-    model.put("box", middle + [0, 0.79, 0], (length, 0.1, 0.18), STONE, turn=turn)
+    model.put("box", middle + np.array((0, 0.05, 0)), (length, 0.1, 0.16), STONE, turn=turn)
+    model.put("box", middle + np.array((0, 0.79, 0)), (length, 0.1, 0.18), STONE, turn=turn)
 
 
 def _beam(model: Model, start: Doubles, end: Doubles, y: float, size: float) -> None:
@@ -165,7 +165,8 @@ def _portico(model: Model, chance: Chance, high: float, column: Part) -> list[Ca
     _stand(model, chance, column, places, high)
     size, back = 0.11 * high, -deep * rows
     for row in range(rows):
-        _beam(model, np.array((-half, 0, -deep * row)), np.array((half, 0, -deep * row)), high, size)
+        left, right = np.array((-half, 0, -deep * row)), np.array((half, 0, -deep * row))
+        _beam(model, left, right, high, size)
     if chance.yes(0.7):
         model.box((-half - 0.3, high + 1.3 * size, back - 0.3),
                   (half + 0.3, high + 1.3 * size + 0.15, 0.4), STONE)
@@ -177,7 +178,7 @@ def _portico(model: Model, chance: Chance, high: float, column: Part) -> list[Ca
     for i in range(count - 1):
         x = gap * (i + 0.5 - 0.5 * (count - 1))
         model.add(solids.arch(0.5 * gap, 0.12, 0.16), STONE, (x, 0.55 * high, back + 0.05))
-        for side in (-1, 1):
+        for side in (-1.0, 1.0):
             edge = x + side * (0.25 * gap + 0.06)
             model.box((edge - 0.06, 0, back), (edge + 0.06, 0.55 * high, back + 0.13), STONE)
         if chance.yes(0.6):
@@ -258,7 +259,7 @@ def _court(model: Model, chance: Chance, high: float, column: Part) -> list[Cand
         with model.at((0, 0, 0), turn):
             along = np.array([(gap * i - half, 0.0, -half) for i in range(number + 1)])
             _stand(model, chance, column, along[:-1] if turn else along, high)
-            middles = 0.5 * (along[1:] + along[:-1]) + [0, high, 0]
+            middles = 0.5 * (along[1:] + along[:-1]) + np.array((0, high, 0))
             model.scatter(part, STONE, middles)
             top = high + rise + 0.15
             model.box((-half - deep, top, -half - deep), (half + deep, top + 0.2, -half + 0.25),
@@ -277,7 +278,8 @@ def _court(model: Model, chance: Chance, high: float, column: Part) -> list[Cand
                     with model.at((x, 0, -half - 0.6 * deep)):
                         furniture.vase(model, chance, chance.uniform(0.6, 1.3), STONE)
                 if chance.yes(0.25):
-                    _balustrade(model, chance, along[i] + [0.3, 0, 0], along[i + 1] - [0.3, 0, 0])
+                    out = np.array((0.3, 0, 0))
+                    _balustrade(model, chance, along[i] + out, along[i + 1] - out)
     _paving(model, chance, half + deep, half + deep, 0.0)
     _debris(model, chance, (0.8 * half, 0.8 * half), 0.0)
     views = []

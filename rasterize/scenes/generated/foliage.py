@@ -98,17 +98,18 @@ def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
     feet = np.stack([xs, height(xs, np.full_like(xs, z)), np.full_like(xs, z)], axis=1)
     if wired:
         for foot in feet:
-            model.bar(foot - [0, 0.2, 0], foot + [0, high, 0], 0.035, WOOD)
+            model.bar(foot - [0, 0.2, 0], foot + np.array((0, high, 0)), 0.035, WOOD)
         for share in (0.25, 0.5, 0.75, 0.95):
-            model.rope(feet + [0, share * high, 0.036], 0.0025, IRON)
+            model.rope(feet + np.array((0, share * high, 0.036)), 0.0025, IRON)
         return
     turn = rotation((0, 1, 0), 0.0)[0]
     for foot in feet:
-        model.put("box", foot + [0, 0.5 * high, 0], (0.07, high, 0.02), WOOD, turn=turn,
+        model.put("box", foot + np.array((0, 0.5 * high, 0)), (0.07, high, 0.02), WOOD, turn=turn,
                   tint=chance.uniform(0.8, 1.2))
     for share in (0.2, 0.8):
         for start, end in zip(feet[:-1:4], feet[4::4], strict=False):
-            model.bar(start + [0, share * high, -0.03], end + [0, share * high, -0.03], 0.02, WOOD)
+            up = np.array((0, share * high, -0.03))
+            model.bar(start + up, end + up, 0.02, WOOD)
 
 
 def _candidates(chance: Chance, height: solids.Height) -> list[Candidate]:

@@ -195,8 +195,8 @@ def plant(model: Model, chance: Chance, high: float, closed: bool) -> None:
         along = np.concatenate([lean * s * size, 0.28 + 0.72 * size * (s - 0.5 * lean * s**2),
                                 0.0 * s], axis=1) * high
         half = 0.045 * high * np.sin(np.pi * np.clip(0.1 + 0.87 * s, 0, 1))
-        middle = along + [0.02 * high * (i % 3), 0.0, 0.0]
-        blade = np.stack([middle - half * [0, 0, 1], middle + [0, -0.012 * high, 0],
+        middle = along + np.array((0.02 * high * (i % 3), 0.0, 0.0))
+        blade = np.stack([middle - half * [0, 0, 1], middle + np.array((0, -0.012 * high, 0)),
                           middle + half * [0, 0, 1]], axis=1)
         model.add(solids.sheet(blade, 0.003 if closed else 0.0), LEAF,
                   turn=rotation((0, 1, 0), chance.uniform(0, 6.28))[0], closed=closed,
@@ -292,4 +292,5 @@ def clutter(model: Model, chance: Chance) -> None:
             angle = chance.uniform(0, 3.1)
             radius = chance.uniform(0.004, 0.025)
             way = np.array((np.cos(angle), 0.0, np.sin(angle))) * chance.uniform(0.2, 0.5)
-            model.bar((x, radius, z) - way, (x, radius, z) + way, radius, STEEL)
+            middle = np.array((x, radius, z))
+            model.bar(middle - way, middle + way, radius, STEEL)

@@ -47,9 +47,9 @@ def machine(chance: Chance) -> Draft:
     spot = SpotLight((-0.2 * wide, high - 0.4, 0.2 * deep), (0.1, -1.0, -0.4), 0.9,
                      (20.0, 19.0, 17.0))
     views = []
-    start = chance.uniform(0.0, 6.28)
+    first = chance.uniform(0.0, 6.28)
     for i in range(60):
-        angle = start + 2.4 * i
+        angle = first + 2.4 * i
         x, z = 0.4 * wide * float(np.cos(angle)), 0.42 * deep * float(np.sin(angle))
         eye = (x, chance.uniform(0.9, 2.2), z)
         target = (-0.3 * x + chance.uniform(-0.8, 0.8), chance.uniform(0.5, 1.3), -0.4 * z)
@@ -74,8 +74,8 @@ def _hall(model: Model, chance: Chance, wide: float, deep: float, high: float) -
     for place in np.linspace(-0.8 * x, 0.8 * x, chance.whole(3, 6)):
         model.box((place - 0.15, 0, -z), (place + 0.15, high, -z + 0.12), PLASTER, 0.9 * tint)
     for place in np.linspace(-0.8 * z, 0.8 * z, chance.whole(3, 5)):
-        for low, up, half in ((-0.05, 0.0, 0.1), (-0.3, -0.05, 0.015), (-0.35, -0.3, 0.1)):
-            model.box((-x, high + low, place - half), (x, high + up, place + half), IRON,
+        for below, above, half in ((-0.05, 0.0, 0.1), (-0.3, -0.05, 0.015), (-0.35, -0.3, 0.1)):
+            model.box((-x, high + below, place - half), (x, high + above, place + half), IRON,
                       (3.0, 2.0, 1.8))
     for step in np.arange(-1.0, 1.0, 0.08):
         model.box((step, 0.0, 0.5 * z), (step + 0.012, 0.035, 0.5 * z + 1.0), STEEL)
@@ -182,9 +182,10 @@ def _tank(model: Model, chance: Chance, half: float) -> None:
         model.bar((-0.18, y, radius + 0.12), (0.18, y, radius + 0.12), 0.009, STEEL)
     for side in (-1.0, 1.0):
         place = np.array((side * radius, 0.4 + chance.uniform(0.3, 0.6) * tall, 0.0))
-        model.bar(place, place + [0.14 * side, 0, 0], 0.03, STEEL, sides=16)
-        _flange(model, place + [0.1 * side, 0, 0], np.array((1.0, 0, 0)), 0.03)
-        model.bar(place + [0.14 * side, 0, 0], (side * (radius + 0.14), 0.0, 0.0), 0.03, STEEL)
+        model.bar(place, place + np.array((0.14 * side, 0, 0)), 0.03, STEEL, sides=16)
+        _flange(model, place + np.array((0.1 * side, 0, 0)), np.array((1.0, 0, 0)), 0.03)
+        end = (side * (radius + 0.14), 0.0, 0.0)
+        model.bar(place + np.array((0.14 * side, 0, 0)), end, 0.03, STEEL)
 
 
 def _gears(model: Model, chance: Chance, half: float) -> None:

@@ -1,10 +1,11 @@
-"""Collects what a generated scene consists of; many copies of few unit shapes are placed at once."""
+"""Collects what a generated scene consists of: parts, and many copies of few unit shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,11 +34,11 @@ MATERIALS = (
 (PLASTER, WOOD, STONE, STEEL, IRON, PAINT, CLOTH, LEAF, SOIL, ASPHALT, BRICK, GLASS) = range(
     len(MATERIALS)
 )
-COLOURS = np.array(
+COLOURS: tuple[Doubles, ...] = tuple(np.array(
     [(0.74, 0.18, 0.12), (0.16, 0.34, 0.62), (0.86, 0.64, 0.16), (0.22, 0.48, 0.26),
      (0.82, 0.78, 0.70), (0.60, 0.43, 0.28), (0.36, 0.37, 0.40), (0.80, 0.44, 0.20),
      (0.55, 0.30, 0.50), (0.30, 0.60, 0.62)]
-)  # fmt: skip
+))  # fmt: skip
 """Of painted things, as factors of `PAINT`."""
 
 _UNITS: dict[str, Callable[[], Part]] = {
@@ -112,7 +113,7 @@ class Model:
     def rope(self, points: ArrayLike, radius: float, material: int) -> None:
         """Add bars from each of `points` [n, 3] to the next."""
         path = np.asarray(points, np.float64)
-        for start, end in zip(path, path[1:], strict=False):
+        for start, end in pairwise(path):
             self.bar(start, end, radius, material, sides=5)
 
     def sag(self, start: ArrayLike, end: ArrayLike, drop: float, radius: float, material: int,

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight
+from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
 
 from ..scatter import rotation
 from ..shapes import quad
@@ -31,7 +31,7 @@ def room(chance: Chance) -> Draft:
     _middle(model, chance, ground, wide, deep, closed)
     if chance.yes(0.6):
         sun = DirectionalLight((-0.8, -0.55, chance.uniform(-0.3, 0.3)), (14.0, 12.5, 10.0))
-        lights = (sun, Environment((0.9, 0.95, 1.05)))
+        lights: tuple[Light, ...] = (sun, Environment((0.9, 0.95, 1.05)))
     else:
         lamp = PointLight((0.1 * wide, high - 0.5, 0.1 * deep), (9.0, 8.0, 6.5), 0.05)
         lights = (lamp, Environment((0.35, 0.38, 0.42)))
@@ -188,19 +188,25 @@ def _along_walls(model: Model, chance: Chance, ground: Ground, wide: float, deep
             if not ground.take(float(x), float(z), *size):
                 continue
             with model.at((x, 0.0, z), angle):
-                tall = min(chance.uniform(0.8, 2.2), high - 0.4)
-                {
-                    "shelves": lambda: furniture.shelves(model, chance, w, max(tall, 1.2), d),
-                    "cabinet": lambda: furniture.cabinet(model, chance, w, min(tall, 1.9), d),
-                    "sofa": lambda: furniture.sofa(model, chance, w, d),
-                    "radiator": lambda: furniture.radiator(model, chance, w - 0.2),
-                    "rods": lambda: furniture.leaning_rods(model, chance, w - 0.1, high - 0.4),
-                    "ladder": lambda: furniture.ladder(model, chance, high - 0.5),
-                    "plant": lambda: furniture.plant(model, chance, tall, closed),
-                    "table": lambda: furniture.table(model, chance, w, d),
-                    "rack": lambda: furniture.rack(model, chance, w - 0.05, min(tall, 1.4)),
-                    "lamp": lambda: furniture.lamp(model, chance, max(tall, 1.3), closed),
-                }[kind]()
+                _piece(model, chance, kind, w, d, high, closed)
+
+
+def _piece(model: Model, chance: Chance, kind: str, w: float, d: float, high: float, closed: bool
+           ) -> None:
+    """Add a piece of furniture, w wide and d deep, in a room so high."""
+    tall = min(chance.uniform(0.8, 2.2), high - 0.4)
+    {
+        "shelves": lambda: furniture.shelves(model, chance, w, max(tall, 1.2), d),
+        "cabinet": lambda: furniture.cabinet(model, chance, w, min(tall, 1.9), d),
+        "sofa": lambda: furniture.sofa(model, chance, w, d),
+        "radiator": lambda: furniture.radiator(model, chance, w - 0.2),
+        "rods": lambda: furniture.leaning_rods(model, chance, w - 0.1, high - 0.4),
+        "ladder": lambda: furniture.ladder(model, chance, high - 0.5),
+        "plant": lambda: furniture.plant(model, chance, tall, closed),
+        "table": lambda: furniture.table(model, chance, w, d),
+        "rack": lambda: furniture.rack(model, chance, w - 0.05, min(tall, 1.4)),
+        "lamp": lambda: furniture.lamp(model, chance, max(tall, 1.3), closed),
+    }[kind]()
 
 
 def _middle(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, closed: bool
@@ -218,8 +224,8 @@ def _middle(model: Model, chance: Chance, ground: Ground, wide: float, deep: flo
             furniture.table(model, chance, w, d)
             for angle in np.arange(chance.whole(1, 4)) * (0.5 * np.pi) + chance.uniform(-0.2, 0.2):
                 reach = 0.5 * (d if abs(np.cos(angle)) > 0.5 else w) + 0.12
-                place = (-reach * np.sin(angle), 0.0, -reach * np.cos(angle))
-                with model.at(place, angle + chance.uniform(-0.3, 0.3)):
+                seat = (-reach * np.sin(angle), 0.0, -reach * np.cos(angle))
+                with model.at(seat, angle + chance.uniform(-0.3, 0.3)):
                     furniture.chair(model, chance)
     inner = (-0.42 * wide, 0.42 * wide, -0.42 * deep, 0.42 * deep)
     for _ in range(chance.whole(5, 12)):

@@ -11,7 +11,6 @@ from ...parts import Part
 from ..scatter import Doubles, noise
 from ..shapes import grid, lathe, mesh
 
-
 Height = Callable[[Doubles, Doubles], Doubles]
 """Maps x and z to the height of the ground there, metres."""
 
@@ -81,15 +80,16 @@ def prism(outline: ArrayLike, height: float) -> Part:
     flat = np.asarray(outline, dtype=np.float64)
     count = len(flat)
     corners = np.stack([flat[:, 0], np.zeros(count), -flat[:, 1]], axis=1)
-    points = np.concatenate([corners, corners + [0.0, height, 0.0], [[0, 0, 0], [0, height, 0]]])
+    above = corners + np.array((0.0, height, 0.0))
+    points = np.concatenate([corners, above, [[0, 0, 0], [0, height, 0]]])
     here = np.arange(count)
     after = np.roll(here, -1)
-    below, above = 2 * count, 2 * count + 1
+    bottom, top = 2 * count, 2 * count + 1
     triangles = np.concatenate([
         np.stack([here, after, after + count], axis=1),
         np.stack([here, after + count, here + count], axis=1),
-        np.stack([after, here, np.full(count, below)], axis=1),
-        np.stack([here + count, after + count, np.full(count, above)], axis=1),
+        np.stack([after, here, np.full(count, bottom)], axis=1),
+        np.stack([here + count, after + count, np.full(count, top)], axis=1),
     ])  # fmt: skip
     return mesh(points, triangles, name="prism")
 

@@ -110,8 +110,8 @@ def _dry_wall(model: Model, chance: Chance) -> None:
         while x < 4.0:
             wide = chance.uniform(0.2, 0.5)
             if not -0.5 < x + 0.5 * wide < 0.6 and (course < 5 or chance.yes(0.7)):
-                model.put("cushion", (x + 0.5 * wide, 0.19 * course - 0.1, chance.uniform(-0.03, 0.03)
-                                      ), (0.5 * wide - 0.008, 0.093, 0.2), STONE,
+                middle = (x + 0.5 * wide, 0.19 * course - 0.1, chance.uniform(-0.03, 0.03))
+                model.put("cushion", middle, (0.5 * wide - 0.008, 0.093, 0.2), STONE,
                           turn=rotation((0, 1, 0), chance.uniform(-0.08, 0.08))[0],
                           tint=chance.uniform(0.7, 1.15))
             x += wide

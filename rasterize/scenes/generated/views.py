@@ -64,7 +64,7 @@ class Surroundings:
     def distances(self, camera: Camera) -> Doubles:
         """Return [camera's rows, columns] the distance that each pixel's centre sees; inf: none."""
         rows, columns = camera.size
-        ways = camera.unproject(np.ones((rows, columns))) - camera.position
+        ways = camera.unproject(np.ones((rows, columns), np.float32)) - camera.position
         ways = (ways / np.linalg.norm(ways, axis=-1, keepdims=True)).reshape(-1, 3)
         ways = ways.astype(np.float32)
         # Balls round triangles, against the cone that holds all rays.

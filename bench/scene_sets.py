@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import Entry
+from ssgi_cl.truth.digests import scene_digest
 
 from .context import Context, Progress, TruthSettings
 from .trials import Trials
@@ -90,6 +92,15 @@ class SceneSets:
             view.name: error
             for view, error in zip(self.views[of], trials[of].errors(setting), strict=True)
         }
+
+
+def described(views: Sequence[BuiltinScene]) -> list[dict[str, Any]]:
+    """Return name, digest, radius and camera of each view, as records have them."""
+    return [
+        {"name": view.name, "digest": scene_digest(view.scene), "radius": view.ao_radius,
+         "views": [{"eye": list(view.eye), "target": list(view.target)}]}
+        for view in views
+    ]
 
 
 def geometric_mean(errors: Sequence[float]) -> float:

@@ -94,7 +94,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
             "BITMASK_ANGLE": SECTORS.index(params.sectors),
             "BITMASK_JOINED": int(params.joined),
             "SLICES_DEEPER": params.deeper(self.layers),
-            "SLICES_NEXT": int(params.end == "layer"),
+            "SLICES_NEXT": int(params.end == "layer" and self.layers > 1),
         }
 
     def _values(self) -> Mapping[str, float]:

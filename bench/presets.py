@@ -38,7 +38,7 @@ from .tuning import TuneError
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
 """Time of each preset over that of the defaults, at most; "medium" is the defaults."""
 
-GAIN = 0.995
+GAIN = 0.998
 """Error of a step over that of the step before, at most, on each set that has a say."""
 
 SLOWER = 1.05

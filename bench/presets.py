@@ -1,10 +1,18 @@
-"""Record the presets of a technique: `python -m ssgi_cl.bench.presets --help`."""
+"""Record the presets of a technique: `python -m ssgi_cl.bench.presets --help`.
+
+Presets are steps of a ladder that the defaults stand on: each step takes longer and errs less than
+the one before, on the scenes for tuning and on those for validation. The error on the tuning scenes
+chooses, that on the validation scenes may only refuse, and the scenes that errors are reported on
+have no say: what is recorded of them shows whether the choice holds there.
+"""
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,145 +25,209 @@ from ssgi_cl import presets
 from ssgi_cl.atomic import replacement
 from ssgi_cl.presets.pace import measured
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques import TECHNIQUES, Entry
 from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.version import __version__
 
 from .context import Progress as Report
-from .trials import Trial
-from .tunables import entry_of, views_of
-from .tune import Session, error_of
-from .tuning import Bound, TuneError, front
+from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
+from .trials import Trial, Trials
+from .tunables import entry_of
+from .tuning import TuneError
 
-BUDGETS = {"low": 0.6, "medium": 1.0, "high": 2.0, "ultra": 5.0}
-"""Time of each preset over that of the technique's default parameters, at most."""
+WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
+"""Time of each preset over that of the defaults, at most; "medium" is the defaults."""
 
-OVERSCAN = 0.1
-"""Of the G-buffers tuned on; the error without it is recorded too."""
+GAIN = 0.998
+"""Error of a step over that of the step before, at most, on each set that has a say."""
 
-ROUNDS = {"high": 2, "ultra": 0, "medium": 0, "low": 0}
-"""Of the searches with the fewest layers: the first looks all over, the others near its best."""
-FURTHER_ROUNDS = {"high": 0, "medium": 0, "low": 0}
-"""Of those with more layers, which begin with the settings that are best for fewer; there the
-dearest budget finds nothing that a cheaper one does not."""
+SLOWER = 1.05
+"""Time of a step over that of the step before, at least."""
 
-SPACING = 1.2
-"""Times of neighbours on a recorded curve differ by about this factor."""
+_CHOOSING = ("tuning", "validation")
+
+
+@dataclass(frozen=True)
+class Step:
+    """A setting with its time and its errors.
+
+    Attributes:
+        parameters: those of the technique's `tunable`.
+        ms: device time of a picture, mean over the tuning views, milliseconds.
+        tuning, validation: geometric mean of the RMSE over the views of each set.
+    """
+
+    parameters: Mapping[str, Any]
+    ms: float
+    tuning: float
+    validation: float
+
+    def improves(self, other: Step) -> bool:
+        """Return whether this errs less than `other` by `GAIN`, on both sets."""
+        return self.tuning <= GAIN * other.tuning and self.validation <= GAIN * other.validation
+
+
+def candidates(entry: Entry) -> Iterator[dict[str, Any]]:
+    """Yield all combinations of the values in the entry's `tunable`."""
+    for values in itertools.product(*entry.tunable.values()):
+        yield dict(zip(entry.tunable, values, strict=True))
+
+
+def ladder(steps: Sequence[Step], usual: Step) -> list[Step]:
+    """Return steps of rising time and falling errors on both sets, `usual` among them.
+
+    Faster steps that err less than `usual` on either set are left out, as `usual` would not
+    improve on them; slower ones that blur more widely too.
+    """
+    faster = [
+        step for step in steps if SLOWER * step.ms <= usual.ms and usual.improves(step)
+    ]
+    slower = [
+        step for step in steps
+        if step.ms >= SLOWER * usual.ms and step.improves(usual) and _blur(step) <= _blur(usual)
+    ]
+    result: list[Step] = []
+    for group in (faster, [usual], slower):
+        for step in sorted(group, key=lambda step: (step.ms, step.tuning)):
+            before = result[-1] if result else None
+            if before is None or step is usual or (
+                step.ms >= SLOWER * before.ms and step.improves(before)
+            ):
+                result.append(step)
+    return result
+
+
+def better_than(steps: Sequence[Step], usual: Step) -> list[Step]:
+    """Return what is faster and errs less than `usual` on both sets: what should be the defaults.
+    """
+    return [step for step in steps if SLOWER * step.ms <= usual.ms and step.improves(usual)]
+
+
+def named(steps: Sequence[Step], usual: Step) -> dict[str, Step]:
+    """Return the preset of each name: of a `ladder`, the slowest step within its share of time.
+
+    Raises:
+        TuneError: the ladder has no step that is faster than `usual`, or fewer than two slower.
+    """
+    place = steps.index(usual)
+    slower = list(steps[place + 1 :])
+    if place < 1 or len(slower) < 2:
+        raise TuneError(
+            f"{place} steps are faster than the defaults and {len(slower)} slower: expected at "
+            "least 1 and 2 among the candidates"
+        )
+
+    def within(name: str, part: Sequence[Step]) -> Step:
+        fast = [step for step in part if step.ms <= WITHIN[name] * usual.ms]
+        return fast[-1] if fast else part[0]
+
+    low, high = within("low", steps[:place]), within("high", slower[:-1])
+    ultra = within("ultra", slower[slower.index(high) + 1 :])
+    return dict(zip(presets.NAMES, (low, usual, high, ultra), strict=True))
 
 
 def record_presets(
-    technique: str, *, runtime: Runtime | None = None, progress: Report | None = None,
-    **options: Any,
+    technique: str, sets: SceneSets, *, progress: Report | None = None
 ) -> dict[str, Any]:
-    """Tune a technique for each of `BUDGETS` and return the document that its presets are.
+    """Choose a technique's presets for each of its numbers of layers; return the document.
 
     Args:
         technique: key in `TECHNIQUES`.
-        runtime, progress: as in `tune`.
-        **options: `size`, `parameters`, `fixed` and `metric` of `tune`, and its `scenes`.
+        sets: the scenes.
+        progress: called with what is under way and the share of it that is done.
 
     Raises:
-        ValueError, TuneError: as `tune`.
+        ValueError, TuneError: the technique is unknown, or the candidates make no ladder.
     """
-    entry, views = entry_of(technique), views_of(options.pop("scenes", None))
-    runtime = runtime or Runtime.open()
-    recorded: list[dict[str, Any]] = []
-    for layers in entry.layers:
-        session = Session(entry, views, layers=layers, overscan=OVERSCAN, runtime=runtime,
-                          progress=progress, **options)
-        for setting in recorded[-1]["curve"] if recorded else ():
-            session.trials.measure(setting["parameters"])
-        recorded.append({
-            "layers": layers,
-            **search(session, FURTHER_ROUNDS if recorded else ROUNDS, progress),
-        })
-    parameters = recorded[0]["presets"]["medium"]["parameters"]
-    pace, _ = measured(runtime, technique, parameters)
-    common = session.setting()
-    del common["layers"]
+    entry = entry_of(technique)
+    recorded = [_recorded(entry, sets, layers, progress) for layers in entry.layers]
+    medium = recorded[0]["presets"]["medium"]["parameters"]
+    pace, _ = measured(sets.runtime, technique, medium)
     return {
-        "format": "ssgi-presets 2",
+        "format": "ssgi-presets 3",
         "recorded by": f"python -m ssgi_cl.bench.presets {technique}",
-        **common,
+        "technique": technique,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": __version__,
+        "device": sets.runtime.info.label,
+        "form": str(sets.runtime.form),
+        "size": list(sets.size),
+        "overscan": OVERSCAN,
+        "metric": "rmse",
+        "truth": {"rays": sets.truth.rays, "attenuation": sets.truth.attenuation,
+                  "weighting": "cosine"},
+        "scenes": {name: described(sets.views[name]) for name in SETS},
         "pace": {
-            "parameters": parameters,
-            **{name: _rounded(value) for name, value in asdict(pace).items()},
+            "parameters": medium, **{key: _rounded(value) for key, value in asdict(pace).items()},
         },
         "layers": recorded,
     }
 
 
-def search(
-    session: Session, rounds: Mapping[str, int], progress: Report | None = None
+def _recorded(
+    entry: Entry, sets: SceneSets, layers: int, progress: Report | None
 ) -> dict[str, Any]:
-    """Return the curve of a session, and the presets on it.
-
-    Each search begins with all that is known, so that what one found serves the others too.
-
-    Args:
-        session: of one number of layers.
-        rounds: of the search for each budget, in this order; see `Session.explore`.
-        progress: called with what is under way.
-
-    Raises:
-        TuneError: nothing keeps a budget.
-    """
-    usual = session.trials.confirm(session.trials.measure({}))
-    budgets = {name: _rounded(share * usual.ms) for name, share in BUDGETS.items()}
-    for name, number in rounds.items():
+    """Return the presets and the ladder for one number of layers."""
+    trials = sets.trials(entry, layers)
+    every = list(candidates(entry))
+    usual_values = {name: getattr(entry.params(), name) for name in entry.tunable}
+    if usual_values not in every:
+        raise ValueError(f"the defaults {usual_values} are none of the candidates in `tunable`")
+    steps = []
+    for number, values in enumerate(every):
         if progress is not None:
-            progress(f"preset {name}", 0.0)
-        session.explore(Bound(budgets[name], None), rounds=number)
-    curve = session.front(SPACING)
-    # The curve is thinned out: what the search begins with may be better than what it has of that
-    # time, which is the defaults', however unsteady the machine is.
-    start = session.trials.measure(session.usual)
-    choice = [*curve, replace(start, ms=usual.ms)]
-    choice = front([replace(trial, ms=_rounded(trial.ms)) for trial in choice])
-    presets = {}
-    best: Trial | None = None
-    for name, budget in budgets.items():
-        bound = Bound(budget, None)
-        kept = [trial for trial in choice if bound.kept_by(trial)]
-        if not kept:
-            raise TuneError(bound.unreachable(curve, "error"))
-        best = _blurred_no_wider(session, kept[-1], best)
-        presets[name] = {**_written(session, best), "budget_ms": budget}
+            progress(f"{layers} layers: settings", number / len(every))
+        steps.append(_step(trials, values))
+    usual = steps[every.index(usual_values)]
+    # Times were rough: what is on the ladder, or may be, is timed again, longer.
+    near = [step for step in steps if step is usual or step in ladder(steps, usual)
+            or step in better_than(steps, usual)]
+    for step in near:
+        careful = _timed_again(trials, step)
+        steps[steps.index(step)] = careful
+        usual = careful if step is usual else usual
+    chain = ladder(steps, usual)
+    whole = sets.trials(entry, layers, 0.0)["tuning"]
+    chosen = named(chain, usual)
+
+    def written(step: Step) -> dict[str, Any]:
+        return {
+            "parameters": dict(step.parameters), "ms": _rounded(step.ms),
+            "error": _rounded(step.tuning), "error_cut": _rounded(whole.error(step.parameters)),
+            "validation": _rounded(step.validation),
+            "reporting": _rounded(geometric_mean(trials["reporting"].errors(step.parameters))),
+        }
+
+    def by_scene(step: Step) -> dict[str, float]:
+        errors = sets.errors(trials, step.parameters, "reporting")
+        return {name: _rounded(error) for name, error in errors.items()}
+
     return {
-        "default": {"ms": _rounded(usual.ms), "error": _rounded(usual.error)},
-        "presets": presets,
-        "curve": [_written(session, trial) for trial in curve],
+        "layers": layers,
+        "default": written(usual),
+        "presets": {
+            name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen.items()
+        },
+        "curve": [written(step) for step in chain],
+        "better_than_default": [written(step) for step in better_than(steps, usual)],
     }
 
 
-def _blurred_no_wider(session: Session, trial: Trial, cheaper: Trial | None) -> Trial:
-    """Return a dearer preset's trial, with a cheaper one's blur if that is narrower.
-
-    More samples need less blur. Where the errors of two widths hardly differ on what is tuned on
-    (`presets.AS_GOOD`), the wider one errs more on other scenes, where edges are thin.
-    """
-    if cheaper is None or "blur_radius" not in trial.parameters:
-        return trial
-    before, step = (
-        RESOLUTIONS[each.parameters.get("resolution", "full")] for each in (cheaper, trial)
-    )
-    pixels = before * cheaper.parameters["blur_radius"]
-    if step * trial.parameters["blur_radius"] <= pixels:
-        return trial
-    narrower = {**trial.parameters, "blur_radius": max(pixels // step, 1)}
-    found = session.trials.confirm(session.trials.measure(narrower))
-    if error_of(found) > presets.AS_GOOD * error_of(trial):
-        return trial
-    return replace(found, ms=min(found.ms, trial.ms))  # it takes no longer, however unsteady
+def _step(trials: Mapping[str, Trials], values: Mapping[str, Any]) -> Step:
+    trial = trials["tuning"].measure(values)
+    assert trial.error is not None  # noqa: S101  no limit was given
+    return Step(values, trial.ms, trial.error, trials["validation"].error(values))
 
 
-def _written(session: Session, trial: Trial) -> dict[str, Any]:
-    """Return parameters, time and errors of a trial as `presets.Setting` has them."""
-    return {
-        "parameters": {key: _rounded(value) for key, value in trial.parameters.items()},
-        "ms": _rounded(trial.ms),
-        "error": _rounded(trial.error),
-        "error_cut": _rounded(session.error_cut(trial.parameters)),
-    }
+def _timed_again(trials: Mapping[str, Trials], step: Step) -> Step:
+    careful = trials["tuning"].confirm(Trial(step.parameters, step.ms, step.tuning))
+    return replace(step, ms=careful.ms)
+
+
+def _blur(step: Step) -> int:
+    """Return the radius of a step's blur in pixels of the full size."""
+    return int(step.parameters.get("blur_radius", 0)) * RESOLUTIONS[
+        step.parameters.get("resolution", "full")]
 
 
 def _rounded(value: Any) -> Any:
@@ -167,10 +239,13 @@ def _rounded(value: Any) -> Any:
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
 @click.option("--device", metavar="WORDS", help="Words of the device's label; by default the "
               "fastest found.")
+@click.option("--meshes", type=click.Path(path_type=Path, file_okay=False, exists=True),
+              help="The folder of the meshes of docs/views, which errors are reported on; without, "
+              "they are reported on the built-in scenes alone.")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False),
               help="The JSON file; by default the one that the library reads.")
-def main(technique: str, device: str | None, output: Path | None) -> None:
-    """Record the presets of TECHNIQUE: parameters tuned on the built-in scenes for this purpose.
+def main(technique: str, device: str | None, meshes: Path | None, output: Path | None) -> None:
+    """Record the presets of TECHNIQUE: tuned on generated scenes, validated with others.
 
     Takes some minutes. Nothing else should keep the machine busy meanwhile.
     """
@@ -179,23 +254,26 @@ def main(technique: str, device: str | None, output: Path | None) -> None:
                    console=console, transient=True, disable=not console.is_terminal)
     with bar:
         task = bar.add_task("", total=1.0)
-        result = record_presets(
-            technique,
-            runtime=Runtime.open(device),
-            progress=lambda text, share: bar.update(task, description=text, completed=share),
-        )
+
+        def report(text: str, share: float) -> None:
+            bar.update(task, description=text, completed=share)
+
+        sets = SceneSets(Runtime.open(device), meshes=meshes, progress=report)
+        result = record_presets(technique, sets, progress=report)
     path = output or Path(presets.__file__).parent / f"{technique}.json"
     with replacement(path) as file:
         file.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    table = Table("layers", "preset", "ms", result["metric"], "parameters",
-                  title=result["device"])
+    table = Table("layers", "preset", "ms", *SETS, "parameters", title=result["device"])
     for entry in result["layers"]:
-        usual, layers = entry["default"], str(entry["layers"])
-        table.add_row(layers, "(default)", f"{usual['ms']:.2f}", f"{usual['error']:.4f}", "")
-        for name, preset in entry["presets"].items():
+        rows = {**entry["presets"], **{
+            f"better than the defaults {number}": step
+            for number, step in enumerate(entry["better_than_default"])
+        }}
+        for name, step in rows.items():
             table.add_row(
-                layers, name, f"{preset['ms']:.2f}", f"{preset['error']:.4f}",
-                ", ".join(f"{key} {value}" for key, value in preset["parameters"].items()),
+                str(entry["layers"]), name, f"{step['ms']:.2f}", f"{step['error']:.4f}",
+                f"{step['validation']:.4f}", f"{step['reporting']:.4f}",
+                ", ".join(f"{key} {value}" for key, value in step["parameters"].items()),
             )
     Console().print(table)
 

@@ -154,12 +154,23 @@ class Trials:
         """Return the geometric mean over the views of the error against the world truth."""
         return self._error(self.images(parameters, gbuffers))
 
+    def errors(
+        self,
+        parameters: Mapping[str, Any],
+        gbuffers: Sequence[DeviceGBuffer] | None = None,
+    ) -> list[float]:
+        """Return the error against the world truth on each view."""
+        return self._errors(self.images(parameters, gbuffers))
+
     def _error(self, images: Sequence[NDArray[np.float32]]) -> float:
-        errors = [
+        errors = self._errors(images)
+        return math.prod(errors) ** (1.0 / len(errors))
+
+    def _errors(self, images: Sequence[NDArray[np.float32]]) -> list[float]:
+        return [
             self._metric(image, self._truth(context), context.seen)
             for image, context in zip(images, self._contexts, strict=True)
         ]
-        return math.prod(errors) ** (1.0 / len(errors))
 
     def _truth(self, context: Context) -> NDArray[np.float32]:
         truth: NDArray[np.float32] = getattr(context, self._entry.quantity)().mean

@@ -9,7 +9,13 @@ from typing import Any
 
 from ssgi_cl import check
 from ssgi_cl.params import Params
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, BuiltinScene
+from ssgi_cl.rasterize.scenes import (
+    REPORTED,
+    TUNED_ON,
+    VALIDATED_ON,
+    BuiltinScene,
+    make_scene,
+)
 from ssgi_cl.techniques import TECHNIQUES, Entry
 
 from .search import Axis
@@ -21,23 +27,27 @@ def entry_of(technique: str) -> Entry:
 
 
 def views_of(scenes: Sequence[str | BuiltinScene] | None) -> list[BuiltinScene]:
-    """Return all views of the scenes of `tune`'s argument.
+    """Return all views of the scenes of `tune`'s argument; of `TUNED_ON` the first of each.
 
     Raises:
-        ValueError: a name is unknown, or of a scene that errors are reported on.
+        ValueError: a name is unknown, or of a scene for validation or one that errors are reported
+            on.
     """
     if isinstance(scenes, (str, BuiltinScene)):
         raise TypeError(f"scenes is {scenes!r}: expected a list of names or scenes")
+    if scenes is None:
+        return [make_scene(name).views()[0] for name in TUNED_ON]
     result: list[BuiltinScene] = []
-    for scene in TUNED_ON if scenes is None else scenes:
+    for scene in scenes:
         if isinstance(scene, str):
-            check.choice("scene", scene, sorted(BUILTIN_SCENES))
-            if scene in REPORTED:
+            kept = {**dict.fromkeys(REPORTED, "on which errors are reported"),
+                    **dict.fromkeys(VALIDATED_ON, "which is for validation")}
+            if scene in kept:
                 raise ValueError(
-                    f"scene is {scene!r}, on which errors are reported: expected one of "
-                    f"{', '.join(TUNED_ON)}, or the scene itself, made by {scene}()"
+                    f"scene is {scene!r}, {kept[scene]}: expected another, such as "
+                    f"{', '.join(TUNED_ON[:3])}, or the scene itself, make_scene({scene!r})"
                 )
-            scene = BUILTIN_SCENES[scene]()
+            scene = make_scene(scene)
         result += scene.views()
     if not result:
         raise ValueError("scenes is empty: expected at least one")

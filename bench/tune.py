@@ -5,14 +5,11 @@ The truth is cast rays; what is tuned on some scenes is reported on others.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cached_property
 from typing import Any
 
 from ssgi_cl import check
-from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import MOST_LAYERS
@@ -25,7 +22,7 @@ from .context import Context, Progress, TruthSettings
 from .search import Cost, narrow
 from .trials import METRICS, Trial, Trials
 from .tunables import axis_of, entry_of, views_of, within
-from .tuning import Bound, TuneError, Tuning, front, near_front
+from .tuning import Bound, TuneError, Tuning
 
 __all__ = ["Session", "TuneError", "Tuning", "tune"]
 
@@ -33,12 +30,6 @@ SIZE = (300, 400)
 
 FINALISTS = 5
 """How many of the best are timed carefully before one is chosen."""
-
-CANDIDATES = 2
-"""How many of each step of time are timed carefully for a curve."""
-
-GAIN = 0.995
-"""Error of a setting on a curve over that of the faster one before it, at most."""
 
 SLACK = 1.3
 """How much over a time limit a point may be and still have its error found out: searching needs to
@@ -71,8 +62,9 @@ def tune(
         technique: key in `TECHNIQUES`, such as "ssao".
         budget_ms: the least error within this device time for a picture is looked for, > 0.
         max_error: the least time with at most this error is looked for, > 0.
-        scenes: names, or scenes; all of their views count. By default `TUNED_ON`. The names in
-            `REPORTED` are refused; who insists gives the scene itself, such as `hall()`.
+        scenes: names, or scenes; all of their views count. By default the first view of each of
+            `TUNED_ON`. The names in `REPORTED` and `VALIDATED_ON` are refused; who insists gives
+            the scene itself, such as `hall()`.
         size: (rows, columns) of the pictures.
         parameters: what is varied: name -> (low, high), or a list of values; by default what the
             technique's entry calls worth tuning.
@@ -216,37 +208,6 @@ class Session:
         if refused and not self._complete():
             raise refused[-1]
 
-    def front(self, spacing: float) -> list[Trial]:
-        """Return the front of all that is known, the best of each step of time, timed again.
-
-        Args:
-            spacing: factor from one step of time to the next, > 1.
-        """
-        steps: dict[int, list[Trial]] = {}
-        for trial in near_front(self._complete()):
-            step = math.floor(math.log(trial.ms) / math.log(spacing))
-            steps.setdefault(step, []).append(trial)
-        promising = [trial for step in steps.values()
-                     for trial in sorted(step, key=error_of)[:CANDIDATES]]
-        curve: list[Trial] = []
-        for trial in front([self.trials.confirm(trial) for trial in promising]):
-            if not curve or error_of(trial) < GAIN * error_of(curve[-1]):
-                curve.append(trial)
-        return curve
-
-    @property
-    def usual(self) -> dict[str, Any]:
-        """The default parameters of those that are varied."""
-        return dict(self._start)
-
-    def error_cut(self, parameters: Mapping[str, Any]) -> float:
-        """Return the error with as many layers but without overscan."""
-        return self.trials.error(parameters, self._without_overscan)
-
-    @cached_property
-    def _without_overscan(self) -> list[DeviceGBuffer]:
-        return [context.layered(self._layers, 0.0) for context in self._contexts]
-
     def _complete(self) -> list[Trial]:
         """Return the trials that name all that is varied."""
         names = {axis.name for axis in self._axes}
@@ -290,11 +251,6 @@ class Session:
                       "weighting": "cosine"},
             "scenes": tuple(scenes.values()),
         }
-
-
-def error_of(trial: Trial) -> float:
-    """Return the error of a trial, infinite where it was not found out."""
-    return math.inf if trial.error is None else trial.error
 
 
 def expected_trials(axes: int, rounds: int) -> int:

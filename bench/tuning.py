@@ -151,15 +151,3 @@ def front(trials: Sequence[Trial]) -> list[Trial]:
             result.append(trial)
             least = trial.error
     return result
-
-
-def near_front(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the trials that may be on the front once their rough times are known better.
-
-    What errs more than something that is faster by more than `ROUGHNESS` won't be.
-    """
-    known = [(trial.ms, trial.error, trial) for trial in trials if trial.error is not None]
-    return [
-        trial for ms, error, trial in known
-        if all(error < other for faster, other, _ in known if faster * ROUGHNESS <= ms)
-    ]

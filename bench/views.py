@@ -14,7 +14,7 @@ import numpy as np
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.rasterize import load_scene
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.rasterize.scenes import SCENE_NAMES, BuiltinScene, is_scene, make_scene
 from ssgi_cl.render import AO_RADIUS_SHARE
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.viewpoint import camera_from_json, default_camera, default_lights
@@ -33,12 +33,12 @@ def views_of(
     """Return name -> scene with lights and a view.
 
     Args:
-        names: keys of `BUILTIN_SCENES`, or files, which get the name of the file without its
-            ending, and where that has other letters than a-z, 0-9, _ and -, an underscore. A file
-            is a mesh, with its camera in NAME.scene.json beside it if there is one, or a view:
-            NAME.json with a camera (see `camera_from_json`) and `mesh`, the file of the mesh, as
-            seen from `meshes`. Either may have `ao_radius`, how far ambient occlusion reaches in
-            scene units; 5 % of the scene's diagonal without.
+        names: built-in or generated scenes (see `make_scene`), or files, which get the name of the
+            file without its ending, and where that has other letters than a-z, 0-9, _ and -, an
+            underscore. A file is a mesh, with its camera in NAME.scene.json beside it if there is
+            one, or a view: NAME.json with a camera (see `camera_from_json`) and `mesh`, the file
+            of the mesh, as seen from `meshes`. Either may have `ao_radius`, how far ambient
+            occlusion reaches in scene units; 5 % of the scene's diagonal without.
         runtime: the device that looks round in a file's scene for a view.
         meshes: the folder of the views' meshes; each view's own without.
 
@@ -50,14 +50,12 @@ def views_of(
     """
     found: dict[str, BuiltinScene] = {}
     for name in names:
-        if name in BUILTIN_SCENES:
-            view = BUILTIN_SCENES[name]()
+        if is_scene(name):
+            view = make_scene(name)
         elif Path(name).suffix:
             view = _from_file(Path(name), runtime, meshes)
         else:
-            raise ValueError(
-                f"scene is {name!r}: expected a file or one of {', '.join(BUILTIN_SCENES)}"
-            )
+            raise ValueError(f"scene is {name!r}: expected a file or one of {SCENE_NAMES}")
         if view.name in found:
             raise ValueError(f"two scenes are called {view.name!r}: expected different names")
         found[view.name] = view

@@ -83,13 +83,14 @@ if TYPE_CHECKING:
 @json_option
 @human_errors
 def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
-    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, or a built-in scene: cornell_box,
-    hall, parlour, terrace or workshop.
+    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, a built-in scene (cornell_box,
+    hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
+    room, colonnade, foliage, machine, street or terrain.
 
     A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
     the device.
     """
-    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
 
     endings: tuple[str, ...] = ()
     if options["views"]:
@@ -97,13 +98,17 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
     _check_view_options(options)
+    if not (is_scene(scene) or Path(scene).suffix or Path(scene).exists()):
+        raise ValueError(
+            f"scene is {scene!r}: there is no such file; expected one or {SCENE_NAMES}"
+        )
     with progress(as_json) as step:
         step("opening the device")
         runtime = Runtime.open(options["device"])
         step(f"loading {scene}")
         loaded, camera, lights, radius = (
-            _builtin(BUILTIN_SCENES[scene](), options)
-            if scene in BUILTIN_SCENES
+            _builtin(make_scene(scene), options)
+            if is_scene(scene)
             else _from_file(Path(scene), options, runtime)
         )
         if options["ambient"] is not None:

@@ -32,7 +32,7 @@ class Lecture(Own):
             raise ValueError(f"setting is {setting!r}: expected {SETTING!r}")
         params = HbaoParams(
             radius=context.radius, slices=3, taps=6, resolution="half", blur_radius=BLUR_RADIUS,
-            blur_resolution="full",
+            blur_resolution="full", attenuation=1.0,
         )
         technique = Hbao(context.runtime, context.size, params)
         gbuffer = context.gbuffer

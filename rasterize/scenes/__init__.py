@@ -1,7 +1,9 @@
 """Scenes made by code, so that everything can be tried without data.
 
-What is tuned is tuned on some of them and reported on others, so that a table of errors never
-shows how well parameters fit the very pictures they were fitted to.
+A few are built in; as many as are wanted come from a generator, as KIND-SEED. Parameters are tuned
+on some (`TUNED_ON`), checked on others (`VALIDATED_ON`), and errors are reported on a third set
+(`REPORTED`, and meshes from files), so that no table shows how well parameters fit the very
+pictures that they were fitted to.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from collections.abc import Callable
 
 from .builtin import BuiltinScene
 from .cornell_box import cornell_box
+from .generated import KINDS, MOST_SEED, generated, is_generated
 from .hall import hall
 from .parlour import parlour
 from .terrace import terrace
@@ -24,19 +27,53 @@ BUILTIN_SCENES: dict[str, Callable[[], BuiltinScene]] = {
 }
 """What makes each scene, by name."""
 
-REPORTED = ("cornell_box", "hall")
-"""Scenes on which errors are reported; nothing is tuned on them."""
+SCENE_NAMES = (
+    f"{', '.join(BUILTIN_SCENES)}, or KIND-SEED with KIND one of {', '.join(KINDS)} and SEED an "
+    f"integer from 0 to {MOST_SEED}, such as room-7"
+)
+"""What names of scenes there are, for messages."""
 
-TUNED_ON = ("parlour", "terrace", "workshop")
+REPORTED = ("cornell_box", "hall")
+"""Scenes on which errors are reported; nothing is tuned on them or validated with them."""
+
+TUNED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in (0, 1))
 """Scenes on which parameters are tuned."""
+
+VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in (100, 101))
+"""Scenes that tell whether what was tuned holds elsewhere; nothing is fitted to them."""
+
+
+def is_scene(name: str) -> bool:
+    """Return whether a name is of a built-in scene, or KIND-SEED of a generated one."""
+    return name in BUILTIN_SCENES or is_generated(name)
+
+
+def make_scene(name: str) -> BuiltinScene:
+    """Make a built-in scene, or the generated scene KIND-SEED, such as "room-7".
+
+    Raises:
+        ValueError: there is none of this name.
+    """
+    if name in BUILTIN_SCENES:
+        return BUILTIN_SCENES[name]()
+    if is_generated(name):
+        return generated(name)
+    raise ValueError(f"scene is {name!r}: expected one of {SCENE_NAMES}")
+
 
 __all__ = [
     "BUILTIN_SCENES",
+    "KINDS",
     "REPORTED",
+    "SCENE_NAMES",
     "TUNED_ON",
+    "VALIDATED_ON",
     "BuiltinScene",
     "cornell_box",
+    "generated",
     "hall",
+    "is_scene",
+    "make_scene",
     "parlour",
     "terrace",
     "workshop",

@@ -17,13 +17,15 @@ class BuiltinScene:
     """A scene made by code.
 
     Attributes:
-        name: key in `BUILTIN_SCENES`.
+        name: key in `BUILTIN_SCENES`, or KIND-SEED of a generated scene.
         scene: triangles and materials, in metres, y up.
         eye, target, up: the view, world space, metres.
         yfov: vertical field of view in radians.
         lights: what lights it, in W and metres.
         ao_radius: a reach of ambient occlusion that suits the scene, metres.
         more_views: (eye, target) of further views, with the same `up` and `yfov`.
+        closed: whether every surface bounds a volume, so that each edge has a triangle on either
+            side; False where that is not known.
     """
 
     name: str
@@ -35,6 +37,7 @@ class BuiltinScene:
     lights: tuple[Light, ...]
     ao_radius: float
     more_views: tuple[tuple[Vector, Vector], ...] = ()
+    closed: bool = False
 
     def views(self) -> tuple[BuiltinScene, ...]:
         """Return the scene as seen from each of its views, its own first."""

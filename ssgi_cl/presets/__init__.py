@@ -1,7 +1,8 @@
 """Presets: settings that tuning found, with the scenes, the truth and the device it used.
 
 `TECHNIQUE.json` beside this file holds those of a technique and everything that they depend on: for
-each number of depth layers four presets, and the curve of error over time that they lie on.
+each number of depth layers four presets, and the curve of error over time that they lie on, which
+falls on the scenes for tuning and on those for validation; "medium" is the technique's defaults.
 `python -m ssgi_cl.bench.presets TECHNIQUE` records them anew. `ssgi_cl.choose` picks one.
 """
 
@@ -18,8 +19,6 @@ from ssgi_cl import check
 
 NAMES = ("low", "medium", "high", "ultra")
 """From the fastest to the best."""
-AS_GOOD = 1.005
-"""Factor by which errors may differ that count as the same where a preset's blur is chosen."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +29,18 @@ class Setting:
         parameters: those worth tuning; a radius is none of them.
         ms: device time of a picture of the recorded size.
         error: RMSE against cast rays, of G-buffers with the recorded overscan; geometric mean over
-            the views.
+            the scenes for tuning.
         error_cut: the same of G-buffers that end at the image's border.
+        validation: as `error`, over the scenes for validation.
+        reporting: the same, over the scenes that errors are reported on.
     """
 
     parameters: Mapping[str, Any]
     ms: float
     error: float
     error_cut: float
+    validation: float
+    reporting: float
 
 
 @cache

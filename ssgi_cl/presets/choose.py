@@ -167,7 +167,7 @@ def _reaches(margin: Size, size: Size, overscan: float) -> bool:
 def _named(technique: str, name: str, layers: int) -> presets.Setting:
     known = presets.recorded_for(technique, layers)["presets"]
     values = dict(known[check.choice("preset", name, tuple(known))])
-    del values["budget_ms"]
+    del values["by_scene"]
     return presets.Setting(**values)
 
 

@@ -31,6 +31,10 @@ class BitmaskParams(SliceParams):
     Joined taps find less between them than a horizon does: 14 a side come within a tenth of what
     rays find in one depth layer. More layers make the first one's gaps tell: joined, it is read at
     24 of two layers, at 28 of four (at most 64), each of the others at a third of that.
+
+    Thickness, slack and end were chosen on generated scenes: with two and four layers the RMSE is
+    3 and 7 % less on those for tuning than with .2, .35 and "thickness", and 6 and 9 % less on
+    those for validation; thin rods and wires are no walls.
     """
 
     taps: int = param(
@@ -41,16 +45,16 @@ class BitmaskParams(SliceParams):
         1.6, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
     )
     thickness: float = param(
-        0.2, "of surfaces, along the line of sight; joined, of those that a single tap meets",
+        0.15, "of surfaces, along the line of sight; joined, of those that a single tap meets",
         low=0.0, high=1e3, unit="radii"
     )
     end: str = param(
-        "thickness", "where such surfaces end: `thickness` behind their front (that of each pixel "
+        "layer", "where such surfaces end: `thickness` behind their front (that of each pixel "
         "where the G-buffer has it), or at the next depth layer if that is nearer", choices=ENDS
     )
     joined: bool = param(True, "surfaces cover what lies between neighbouring taps")
     slack: float = param(
-        0.35, "depth by which a surface may miss the line through its other taps",
+        0.2, "depth by which a surface may miss the line through its other taps",
         low=0.0, high=1e3, unit="radii",
     )
     sectors: str = param(
@@ -97,7 +101,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
             "BITMASK_ANGLE": SECTORS.index(params.sectors),
             "BITMASK_JOINED": int(params.joined),
             "SLICES_DEEPER": params.deeper(self.layers),
-            "SLICES_NEXT": int(params.end == "layer"),
+            "SLICES_NEXT": int(params.end == "layer" and self.layers > 1),
         }
 
     def _values(self) -> Mapping[str, float]:

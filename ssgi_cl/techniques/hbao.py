@@ -19,10 +19,15 @@ from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
 @dataclass(frozen=True, kw_only=True)
 class HbaoParams(SliceParams):
-    """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions."""
+    """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions.
+
+    As published the attenuation is 1. The default was chosen on generated scenes: the RMSE against
+    rays, which know no attenuation, is 4 % less than with 1 on those for tuning, 3 % on those for
+    validation.
+    """
 
     attenuation: float = param(
-        1.0, "how much less an occluder at the radius hides than one nearby: by the square of its "
+        0.6, "how much less an occluder at the radius hides than one nearby: by the square of its "
         "distance; 0 for a sharp end", low=0.0, high=1.0,
     )
     angle_bias: float = param(

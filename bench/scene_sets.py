@@ -1,0 +1,108 @@
+"""The scenes that parameters are tuned on, validated with and reported on, with their truths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ssgi_cl.memory import Size
+from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques import Entry
+from ssgi_cl.truth.digests import scene_digest
+
+from .context import Context, Progress, TruthSettings
+from .trials import Trials
+from .views import views_of
+
+SETS = ("tuning", "validation", "reporting")
+"""What decides, what confirms, and what is shown only."""
+
+SIZE = (240, 320)
+"""Of the pictures."""
+
+RAYS = 256
+"""Of the truths, per pixel: their standard error is about a tenth of what techniques err."""
+
+OVERSCAN = 0.1
+"""Of the G-buffers."""
+
+MESH_VIEWS = ("sponza", "country_kitchen", "veach_ajar")
+"""Names of the views of meshes that errors are reported on, files in docs/views."""
+
+_VIEWS = Path(__file__).resolve().parent.parent / "docs" / "views"
+
+
+class SceneSets:
+    """One view of each scene of each set.
+
+    Args:
+        runtime: the device.
+        meshes: the folder of the meshes of `MESH_VIEWS`; without, `REPORTED` alone is reported on.
+        chosen: name of a set -> its scenes, in place of the usual ones.
+        size: (rows, columns) of the pictures.
+        rays: of the truths, per pixel.
+        progress: called with what is under way and the share of it that is done.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        *,
+        meshes: Path | None = None,
+        chosen: Mapping[str, Sequence[BuiltinScene]] | None = None,
+        size: Size = SIZE,
+        rays: int = RAYS,
+        progress: Progress | None = None,
+    ) -> None:
+        files = [] if meshes is None else [str(_VIEWS / f"{name}.json") for name in MESH_VIEWS]
+        names = {"tuning": TUNED_ON, "validation": VALIDATED_ON, "reporting": (*REPORTED, *files)}
+        self.runtime, self.size = runtime, size
+        self.truth = TruthSettings(rays=rays)
+        self.views: dict[str, list[BuiltinScene]] = {}
+        self._contexts: dict[str, list[Context]] = {}
+        for number, name in enumerate(SETS):
+            if progress is not None:
+                progress(f"scenes for {name}", number / len(SETS))
+            made = (
+                views_of(names[name], runtime, meshes).values() if chosen is None
+                else chosen[name]
+            )
+            self.views[name] = [scene.views()[0] for scene in made]
+            self._contexts[name] = [
+                Context(runtime, view, size, self.truth) for view in self.views[name]
+            ]
+            for context in self._contexts[name]:
+                context.progress = progress or context.progress
+
+    def trials(self, entry: Entry, layers: int, overscan: float = OVERSCAN) -> dict[str, Trials]:
+        """Return the trials of a technique on each set, with all truths made."""
+        found = {}
+        for name, contexts in self._contexts.items():
+            found[name] = Trials(entry, contexts, {}, "rmse", layers, overscan)
+            found[name].prepare()
+        return found
+
+    def errors(self, trials: Mapping[str, Trials], setting: Mapping[str, object], of: str
+               ) -> dict[str, float]:
+        """Return the RMSE of a setting on each scene of a set, by the scene's name."""
+        return {
+            view.name: error
+            for view, error in zip(self.views[of], trials[of].errors(setting), strict=True)
+        }
+
+
+def described(views: Sequence[BuiltinScene]) -> list[dict[str, Any]]:
+    """Return name, digest, radius and camera of each view, as records have them."""
+    return [
+        {"name": view.name, "digest": scene_digest(view.scene), "radius": view.ao_radius,
+         "views": [{"eye": list(view.eye), "target": list(view.target)}]}
+        for view in views
+    ]
+
+
+def geometric_mean(errors: Sequence[float]) -> float:
+    """Return the geometric mean: a scene whose error is large anyway says no more than others."""
+    return math.prod(errors) ** (1.0 / len(errors))

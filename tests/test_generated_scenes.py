@@ -1,0 +1,260 @@
+"""Generated scenes: determinism, closed meshes, views outside of geometry, names."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.lights import Environment
+from ssgi_cl.rasterize.parts import Part, complete
+from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.scenes import (
+    BUILTIN_SCENES,
+    KINDS,
+    REPORTED,
+    TUNED_ON,
+    VALIDATED_ON,
+    BuiltinScene,
+    is_scene,
+    make_scene,
+)
+from ssgi_cl.rasterize.scenes.generated import VIEWS, solids
+from ssgi_cl.rasterize.scenes.generated.chance import Chance
+from ssgi_cl.rasterize.scenes.generated.model import PLASTER, Model, upright_to
+from ssgi_cl.rasterize.scenes.generated.views import Candidate, Surroundings, chosen
+from ssgi_cl.runtime import Runtime
+
+SEEDS = (3,)
+CLOSED_KINDS = ("colonnade", "machine", "street")
+"""Whose scenes are always closed; those of rooms sometimes."""
+
+
+@pytest.fixture(scope="module", params=[f"{kind}-{seed}" for kind in KINDS for seed in SEEDS])
+def made(request: pytest.FixtureRequest) -> BuiltinScene:
+    return make_scene(request.param)
+
+
+def open_edges(scene: Scene) -> int:
+    """Return how many edges have unequal numbers of triangles in the two directions."""
+    points = scene.positions
+    _, welded = np.unique(points, axis=0, return_inverse=True)
+    corners = welded.reshape(-1)[scene.triangles]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    low, high = edges.min(axis=1).astype(np.int64), edges.max(axis=1)
+    _, edge = np.unique(low * len(points) + high, return_inverse=True)
+    balance = np.bincount(edge.ravel(), weights=np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0))
+    return int(np.count_nonzero(balance))
+
+
+def volume(part: Part) -> float:
+    corners = part.positions[part.triangles]
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
+
+
+def as_scene(part: Part) -> Scene:
+    model = Model()
+    model.add(part, PLASTER)
+    return model.scene()
+
+
+def winding(corners: np.ndarray, point: np.ndarray) -> float:
+    """Return the sum of signed solid angles over 4 pi, by spherical excess of each triangle."""
+    to = corners - point
+    to /= np.linalg.norm(to, axis=2, keepdims=True)
+    a, b, c = to[:, 0], to[:, 1], to[:, 2]
+    sides = [np.arccos(np.clip((p * q).sum(axis=1), -1, 1)) for p, q in ((b, c), (c, a), (a, b))]
+    half = 0.5 * sum(sides)
+    product = np.tan(0.5 * half)
+    for side in sides:
+        product = product * np.tan(0.5 * (half - side))
+    excess = 4.0 * np.arctan(np.sqrt(np.maximum(product, 0.0)))  # L'Huilier
+    sign = np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))
+    return float((sign * excess).sum() / (4.0 * np.pi))
+
+
+def test_same_name_gives_the_same_bits(made: BuiltinScene) -> None:
+    again = make_scene(made.name)
+    for name in ("positions", "normals", "colors", "triangles", "material_ids"):
+        first, second = getattr(made.scene, name), getattr(again.scene, name)
+        assert first.tobytes() == second.tobytes(), name
+    assert (made.eye, made.target, made.more_views) == (again.eye, again.target, again.more_views)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_seeds_give_different_scenes(kind: str) -> None:
+    digests = {
+        hashlib.sha256(make_scene(f"{kind}-{seed}").scene.positions.tobytes()).hexdigest()
+        for seed in range(2)
+    }
+    assert len(digests) == 2
+
+
+def test_number_of_triangles_is_that_of_small_real_scenes(made: BuiltinScene) -> None:
+    assert 5_000 < len(made.scene.triangles) < 160_000
+
+
+def test_closed_scenes_are_watertight_and_open_ones_are_not(made: BuiltinScene) -> None:
+    assert (open_edges(made.scene) == 0) == made.closed
+    if made.name.split("-")[0] in CLOSED_KINDS:
+        assert made.closed
+
+
+def test_rooms_are_closed_or_open() -> None:
+    assert {make_scene(f"room-{seed}").closed for seed in range(6)} == {True, False}
+
+
+def test_normals_face_as_the_triangles_do(made: BuiltinScene) -> None:
+    scene = made.scene
+    corners = scene.positions[scene.triangles].astype(np.float64)
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(faces, axis=1)
+    large = lengths > 1e-7  # of what is smaller, float32 positions turn the face
+    facing = np.einsum("ij,ij->i", scene.normals[scene.triangles[:, 0]], faces)
+    assert (facing[large] > 0.0).mean() > 0.9995
+
+
+def test_views_are_outside_of_geometry_and_show_much(made: BuiltinScene, runtime: Runtime) -> None:
+    views = made.views()
+    assert len(views) == VIEWS
+    corners = (made.scene.positions[made.scene.triangles] + made.scene.origin).astype(np.float64)
+    for view in views:
+        if made.closed:
+            assert abs(winding(corners, np.array(view.eye))) < 0.01
+        camera = view.camera(64, 48)
+        depth = gi.rasterize.gbuffer(made.scene, camera, runtime=runtime).first("depth")
+        assert depth is not None
+        seen = np.isfinite(depth)
+        # At least half of the picture, and of that no more than an eighth is close to the eye.
+        assert seen.mean() > 0.5
+        assert (depth[seen] < 0.5).mean() < 0.125
+        assert np.median(depth[seen]) > 1.0
+
+
+@pytest.mark.parametrize("name", [f"{kind}-7" for kind in KINDS])
+def test_every_kind_renders(name: str, runtime: Runtime) -> None:
+    made = make_scene(name)
+    frame = gi.render(made.scene, made.camera(64, 48), made.lights, ao_radius=made.ao_radius,
+                      runtime=runtime)
+    image = frame.image.astype(np.float64)
+    assert image.shape == (48, 64, 3)
+    assert image.std() > 10.0
+    assert 20.0 < image.mean() < 235.0
+    size = np.ptp(made.scene.bounds, axis=0).max()
+    assert 0.01 * size < made.ao_radius < 0.2 * size
+    assert any(isinstance(light, Environment) for light in made.lights)
+
+
+@pytest.mark.parametrize("name", ["attic-1", "room", "room-", "room-01", "room--1", "room-1.5",
+                                  "Room-1", "room-1000000"])
+def test_unknown_names_are_refused_with_the_kinds(name: str) -> None:
+    assert not is_scene(name)
+    with pytest.raises(ValueError, match=(
+        rf"scene is '{name}': expected one of cornell_box.*, or KIND-SEED with KIND one of room, "
+        "colonnade, foliage, machine, street, terrain and SEED an integer from 0 to 999999"
+    )):
+        make_scene(name)
+
+
+def test_sets_of_scenes_share_none() -> None:
+    for first, second in ((TUNED_ON, VALIDATED_ON), (TUNED_ON, REPORTED), (VALIDATED_ON, REPORTED)):
+        assert not set(first) & set(second)
+    for names in (TUNED_ON, VALIDATED_ON):
+        assert {name.split("-")[0] for name in names} == set(KINDS)
+        assert len(set(names)) == len(names)
+    assert set(REPORTED) <= set(BUILTIN_SCENES)
+
+
+# ---- what scenes are made with
+
+
+@pytest.mark.parametrize(
+    ("part", "expected"),
+    [
+        (solids.cylinder(64), np.pi), (solids.cone(64), np.pi / 3.0),
+        (solids.octahedron(), 4.0 / 3.0), (solids.sphere(64), 4.0 / 3.0 * np.pi),
+        (solids.torus(1.0, 0.25, 96, 48), 2.0 * np.pi**2 * 0.25**2),
+        (solids.prism([(1, 0), (0, 1), (-1, 0), (0, -1)], 0.5), 1.0),
+        (solids.arch(2.0, 0.5, 0.3, 96), 0.5 * np.pi * (1.5**2 - 1.0) * 0.3),
+        (solids.cushion(1.0, 64), 4.0 / 3.0 * np.pi),
+    ],
+    ids=["cylinder", "cone", "octahedron", "sphere", "torus", "prism", "arch", "cushion"],
+)
+def test_solids_are_closed_and_hold_their_volume(part: Part, expected: float) -> None:
+    assert open_edges(as_scene(part)) == 0
+    # Facets of 64 segments leave 0.3 % of the volume out.
+    assert volume(complete(part, 0.7)) == pytest.approx(expected, rel=5e-3)
+
+
+def test_sheet_with_thickness_is_closed_and_without_is_open() -> None:
+    x, y = np.meshgrid(np.linspace(0, 3, 7), np.linspace(2, 0, 5))
+    points = np.stack([x, y, 0.0 * x], axis=-1)
+    thick = solids.sheet(points, 0.1)
+    assert open_edges(as_scene(thick)) == 0
+    assert volume(thick) == pytest.approx(0.6)
+    assert open_edges(as_scene(solids.sheet(points, 0.0))) > 0
+
+
+def test_chance_depends_on_kind_and_seed_alone() -> None:
+    numbers = Chance("room", 7).uniforms(-1.0, 3.0, 4000)
+    assert (numbers == Chance("room", 7).uniforms(-1.0, 3.0, 4000)).all()
+    assert (numbers != Chance("room", 8).uniforms(-1.0, 3.0, 4000)).all()
+    assert (numbers != Chance("street", 7).uniforms(-1.0, 3.0, 4000)).all()
+    assert numbers.min() >= -1.0
+    assert numbers.max() < 3.0
+    # The mean of 4000 has a standard error of 0.018.
+    assert abs(numbers.mean() - 1.0) < 0.08
+    drawn = [Chance("room", seed).whole(2, 4) for seed in range(60)]
+    assert set(drawn) == {2, 3, 4}
+
+
+def test_frames_turn_and_move_what_is_added_inside() -> None:
+    model = Model()
+    with model.at((1.0, 0.0, 0.0), 0.5 * np.pi), model.at((0.0, 0.0, 2.0)):
+        model.bar((0, 0, 0), (0, 0, 1), 0.1, PLASTER)
+    low, high = model.scene().bounds
+    # +z turns to +x: from x = 1 + 2 on for 1 m, 0.1 to the sides (less a facet's sag).
+    np.testing.assert_allclose([low[0], high[0]], [3.0, 4.0], rtol=0, atol=1e-6)
+    assert abs(low[2] + 0.1) < 0.01
+    np.testing.assert_allclose(upright_to((0, 0, 2.0)) @ [0, 1, 0], [0, 0, 1], rtol=0, atol=1e-15)
+
+
+def walled() -> Surroundings:
+    model = Model()
+    model.box((-2, -2, -2), (2, 2, -1), PLASTER)
+    model.box((-0.5, -0.5, 1.0), (0.5, 0.5, 2.0), PLASTER)
+    return Surroundings(model.parts())
+
+
+def test_eyes_are_free_outside_of_what_is_closed_and_away_from_surfaces() -> None:
+    around = walled()
+    assert around.winding((0, 0, 1.5)) == pytest.approx(1.0)
+    assert around.winding((0, 0, 0)) == pytest.approx(0.0, abs=1e-9)
+    assert around.is_free((0, 0, 0), 0.9)
+    assert not around.is_free((0, 0, 0.5), 0.6)
+    assert not around.is_free((0, 0, -1.5), 0.1)
+    # Beside an edge: the nearest point is no vertex and not inside of a face.
+    assert around.is_free((0.8, 0.0, 0.6), 0.49)
+    assert not around.is_free((0.8, 0.0, 0.6), 0.51)
+
+
+def test_probe_finds_the_distance_of_the_nearest_surface() -> None:
+    camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.6, width=5, height=3)
+    seen = walled().distances(camera)
+    ways = camera.unproject(np.ones((3, 5)))
+    np.testing.assert_allclose(seen, np.linalg.norm(ways, axis=-1), rtol=1e-5)
+    away = gi.Camera.look_at((0, 0, 0), (1, 0, 0), yfov=0.2, width=3, height=3)
+    assert np.isinf(walled().distances(away)).all()
+
+
+def test_view_that_shows_nothing_comes_last_and_one_inside_never() -> None:
+    inside, empty = Candidate((0, 0, 1.5), (0, 0, 0)), Candidate((0, 0, 0), (1, 0, 0))
+    good = Candidate((0, 0, 0.5), (0, 0, -1.0))
+    asked = {"yfov": 0.6, "clearance": 0.2, "coverage": 0.9}
+    assert chosen(walled(), [inside, empty, good], 1, **asked) == [good]
+    assert chosen(walled(), [inside, empty, good], 2, **asked) == [good, empty]
+    with pytest.raises(RuntimeError, match="2 of 3 views are free"):
+        chosen(walled(), [inside, empty, good], 3, **asked)

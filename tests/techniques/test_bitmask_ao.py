@@ -135,6 +135,23 @@ def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_twin(
     assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 2e-3
 
 
+def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # The radius covers up to 60 px, so that all 24 taps lie in pixels of their own and those of the
+    # second layer are three apart; in the first, pieces are between neighbouring taps.
+    front = scene("bumpy", made := camera(size=(64, 80)), rng)
+    depth = np.asarray(front.depth)
+    deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
+    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal)
+    params = {"radius": 3.0, "blur_radius": 0, "slack": 0.02}
+    a = bitmask_ao(gbuffer, **params, runtime=runtime)
+    wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
+    # A sector or the radius may fall to the other side in a pixel or two of 5120; with the first
+    # layer's pieces as wide as the second's, 27 are off.
+    assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 1e-3
+
+
 def test_even_thickness_is_that_of_the_parameter(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:

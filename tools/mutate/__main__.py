@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from itertools import islice
 from pathlib import Path
 
@@ -35,6 +37,7 @@ def main(
     json_path: Path, report: Path, fail_under: float,
 ) -> None:
     """Run it."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that copies are removed
     table = Table.read(Path(__file__).with_name("table.toml"))
     paths = table.files(ROOT, only)
     if not paths:

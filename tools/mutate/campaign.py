@@ -43,9 +43,11 @@ class Campaign:
     ) -> None:
         """Test `count` mutants, those that do not compile aside; report each as it is done."""
         lock, left = threading.Lock(), [count]
+        workspaces: list[Workspace] = []
 
         def work() -> None:
             workspace = Workspace(self.root)
+            workspaces.append(workspace)
             try:
                 while True:
                     with lock:
@@ -55,6 +57,8 @@ class Campaign:
                         return
                     result = self.tested(workspace, mutant)
                     with lock:
+                        if left[0] < -jobs:
+                            return  # stopped: what the tests said counts for nothing
                         if result.status == INVALID:
                             left[0] += 1
                         report(result)
@@ -62,8 +66,14 @@ class Campaign:
                 workspace.close()
 
         with ThreadPoolExecutor(jobs) as pool:
-            for done in [pool.submit(work) for _ in range(jobs)]:
-                done.result()
+            try:
+                for done in [pool.submit(work) for _ in range(jobs)]:
+                    done.result()
+            except BaseException:
+                left[0] = -count - 2 * jobs
+                for workspace in workspaces:
+                    workspace.stop()
+                raise
 
     def tested(self, workspace: Workspace, mutant: Mutant) -> Result:
         """Return what the tests that cover a mutant say of it."""

@@ -99,7 +99,7 @@ class Covering:
 
 def _exports(root: Path) -> dict[str, str]:
     """Return what `ssgi_cl` and `ssgi_cl.techniques` export -> the module that has it."""
-    found = {}
+    found: dict[str, str] = {}
     for package in ("ssgi_cl.techniques", "ssgi_cl"):
         text = (root / package.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
         for node in ast.parse(text).body:

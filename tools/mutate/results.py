@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import PurePosixPath
 
@@ -63,7 +64,7 @@ def as_markdown(results: list[Result], *, seed: int, only: tuple[str, ...]) -> s
         "# Mutation testing", "",
         f"`{command}`: {len(results)} random mutations, {score(results)} found.", "",
     ]
-    groups = {
+    groups: dict[str, Callable[[Result], str]] = {
         "Folder": lambda result: folder(result.mutant.path),
         "Kind": lambda result: result.mutant.edit.kind,
     }

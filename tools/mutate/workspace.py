@@ -59,6 +59,8 @@ class Workspace:
     """
 
     def __init__(self, root: Path, *, caches: bool = True) -> None:
+        self._stopped = False
+        self._process: subprocess.Popen[str] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="ssgi-mutate-")
         # Scenes and recorded data beside the repository are found beside the copy.
         self.root = Path(self._folder.name) / "tree"
@@ -91,18 +93,27 @@ class Workspace:
         """Remove the copy."""
         self._folder.cleanup()
 
+    def stop(self) -> None:
+        """End the tests that run, and run no more; may be called from another thread."""
+        self._stopped = True
+        process = self._process
+        if process is not None and process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+
     def write(self, path: str, source: bytes) -> None:
         """Replace a file of the copy."""
         (self.root / path).write_bytes(source)
 
     def pytest(self, tests: list[str], limit: float) -> Outcome:
         """Run test files until the first failure, or until `limit` seconds have passed."""
+        if self._stopped:
+            return Outcome(None, 0.0, "")
         command = [
             sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", "--tb=short",
             "-p", "no:cacheprovider", "-p", "no:randomly", *tests,
         ]
         started = time.monotonic()
-        process = subprocess.Popen(
+        self._process = process = subprocess.Popen(
             command, cwd=self.root, env=self._environment, text=True, errors="replace",
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True, preexec_fn=_limited,

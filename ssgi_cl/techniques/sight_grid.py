@@ -65,8 +65,9 @@ class SightGrid:
     It spans all that the camera sees and all lights. Its surfaces are the triangles of a scene, or,
     without one, what the camera and the lights see; then all else is air. That leaks where a
     blocker is seen by neither: under a camera that looks straight down, all light passes a thin
-    upright wall. With 4096 lights the mean irradiance differs from that with all triangles by -8 to
-    +1 % in the built-in scenes, Sponza, country_kitchen and veach_ajar.
+    upright wall. Elsewhere it blocks more, as pixels mark all cells that they touch: with 4096
+    lights the mean irradiance is 0 to 10 % below that with all triangles in the built-in scenes,
+    Sponza, country_kitchen and veach_ajar.
 
     Args:
         runtime: the device.

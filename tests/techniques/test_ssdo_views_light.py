@@ -248,7 +248,7 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     # Rays have 64 taps, which miss what is narrower than the way between them: 9 % here.
     assert found == pytest.approx(truth, rel=0.15)
     assert found <= 1.02 * truth
-    # What the slab hides, it hides once: 1 % is what its back covers beside its front, 4 % all of it.
+    # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
     sky = gi.Environment((1.0, 1.0, 1.0))
     alone, both = (
         gi.ssdo(gbuffer, [sky], RADIUS, views=views, runtime=runtime, **many)[0][behind]

@@ -28,8 +28,9 @@
 //                  BITMASK_BENT 3 of what bends the normal, view space; with BITMASK_CONES 3 of
 //                  irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of irradiance by the
 //                  bounce; 0 where nothing is
-//          kept    SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for each
-//                  sector that is covered; 0 where nothing is
+//          kept    2 SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for
+//                  each sector that is covered, and behind them one for each of those through which
+//                  the receiver sees the unknown side of a surface; 0 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
 //          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT, BITMASK_SIDES (0, 1),
 //          BITMASK_CONES, BITMASK_BENT (0 to 16), SKY_SIZE (>= 1)

@@ -3,7 +3,8 @@
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", add cameras that see what the first one misses.
-// Departs: the free sectors of a slice are split into VIEWS_STRATA parts, equal steps of the sine
+// Departs: sectors are free that nothing covers, or the side of a surface that the first camera does
+//          not see: what shines from there is open. The free sectors of a slice are split into VIEWS_STRATA parts, equal steps of the sine
 //          from the normal. A ray goes in the direction of one free sector of each; where it meets
 //          a surface of the other camera (see surfaces.clh), that covers all free sectors of the
 //          part. So each sector is covered once, whatever number of cameras follow one another,
@@ -22,7 +23,8 @@
 //          radiance 3 VIEWS_SENDERS x likewise, W m^-2 sr^-1
 // Writes:  light    image 0: A, less what is newly covered; from image VIEWS_BOUNCE on: 3 of
 //                   irradiance, W/m^2, added to (VIEWS_SENDERS > 0)
-//          masks    VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered sector
+//          masks    2 VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered sector,
+//                   and for each of them whose sender is unknown
 // Macros:  VIEWS_SLICES (1..32), VIEWS_STRATA (1..16), VIEWS_TAPS (1..64), VIEWS_LAYERS (>= 1),
 //          VIEWS_NORMALS (1..VIEWS_LAYERS; deeper layers are taken to lie across the viewing
 //          direction), VIEWS_SENDERS (0..VIEWS_NORMALS), VIEWS_BOUNCE (>= 1)
@@ -143,7 +145,9 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                                              v_load(slice_at + 16), nx, ny, nz);
         total = total + slice.share;
         const int mask_at = ssgi_index(size, s, x, y);
+        const int dark_at = ssgi_index(size, VIEWS_SLICES + s, x, y);
         const vint covered = v_iload(masks + mask_at);
+        const vint dark = v_iload(masks + dark_at);
         vint added = v_splat_int(0);
         vfloat from_sector = zero; // not rounded
         vint from = v_splat_int(0);
@@ -159,7 +163,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                                  : v_to_int(v_clamp(to_sector + dither, 0.0f, 32.0f));
             const vint all = v_splat_int(-1);
             const vint bits = (all << from) & v_shift_right(all, 32 - to) & v_ilt(from, to) &
-                              ~covered & near;
+                              (~covered | dark) & near;
             const vfloat shift = views_fraction(v_fma(dither, v_splat(7.0f),
                                                       v_splat((float)(s * VIEWS_STRATA + j) *
                                                               VIEWS_GOLDEN)));
@@ -232,12 +236,13 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
         }
         finds = true;
         const vfloat each = slice.share * (1.0f / 32.0f);
-        hidden = v_fma(each, v_to_float(v_count_bits(added)), hidden);
+        hidden = v_fma(each, v_to_float(v_count_bits(added & ~covered)), hidden);
         for (int c = 0; c < 3; ++c) {
             bounce[c] = v_fma(each, arrives[c], bounce[c]);
         }
         // The guard beyond the last column takes what it holds.
         v_istore(covered | added, masks + mask_at);
+        v_istore(dark & ~added, masks + dark_at);
     }
     if (!finds) {
         return;

@@ -29,7 +29,8 @@ class Added:
     Attributes:
         hidden: [rows, columns] what A loses.
         bounce: [rows, columns, 3] irradiance, W/m^2.
-        masks: [slices, rows, columns] uint32, a bit for each covered sector, old and new.
+        masks: [2 slices, rows, columns] uint32, a bit for each covered sector, old and new, and
+            for each of them whose sender is unknown still.
     """
 
     hidden: Doubles
@@ -67,7 +68,8 @@ def ssdo_views_reference(
 
     Args:
         gbuffer: what the first camera sees.
-        masks: [slices, rows, columns], a bit for each sector that is covered so far.
+        masks: [2 slices, rows, columns], a bit for each sector that is covered so far, and for
+            each of them whose sender is unknown.
         other: what the further camera sees.
         radiance: [layers that send, rows, columns, 3] of it, with margin.
         slices: the parameters of the bitmask.
@@ -110,7 +112,8 @@ def ssdo_views_reference(
             stop = stop if j + 1 < params.strata else np.full(depth.shape, 32)
             number = np.arange(32)
             free = (number >= start[..., None]) & (number < stop[..., None])
-            free &= (masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0
+            known = masks[s] & ~masks[slices.slices + s]
+            free &= (known[..., None] >> number.astype(np.uint32)) & 1 == 0
             free &= active[..., None]
             shift = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
             place = np.minimum(start + (shift * (stop - start)).astype(int), 31)
@@ -123,10 +126,13 @@ def ssdo_views_reference(
             open_ = np.any(free, axis=-1)
             hit, light = _march(further, way, open_, shift, slices, params)
             count = free.sum(axis=-1)
-            hidden += np.where(hit, slice_.share * count / 32.0, 0.0)
+            fresh = free & ((masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0)
+            hidden += np.where(hit, slice_.share * fresh.sum(axis=-1) / 32.0, 0.0)
             bounce += (slice_.share * count / 32.0)[..., None] * light
             bits = np.sum(free.astype(np.uint64) << number.astype(np.uint64), axis=-1)
-            result[s] |= np.where(hit, bits, 0).astype(np.uint32)
+            found = np.where(hit, bits, 0).astype(np.uint32)
+            result[s] |= found
+            result[slices.slices + s] &= ~found
             start, first = stop, end
     return Added(hidden / total, math.pi * bounce / total[..., None], result)
 

@@ -73,7 +73,9 @@ class SsdoBitmask:
         size: (rows, columns) of the results, as `params.resolution` says.
         masks: int32, the covered sectors of the last call: bit s of each element is that of
             sector s, 0 at the second side's tangent plane; laid out as a plane of `params.slices`
-            images of `size`; 0 where nothing is. None if they are not wanted.
+            images of `size`, and as many of those covered sectors whose sender is seen from a side
+            that the camera does not see, and so sends nothing; 0 where nothing is. None if they are
+            not wanted.
     """
 
     def __init__(
@@ -98,8 +100,8 @@ class SsdoBitmask:
         self._trace = Trace()
         self.masks: DeviceArray | None = None
         if masks:
-            like = runtime.plane(self.params.slices, self.size)
-            pitch, rows = like.pitch, self.params.slices * self.size[0] + 2
+            like = runtime.plane(1, self.size)
+            pitch, rows = like.pitch, 2 * self.params.slices * self.size[0] + 2
             self.masks = runtime.array(np.zeros(pitch * rows, np.int32))
 
     def gather(

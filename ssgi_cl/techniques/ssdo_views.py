@@ -90,7 +90,8 @@ class SsdoViews:
 
         Args:
             light: what `SsdoBitmask.gather` returned: A shrinks, the last 3 images grow.
-            masks: its `masks`, the sectors that are covered; those newly covered are added.
+            masks: its `masks`, the sectors that are covered; those newly covered are added, and
+                those whose sender is found are taken from the others.
             gbuffer: what it was made from; its camera counts.
             source: the same, or it reduced to the size of `light`.
             other: what the further camera sees, of any size and number of layers.

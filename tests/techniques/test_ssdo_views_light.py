@@ -215,3 +215,43 @@ def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -
     assert one.mean() == pytest.approx(truth, rel=0.06)
     assert np.abs(two - one).max() < 0.01 * truth
     assert all_.mean() == pytest.approx(one.mean(), rel=0.01)
+
+
+def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
+    # A slab whose dark front the camera sees, from above its top, with the floor behind; an
+    # auxiliary camera sees its bright back. A part of the floor sees nothing but that back.
+    back: Quad = ((-0.1, 0, -0.5), (0, 0, 1), (0, 1, 0))
+    ground: Quad = ((-3, 0, -1.5), (0, 0, 3), (6, 0, 0))
+    top: Quad = ((-0.1, 1, -0.5), (0, 0, 1), (0.1, 0, 0))
+    scene = quads_of(WALL, back, top, ground)
+
+    def lit(camera: Camera) -> GBuffer:
+        gbuffer = seen(scene, camera, runtime)
+        position = positions(gbuffer)
+        bright = (np.abs(position[..., 0] + 0.1) < 1e-3) & (position[..., 1] > 1e-3)
+        emission = np.where(bright[..., None], np.full(3, RADIANCE), 0.0).astype(np.float32)
+        return replace(gbuffer, emission=emission)
+
+    gbuffer = lit(Camera.look_at((1.6, 3.2, 0.3), (-0.6, 0.3, 0.0), yfov=0.9, width=100, height=75))
+    view = lit(Camera.look_at((-2.2, 1.1, 0.4), (-0.1, 0.4, 0.0), yfov=0.9, width=100, height=75))
+    position = positions(gbuffer)
+    # From farther away the slab is less than a sector high, which is too little for few rays.
+    x_floor = np.where(np.abs(position[..., 1]) < 1e-3, position[..., 0], 0.0)
+    behind = (x_floor < -0.3) & (x_floor > -1.2)
+    assert not np.asarray(gbuffer.emission).any()
+    assert behind.sum() > 500
+    x, z = position[behind][:, 0], position[behind][:, 2]
+    truth = lit_by_wall(-0.1 - x, 0.5 + z, 0.5 - z, 1.0).mean()
+    many = {"taps": 32, "view_taps": 64, "slices": 4}
+    assert bounce(gbuffer, [], runtime, **many)[behind].mean() == 0.0
+    found = bounce(gbuffer, [view], runtime, **many)[behind].mean()
+    # Rays have 64 taps, which miss what is narrower than the way between them: 9 % here.
+    assert found == pytest.approx(truth, rel=0.15)
+    assert found <= 1.02 * truth
+    # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
+    sky = gi.Environment((1.0, 1.0, 1.0))
+    alone, both = (
+        gi.ssdo(gbuffer, [sky], RADIUS, views=views, runtime=runtime, **many)[0][behind]
+        for views in ([], [view])
+    )
+    assert np.abs(both - alone).mean() < 0.02 * alone.mean()

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import surfaces
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.rsm import texels
 
 TURN = math.pi * (math.sqrt(5.0) - 1.0)
 """Radians from one sample of the disk to the next."""
@@ -87,7 +87,7 @@ def _gathered(
     point: Doubles, normal: Doubles, view: SurfaceView, rsm: ReflectiveShadowMap, settings: Settings
 ) -> Doubles:
     """Return [3] the irradiance at a point of the camera's view space, by samples of one map."""
-    position, towards, area = surfaces(rsm)
+    position, towards, area = texels(rsm)
     turn = view.camera.view[:3, :3]
     x = point @ turn + (view.camera.position - rsm.cameras[0].position)
     row, column, weight = _in_disk(x, rsm, settings)

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.techniques.sight_grid import LIFT, MESH_LIFT
 
 Doubles = NDArray[np.float64]
 
+LIFT, MESH_LIFT = 1.9, 1.5
+"""Cells above their surfaces at which rays begin and end: seen surfaces, triangles."""
 ENDS = 5.0
 """Cells at either end whose surfaces count only if the ray leaves them; VPL_ENDS in
 kernels/vpl/grid.clh."""

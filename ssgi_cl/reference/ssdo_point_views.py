@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +16,9 @@ from ssgi_cl.reference.ssdo_points import (
     layers_of,
     receivers,
 )
-from ssgi_cl.techniques.ssdo_points import PointsParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ssdo_points import PointsParams
 
 
 def ssdo_point_views_reference(
@@ -23,7 +26,7 @@ def ssdo_point_views_reference(
     before: Gathered,
     other: GBuffer,
     radiance: ArrayLike | None,
-    params: PointsParams | None = None,
+    params: PointsParams,
     *,
     step: int = 1,
     sky: ArrayLike | None = None,
@@ -39,7 +42,6 @@ def ssdo_point_views_reference(
         step: 1, 2 or 4.
         sky: [rows, columns, 3], the image that `before` was made with, or None.
     """
-    params = params or PointsParams()
     own = receivers(layers_of(gbuffer)[0], params, step)
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
     shift = other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]

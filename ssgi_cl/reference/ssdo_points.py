@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.ssdo_directions import Directions, directions
-from ssgi_cl.techniques.ssdo_points import PointsParams
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ssdo_points import PointsParams
 
 Masks = NDArray[np.bool_]
 
@@ -80,7 +83,7 @@ class Camera:
 
 def ssdo_points_reference(
     gbuffer: GBuffer,
-    params: PointsParams | None = None,
+    params: PointsParams,
     *,
     step: int = 1,
     radiance: ArrayLike | None = None,
@@ -95,7 +98,6 @@ def ssdo_points_reference(
         radiance: [layers, rows, columns, 3] with margin, of the layers that send light, or None.
         sky: [rows, columns, 3], a latitude-longitude image, or None.
     """
-    params = params or PointsParams()
     camera = camera_of(gbuffer, radiance)
     at = receivers(camera.layers[0], params, step)
     shape = at.there.shape

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.slices import SliceParams, pattern
-from ssgi_cl.techniques.ssdo_views import DEPTH_BIAS, ViewsParams
+from ssgi_cl.reference.patterns import slice_pattern
 
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.slices import SliceParams
+    from ssgi_cl.techniques.ssdo_views import ViewsParams
+
+DEPTH_BIAS = 4e-6
+"""Bias relative to depth: roundings of float32 positions in two view spaces, 2^-24 each."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 BEFORE = 2.0
 """Pixels from the receiver to where distances of taps grow from."""
@@ -59,7 +65,7 @@ def ssdo_views_reference(
     other: GBuffer,
     radiance: NDArray[np.float64],
     slices: SliceParams,
-    params: ViewsParams | None = None,
+    params: ViewsParams,
     *,
     step: int = 1,
     unseen: Doubles | None = None,
@@ -78,7 +84,6 @@ def ssdo_views_reference(
         unseen: [layers, rows, columns] depth of `other`, +inf where earlier views show its
             surfaces (see `unseen_reference`); None if there are no earlier views.
     """
-    params = params or ViewsParams()
     view = SurfaceView.of(gbuffer)
     view = view.reduced(step) if step > 1 else view
     row, column = (view.inner(centre) for centre in view.centres())
@@ -95,7 +100,7 @@ def ssdo_views_reference(
     )
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
     tile_row, tile_column = np.indices(depth.shape)
-    made = pattern(slices)
+    made = slice_pattern(slices)
     eye = _to_eye(view, row, column)
     hidden, total = np.zeros(depth.shape), np.full(depth.shape, 1e-30)
     bounce, result = np.zeros((*depth.shape, 3)), masks.copy()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import surfaces
-from ssgi_cl.flux_curve import BLOCK_RUNS, RUN, hilbert_order
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.reference.rsm import hilbert_order
+from ssgi_cl.reference.rsm import texels as texels_of
 from ssgi_cl.reference.sight_grid import SightGridReference
 
 Doubles = NDArray[np.float64]
@@ -16,6 +16,8 @@ EVERY, BITS = 4, 15
 """VPL_EVERY in kernels/vpl/vpl_view_importance.cl, and the bits of VPL_R2_MASK there."""
 R2 = (24735, 18673)
 """VPL_R2_X and VPL_R2_Y there."""
+RUN, BLOCK_RUNS = 16, 64
+"""Texels of a cluster, and clusters that a map's number is a multiple of; as in curve.clh."""
 GROUP, LEAST = 16, 0.01
 """VPL_GROUP and VPL_LEAST in kernels/vpl/curve.clh."""
 
@@ -34,7 +36,7 @@ def view_importance_reference(
     """
     view, rows, columns = gbuffer.camera.view, *gbuffer.size
     turn = view[:3, :3].T
-    position, normal, _ = surfaces(rsm)
+    position, normal, _ = texels_of(rsm)
     lit = (np.asarray(rsm.flux) > 0.0).any(axis=-1) & np.isfinite(rsm.depth)
     size, faces = rsm.cameras[0].size, len(rsm.cameras)
     one = hilbert_order(*size)

@@ -61,6 +61,11 @@ class SsdoPlanes:
 class Ssdo:
     """Directional occlusion and one bounce, prepared for images of one size.
 
+    Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image Space".
+    Departs: by default surfaces are found by visibility bitmasks (Therrien, Levesque and Gilet
+    2023, "Screen Space Indirect Lighting with Visibility Bitmask"), so that each direction is
+    either blocked, and brings the light of its sender, or open. Method "published" is the paper's.
+
     Args:
         runtime: the device.
         size: (rows, columns) of the results.

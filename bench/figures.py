@@ -144,7 +144,7 @@ def record(
     )
     found.skipped += absent
     front.mark(found.results)
-    made = {**stamp, **suite.entries(found, truths, seconds)}
+    made = {**stamp, "quick": quick, **suite.entries(found, truths, seconds)}
     if name == "benchmark":
         # Plots are those of the numbers as they are recorded.
         again = json.loads(figure_text.compact(made))

@@ -187,7 +187,8 @@ def available(
         try:
             found |= views_of([file], runtime, meshes)
         except MissingMeshError as error:
-            absent.append({"name": name, "reason": str(error)})
+            # Without the path, which is this machine's.
+            absent.append({"name": name, "reason": "its mesh was not there (--meshes FOLDER)"})
             click.echo(f"left out {name}: {error}")
     return found, absent
 

@@ -65,7 +65,8 @@ def blocks(benchmark: Mapping[str, Any], indirect: Mapping[str, Any]) -> dict[st
 def machine(found: Mapping[str, Any]) -> str:
     """Return what was measured on what, from which revision, by which command."""
     device, cpu = found["device"], found["machine"]
-    return (
+    trial = f"**{summary.TRIAL}** " if found.get("quick") else ""
+    return trial + (
         f"*Recorded by `make figures` at revision {revision(found)} ({found['created'][:10]}) on "
         f"{device['label']}, {device['form']}; {cpu['cpu']}, {cpu['threads']} threads.*"
     )

@@ -44,7 +44,8 @@ GAIN = 0.998
 SLOWER = 1.05
 """Time of a step over that of the step before, at least."""
 
-_CHOOSING = ("tuning", "validation")
+_SAMPLES = ("samples", "slices", "taps")
+"""Parameters that only add work."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,20 @@ def better_than(steps: Sequence[Step], usual: Step) -> list[Step]:
     """Return what is faster and errs less than `usual` on both sets: what should be the defaults.
     """
     return [step for step in steps if SLOWER * step.ms <= usual.ms and step.improves(usual)]
+
+
+def without_noise(steps: Sequence[Step]) -> list[Step]:
+    """Return steps of which none is faster than one with less samples that is equal otherwise.
+
+    Where it was measured to be, the machine was busy: it gets the time of the one with less.
+    """
+    def less(one: Step, other: Step) -> bool:
+        keys = [key for key in other.parameters if one.parameters[key] != other.parameters[key]]
+        return all(key in _SAMPLES and one.parameters[key] < other.parameters[key] for key in keys)
+
+    return [
+        replace(step, ms=max(other.ms for other in steps if less(other, step))) for step in steps
+    ]
 
 
 def named(steps: Sequence[Step], usual: Step) -> dict[str, Step]:
@@ -183,9 +198,9 @@ def _recorded(
     near = [step for step in steps if step is usual or step in ladder(steps, usual)
             or step in better_than(steps, usual)]
     for step in near:
-        careful = _timed_again(trials, step)
-        steps[steps.index(step)] = careful
-        usual = careful if step is usual else usual
+        steps[steps.index(step)] = _timed_again(trials, step)
+    steps = without_noise(steps)
+    usual = steps[every.index(usual_values)]
     chain = ladder(steps, usual)
     whole = sets.trials(entry, layers, 0.0)["tuning"]
     chosen = named(chain, usual)

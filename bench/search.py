@@ -173,17 +173,13 @@ def narrow(
     Args:
         axes, cost, seed: see `Narrowing`.
         start: points that are tried before all others.
-        rounds: the first is all over the box; each further one halves the box round the best. With
-            none, it is only stepped from the best of `start`, by less.
+        rounds: >= 1; the first is all over the box, each further one halves the box round the best.
         points: of the first round; the others have two thirds of it.
         keep: how many of the best are looked at closer.
     """
     search = Narrowing(axes, cost, seed)
     for values in start:
         search.attempt(values)
-    if rounds == 0:
-        search.descend(0.125, 3)
-        return search.ranked()
     search.survey(points)
     for number in range(1, rounds):
         search.closer(0.5**number, max(1, points * 2 // (3 * keep)), keep)

@@ -20,7 +20,7 @@ from ssgi_cl.runtime import Runtime
 
 from .skip_scenes import SKIP_SCENES
 
-SIZE = (800, 600)
+SIZE = (400, 300)
 """Columns and rows."""
 LAYERS = 2
 ROUNDS = 4

@@ -40,6 +40,10 @@ _HEAD = (
     "| | case | ms | quartiles | device ms | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model "
     "| its bias | counted |"
 )
+TRIAL = (
+    "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say "
+    "nothing."
+)
 _RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
 LEGEND = (
     "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
@@ -128,6 +132,8 @@ def page(document: Mapping[str, Any], stem: str) -> str:
         f"C{calibration_line(document['calibration'])[1:]}. "
         f"Reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms.",
     ]
+    if document.get("quick"):
+        lines += ["", f"**{TRIAL}**"]
     for text in LEGEND:
         lines += ["", text]
     lines += _guides(document)

@@ -180,7 +180,7 @@ class Session:
         raise TuneError(bound.unreachable(self.trials.tried, self._metric))
 
     def explore(self, bound: Bound, *, rounds: int, seed: int = 0) -> None:
-        """Try what may be the best within a bound; with no rounds, near what is known.
+        """Try what may be the best within a bound.
 
         Raises:
             ValueError: the technique refuses all that was tried.
@@ -255,4 +255,4 @@ class Session:
 
 def expected_trials(axes: int, rounds: int) -> int:
     """Return about how many trials a search takes, for progress."""
-    return (64 + 40 * (rounds - 1) if rounds else 0) + 12 * axes
+    return 64 + 40 * (rounds - 1) + 12 * axes

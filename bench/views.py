@@ -13,6 +13,7 @@ import numpy as np
 
 from ssgi_cl import check
 from ssgi_cl.camera import Camera
+from ssgi_cl.errors import SceneError
 from ssgi_cl.rasterize import load_scene
 from ssgi_cl.rasterize.scenes import SCENE_NAMES, BuiltinScene, is_scene, make_scene
 from ssgi_cl.render import AO_RADIUS_SHARE
@@ -23,7 +24,7 @@ _PIXELS = (800, 600)
 _YFOV = math.radians(50.0)
 
 
-class MissingMeshError(ValueError):
+class MissingMeshError(SceneError):
     """A view's mesh is not where it is looked for."""
 
 
@@ -45,7 +46,7 @@ def views_of(
     Raises:
         ValueError: two scenes have one name, no scene is called so and no file either, or what
             is said of a view is not usable.
-        MissingMeshError: the mesh of a view is not there; a ValueError.
+        MissingMeshError: the mesh of a view is not there; a SceneError.
         SceneError: a file can't be read.
     """
     found: dict[str, BuiltinScene] = {}
@@ -76,7 +77,7 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
                 f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units"
             )
         if not mesh.is_file():
-            raise MissingMeshError(f"there is no mesh {_mesh(path, fields)} (--meshes FOLDER)")
+            raise MissingMeshError(f"{mesh}: there is no such file (--meshes FOLDER)")
     scene = load_scene(mesh)
     camera = camera or default_camera(scene, *_PIXELS, _YFOV, runtime)
     low, high = scene.bounds

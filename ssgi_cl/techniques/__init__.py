@@ -42,9 +42,8 @@ class Entry:
 # depends on the scene: more slices err less on all sets of scenes. More taps err less where what is
 # tuned on is thick, and more where horizons take thin rods for walls.
 _SLICES: dict[str, Sequence[Any]] = {
-    "slices": [1, 2, 4, 8],
+    "slices": [1, 2, 3, 4, 8],
     "resolution": ["full", "half"],
-    "blur_radius": [1, 2],
 }
 
 _LAYERS = (1, 2, 4)

@@ -20,6 +20,7 @@ from ssgi_cl.bench.presets import (
     ladder,
     named,
     record_presets,
+    without_noise,
 )
 from ssgi_cl.bench.scene_sets import SETS, SceneSets, geometric_mean
 from ssgi_cl.bench.tuning import TuneError
@@ -100,6 +101,14 @@ def test_presets_are_the_slowest_steps_within_their_times() -> None:
 def test_a_ladder_without_a_step_for_each_preset_is_refused(steps: list[Step]) -> None:
     with pytest.raises(TuneError, match="are faster than the defaults and"):
         named(steps, USUAL)
+
+
+def test_more_samples_are_never_faster() -> None:
+    def sampled(slices: int, ms: float, resolution: str = "full") -> Step:
+        return Step({"slices": slices, "resolution": resolution}, ms, 0.1, 0.1)
+
+    steps = [sampled(3, 4.0), sampled(2, 5.0), sampled(1, 2.0), sampled(4, 1.0, "half")]
+    assert [made.ms for made in without_noise(steps)] == [5.0, 5.0, 2.0, 1.0]
 
 
 def test_candidates_are_all_combinations_and_hold_the_defaults() -> None:

@@ -41,8 +41,8 @@ def rmse_of(result: dict[str, Any]) -> float:
 
 
 def shown(value: float) -> float:
-    """A number as a sentence has it: three digits."""
-    return float(f"{value:.3g}")
+    """A number as a sentence has it: three digits, from 1000 on all before the point."""
+    return float(f"{value:.3g}" if value < 999.5 else f"{value:.0f}")
 
 
 def check(results: list[dict[str, Any]]) -> None:

@@ -157,7 +157,8 @@ def test_plane_is_open_at_reduced_resolution_of_odd_sizes(
 def test_half_of_the_ball_round_a_flat_wall_is_occluded_without_hemisphere(
     runtime: Runtime,
 ) -> None:
-    a = ssao(wall((32, 32)), 0.5, 64, hemisphere=False, blur_radius=0, runtime=runtime)
+    a = ssao(wall((32, 32)), 0.5, 64, hemisphere=False, blur_radius=0, contrast=1.0,
+             runtime=runtime)
     # 64 quasi-random points of 16 reflections: half of them behind the wall, to a point of each.
     assert abs(float(a.mean()) - 0.5) < 1 / 64
 
@@ -201,7 +202,7 @@ FALLOFFS: dict[str, tuple[dict[str, Any], Any]] = {
 @pytest.mark.parametrize("name", FALLOFFS)
 def test_falloff_weighs_occluders_by_its_formula(runtime: Runtime, name: str) -> None:
     choice, weight = FALLOFFS[name]
-    params = SsaoParams(radius=0.4, hemisphere=False, blur_radius=0, **choice)
+    params = SsaoParams(radius=0.4, hemisphere=False, blur_radius=0, contrast=1.0, **choice)
     a = Ssao(runtime, (16, 16), params)(_uploaded(runtime, wall((16, 16))))
     wanted = [[occlusion_by_formula(params, y, x, weight) for x in range(6, 10)]
               for y in range(6, 10)]
@@ -227,7 +228,8 @@ def test_samples_outside_the_image_count_as_the_policy_says(
     runtime: Runtime, outside: str | float
 ) -> None:
     params = SsaoParams(
-        radius=0.4, hemisphere=False, blur_radius=0, outside=outside, falloff="exponential"
+        radius=0.4, hemisphere=False, blur_radius=0, outside=outside, falloff="exponential",
+        contrast=1.0,
     )
     a = Ssao(runtime, (8, 8), params)(_uploaded(runtime, wall((8, 8))))
     points = reflected_points(16, 0.5)[0, 0]

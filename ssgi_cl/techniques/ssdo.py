@@ -283,7 +283,7 @@ def ssdo(
     Screen-space directional occlusion (Ritschel, Grosch and Seidel 2009, "Approximating Dynamic
     Global Illumination in Image Space"). `method` says how surfaces are found:
 
-    - "bitmask" (default) departs most: slices through the line of sight cover sectors of the
+    - "bitmask" (default). Departs most: slices through the line of sight cover sectors of the
       hemisphere (Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask").
     - "points" keeps the directions of the half ball, each of which has several taps and either
       meets a surface or is open. Direct and indirect light are conserved: with radiance 1

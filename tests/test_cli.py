@@ -137,7 +137,7 @@ def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
 def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
     facts = answer("render", "cornell_box", *SMALL, "--shadow-size", 128, "--indirect", "vpl",
                    "--vpls", 200, "--layers", 2, "-o", tmp_path / "a.exr")
-    assert {"vpl occupy", "vpl splat"} <= {p["name"] for p in facts["passes"]}
+    assert {"vpl voxelize", "vpl splat"} <= {p["name"] for p in facts["passes"]}
     channels = exr.read(tmp_path / "a.exr")
     assert all(channels[f"indirect.{c}"].mean() > 0.0 for c in "RGB")
 

@@ -42,7 +42,8 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ("family", "setting", "passes", "maps"),
     [
         ("gtao", "1x4", 1, 0), ("gtao", "1x4-2", 2, 0), ("gtao-preset", "low-2", 2, 0),
-        ("vpl", "64", 1, 1), ("vpl-walls", "64", 4, 1), ("multires", "40-permille", 1, 1),
+        ("vpl", "64", 1, 1), ("vpl-walls", "64", 1, 1), ("vpl-walls-seen", "64", 4, 1),
+        ("multires", "40-permille", 1, 1),
         ("rsm-gather", "100", 0, 1), ("direct", "64", 0, 1), ("ssdo-bitmask-layers", "1", 2, 1),
     ],
 )

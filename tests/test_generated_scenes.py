@@ -84,6 +84,7 @@ def test_same_name_gives_the_same_bits(made: BuiltinScene) -> None:
     assert (made.eye, made.target, made.more_views) == (again.eye, again.target, again.more_views)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_seeds_give_different_scenes(kind: str) -> None:
     digests = {

@@ -258,6 +258,7 @@ def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
     assert np.mean(image != gi.ssao(gbuffer, 0.4, 4, runtime=runtime)) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("cache")
 def test_ssao_on_a_small_scene_is_tuned_to_less_error_than_its_worst(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
@@ -362,6 +363,7 @@ def test_scenes_without_a_list_are_refused() -> None:
         views_of("workshop")
 
 
+@pytest.mark.slow
 def test_default_scenes_give_a_view_of_each_scene_for_tuning() -> None:
     views = views_of(None)
     assert [view.name for view in views] == list(TUNED_ON)

@@ -19,6 +19,9 @@ TEXELS = 16
 GROUPS = ((1, 1), (8, 8))
 """(rows, columns) of work-items, the second as on GPUs."""
 
+ALIKE = ("hbao", "gtao, bent normals", "ssdo, points", "ssdo, published", "light maps")
+"""What others run nearly all functions of."""
+
 WRITE = """
 import sys
 import numpy as np
@@ -40,7 +43,10 @@ def given_once(scalar: Runtime) -> Inputs:
     return inputs(scalar, SIZE, TEXELS)
 
 
-@pytest.mark.parametrize("name", TECHNIQUES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in TECHNIQUES],
+)
 def test_one_lane_on_images_gives_the_bits_of_the_default_variant(
     runtime: Runtime, scalar: Runtime, given_once: Inputs, name: str
 ) -> None:
@@ -56,7 +62,7 @@ def test_no_kernel_needs_the_full_header_of_built_in_functions(
     if runtime.device.platform.name != "Portable Computing Language":
         pytest.skip("only PoCL's programs include it")
     for used in (runtime, scalar):
-        results(given_once, used)
+        results(given_once, used, [name for name in TECHNIQUES if name not in ALIKE])
         # It is given up where a program compiles with the full header alone, which takes longer.
         assert used.short_header, "common/builtins.clh lacks a function that a kernel calls"
 

@@ -55,7 +55,9 @@ def full(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
 # ---- against float64
 
 
-@pytest.mark.parametrize("name", ["ball", "step", "corner"])
+@pytest.mark.parametrize(
+    "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ball", "step"))]
+)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_form_agrees_with_the_reference(
     form_runtime: Runtime, rng: np.random.Generator, name: str, margin: tuple[int, int]

@@ -47,7 +47,14 @@ def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("change", [{}, {"spacing": 1}, {"radius": 1.5, "spacing": 3}], ids=str)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"radius": 1.5, "spacing": 3}, pytest.param({}, marks=pytest.mark.slow),
+        pytest.param({"spacing": 1}, marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
 def test_every_kernel_form_agrees_with_the_reference(
     form_runtime: Runtime, light: str, change: dict[str, Any]
 ) -> None:

@@ -166,7 +166,9 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
 
 
 @pytest.mark.parametrize("name", BESIDE)
-@pytest.mark.parametrize("count", [1, 2, 4])
+@pytest.mark.parametrize(
+    "count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))]
+)
 def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
     case = wall_beside_floor(BESIDE[name])
     cameras = extra_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)

@@ -97,7 +97,9 @@ def two_layers(rng: np.random.Generator, *, normals: bool) -> GBuffer:
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("name", ["corner", "bumpy", "noisy"])
+@pytest.mark.parametrize(
+    "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bumpy", "noisy"))]
+)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:

@@ -110,9 +110,13 @@ CASES = {
     "box": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), True),
     "box, odd": (Camera.look_at((2.0, 2.0, -0.5), TARGET, yfov=0.9, width=93, height=71), True),
 }
+FAST = ("odd size", "box")
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES],
+)
 def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
     camera, boxed = CASES[case]
     scene = quads_of(WALL, FLOOR, *(box() if boxed else []))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 CPU_WIDTH = 32
-"""Work-items of a work-group on CPUs. PoCL compiles a kernel for each width, and frames of 320 x 240 to
+"""Work-items of a work-group on CPUs. PoCL compiles a kernel for each width; frames of 320 x 240 to
 1600 x 1200 take the same time within 3 % with 16, 32 and 64."""
 
 

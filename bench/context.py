@@ -154,6 +154,10 @@ class Context:
             ),
         )
 
+    def unblocked_bounce(self) -> Truth:
+        """As `bounce`, without indirect visibility: what light without shadow rays converges to."""
+        return self.bounce(visibility=False)
+
     def shared(self, title: str, make: Callable[[], T]) -> T:
         """Return what `make` returns, which is called once for each title: for several cases."""
         if title not in self._shared:

@@ -40,7 +40,7 @@ class MultiresPublishedByNumber(Own):
         share = sum(technique.counts()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
-            "assumption": lambda: context.bounce(visibility=False),
+            "assumption": context.unblocked_bounce,
         }
         return Subject(
             run=image,

@@ -58,7 +58,7 @@ class MultiresByError(Own):
         share = sum(technique.grid.counts().values()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
-            "assumption": lambda: context.bounce(visibility=False),
+            "assumption": context.unblocked_bounce,
         }
         return Subject(
             run=image,
@@ -74,11 +74,11 @@ class MultiresByError(Own):
 
 @dataclass(frozen=True)
 class MultiresWalls(Own):
-    """Walls block light; the setting is the number of lights.
+    """Surfaces block reflected light; the setting is the number of lights.
 
     Attributes:
         error: of interpolation, and of few lights for many; less shows the grid's cells alone.
-        solid: all triangles are walls, not those alone that the camera and the lamps see.
+        solid: all triangles block light, not only those that the camera and the lights see.
     """
 
     error: float = 0.05

@@ -57,7 +57,7 @@ class RsmGatherFamily(Own):
             samples=reads,
             truths={
                 "world": context.bounce,
-                "assumption": lambda: context.bounce(visibility=False),
+                "assumption": context.unblocked_bounce,
             },
             counted=f"{DrawnMaps.counted}, samples drawn",
             note=note,
@@ -65,7 +65,7 @@ class RsmGatherFamily(Own):
 
 
 def lamp_maps(context: Context) -> list[DrawnMaps]:
-    """Return the maps of each lamp, which the published pattern projects a pixel into one by one.
+    """Return the maps of each light; the published pattern projects a pixel into one at a time.
 
     Raises:
         ValueError: the view has no lamp.

@@ -42,7 +42,7 @@ class RsmPublishedFamily(Own):
             samples=10.0 * pixels * samples * len(drawn),
             truths={
                 "world": context.bounce,
-                "assumption": lambda: context.bounce(visibility=False),
+                "assumption": context.unblocked_bounce,
             },
             counted=DrawnMaps.counted,
             note=f"{100 * share:.1f} % of the pixels gathered for",

@@ -36,7 +36,7 @@ class VplsByNumber(Own):
         cull: tiles skip lights that lie behind them.
         interleave: each pixel of 4 x 4 takes one in 16.
         visibility: walls block light; then the G-buffer has four layers and a tenth of overscan.
-        solid: all triangles are walls, not those alone that the camera and the lamps see.
+        solid: all triangles block light, not only those that the camera and the lights see.
     """
 
     cull: bool = True
@@ -103,7 +103,7 @@ def vpl_subject(context: Context, params: VplSplatParams, *, solid: bool = False
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:
-        truths["assumption"] = lambda: context.bounce(visibility=False)
+        truths["assumption"] = context.unblocked_bounce
     return Subject(
         run=image,
         image=image,

@@ -113,7 +113,7 @@ class Points:
         self._reduce.run(
             "multires reduce", self.size, reads=[fine.depth, fine.normal],
             writes=[self.depth, self.linear, self.normal],
-            values=[_int2(fine.whole), _int2(fine.margin), struct],
+            values=[int2(fine.whole), int2(fine.margin), struct],
         )
 
 
@@ -251,7 +251,7 @@ class MultiresGrid:
                 level.mark(
                     self.runtime.kernel("multires/multires_start.cl", self._macros),
                     "multires start", [source.depth],
-                    [_int2(source.whole), _int2(source.margin)],
+                    [int2(source.whole), int2(source.margin)],
                     (level.size[0], -(-level.size[1] // TILE)),
                 )
             else:
@@ -290,11 +290,11 @@ class MultiresGrid:
             kernel, "multires interpolate",
             [known.linear, known.normal, coarser.values, known.rough, source.linear,
              source.normal, bound],
-            [_int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
+            [int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
             (coarser.size[0], -(-coarser.size[1] // max(self.runtime.form.lanes, TILE // 2))),
         )
 
 
-def _int2(size: Size) -> NDArray[np.int32]:
+def int2(size: Size) -> NDArray[np.int32]:
     """Return (rows, columns) as a kernel's int2 (columns, rows)."""
     return np.array([size[1], size[0]], np.int32)

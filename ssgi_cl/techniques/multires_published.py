@@ -18,7 +18,7 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.multires_grid import TILE, Level
+from ssgi_cl.techniques.multires_grid import TILE, Level, int2
 from ssgi_cl.techniques.vpl_tree import CPU_ITEMS
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
@@ -162,12 +162,12 @@ class MultiresPublished:
         params, levels, variation = self.params, self._levels, self._variation
         self._vary.run(
             "subsplat variation", self.size, reads=[gbuffer.depth, gbuffer.normal],
-            writes=[variation[0]], values=[_int2(gbuffer.whole), _int2(gbuffer.margin)],
+            writes=[variation[0]], values=[int2(gbuffer.whole), int2(gbuffer.margin)],
         )
         for finer, coarser in pairwise(variation):
             self._mip.run(
                 "subsplat mip", coarser.size, reads=[finer], writes=[coarser],
-                values=[_int2(finer.size)],
+                values=[int2(finer.size)],
             )
         for n, level in enumerate(levels):
             # There is nothing above the coarsest level: no limit that a parent could keep.
@@ -181,7 +181,7 @@ class MultiresPublished:
             }
             level.mark(
                 self._refine, "subsplat refine", [variation[n], coarser],
-                [_int2(coarser.size), SUBSPLAT.pack(limits)],
+                [int2(coarser.size), SUBSPLAT.pack(limits)],
                 (level.size[0], -(-level.size[1] // TILE)),
             )
 
@@ -201,7 +201,7 @@ class MultiresPublished:
                 f"subsplats {level.step}", level.size,
                 reads=[gbuffer.depth, gbuffer.normal, level.list, self._lights.lights],
                 writes=[level.values],
-                values=[gbuffer.camera_struct, packed, _int2(self.size), np.int32(level.step)],
+                values=[gbuffer.camera_struct, packed, int2(self.size), np.int32(level.step)],
                 grid=(1, min(pieces, items)), local=(1, 64 if is_gpu else 1),
             )
 
@@ -213,15 +213,10 @@ class MultiresPublished:
             self._upsample.run(
                 "subsplat upsample", level.size,
                 reads=[values, shares, level.values, level.shares], writes=merged,
-                values=[_int2(values.size)],
+                values=[int2(values.size)],
             )
             values, shares = merged
         return values
 
 
 _ZEROS: dict[str, Any] = {name: 0 for name, _ in VPL.members}
-
-
-def _int2(size: Size) -> NDArray[np.int32]:
-    """Return (rows, columns) as a kernel's int2 (columns, rows)."""
-    return np.array([size[1], size[0]], np.int32)

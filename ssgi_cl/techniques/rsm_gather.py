@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
@@ -18,9 +19,9 @@ from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
-from ssgi_cl.techniques.rsm_maps import MapSampling, RsmMaps, camera_of
+from ssgi_cl.techniques.rsm_maps import MapSampling
 from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
-from ssgi_cl.vpls import on_device_rsms
+from ssgi_cl.techniques.rsm_technique import RsmTechnique
 
 RESOLUTIONS = ("full", "adaptive")
 
@@ -62,7 +63,7 @@ class RsmGatherParams(Params):
     )
 
 
-class RsmGather:
+class RsmGather(RsmTechnique):
     """Gathering, prepared for images of one size.
 
     After Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departs: see `rsm_gather`;
@@ -75,8 +76,7 @@ class RsmGather:
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
     """
 
-    name: ClassVar[str] = "rsm gather"
-    """Of the pass that is skipped where no light is."""
+    name = "rsm gather"
 
     def __init__(
         self,
@@ -86,15 +86,11 @@ class RsmGather:
         margin: Size = (0, 0),
     ) -> None:
         self.params = params = params or RsmGatherParams()
-        self.runtime = runtime
-        self.size = size
-        self.margin = margin
-        self._maps = RsmMaps(
-            runtime,
+        super().__init__(
+            runtime, size, margin,
             MapSampling(pattern=params.pattern, samples=params.samples, radius=params.radius),
         )
         self._grid: MultiresGrid | None = None
-        self._dark: Plane | None = None
         if params.resolution == "adaptive":
             self._grid = MultiresGrid(
                 runtime, size,
@@ -114,27 +110,7 @@ class RsmGather:
             return 1.0
         return sum(self._grid.counts().values()) / (self.size[0] * self.size[1])
 
-    def run(self, gbuffer: DeviceGBuffer, rsms: DeviceRsm | Sequence[DeviceRsm]) -> Plane:
-        """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
-
-        Nothing is allocated after the first call with maps of one size, and what depends on the
-        maps alone is made when they change.
-
-        Args:
-            gbuffer: what the camera sees.
-            rsms: a map, or several, whose light is summed; without any the result is 0.
-
-        Raises:
-            ValueError: a G-buffer of another size or margin, an empty one, or a map whose faces do
-                not suit the pattern.
-        """
-        camera = camera_of(gbuffer, self.size, self.margin)
-        maps = (rsms,) if isinstance(rsms, DeviceRsm) else tuple(rsms)
-        if not maps:
-            self.runtime.skip(self.name, "no light")
-            self._dark = self._dark or self.runtime.plane(3, self.size)
-            return self._dark
-        self._maps.prepare(maps)
+    def _gathered(self, gbuffer: DeviceGBuffer, camera: Camera) -> Plane:
         if self._grid is None:
             self._maps.gather(gbuffer, camera, self._irradiance)
             return self._irradiance
@@ -146,20 +122,6 @@ class RsmGather:
                     [np.float32(self.params.error)], grid=(1, 1), local=(1, 1),
                 )
         return self._grid.result
-
-    def __call__(
-        self,
-        gbuffer: GBuffer | DeviceGBuffer,
-        rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
-        out: NDArray[np.float32] | None = None,
-    ) -> NDArray[np.float32]:
-        """Return irradiance [rows, columns, 3] float32 in W/m^2, written to `out` if given."""
-        device, maps = on_device(gbuffer, self.runtime), on_device_rsms(rsms, self.runtime)
-        if out is None:
-            out = np.empty((*self.size, 3), np.float32)
-        with self.runtime.frame():
-            self.run(device, maps).download(np.moveaxis(out, -1, 0))
-        return out
 
 
 METHODS = {

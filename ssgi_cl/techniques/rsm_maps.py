@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import DeviceArray, Plane, Size
@@ -215,22 +214,6 @@ class RsmMaps:
                 else disk_pattern(count, weights)
             )
             self._patterns[cap] = self.runtime.array(values.astype(np.float32))
-
-
-def camera_of(gbuffer: DeviceGBuffer, size: Size, margin: Size) -> Camera:
-    """Return the camera of a G-buffer.
-
-    Raises:
-        ValueError: it has another size or margin than expected, or is empty.
-    """
-    if (gbuffer.size, gbuffer.margin) != (size, margin):
-        raise ValueError(
-            f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
-            f"expected {size} and {margin}"
-        )
-    if gbuffer.camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
-    return gbuffer.camera
 
 
 def _check_faces(rsm: DeviceRsm) -> None:

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.camera import Camera
+from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.multires_grid import TILE, Level
-from ssgi_cl.techniques.rsm_maps import MapSampling, RsmMaps, camera_of
-from ssgi_cl.vpls import on_device_rsms
+from ssgi_cl.techniques.multires_grid import TILE, Level, int2
+from ssgi_cl.techniques.rsm_maps import MapSampling
+from ssgi_cl.techniques.rsm_technique import RsmTechnique
 
 INTERPOLATE = Struct(
     "RsmInterpolateParams",
@@ -63,7 +59,7 @@ class RsmPublishedParams(Params):
     )
 
 
-class RsmPublished:
+class RsmPublished(RsmTechnique):
     """Gathering as published, prepared for images of one size.
 
     Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": E = sum of flux / pi max(0, n_p . (x
@@ -80,8 +76,7 @@ class RsmPublished:
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
     """
 
-    name: ClassVar[str] = "rsm published"
-    """Of the pass that is skipped where no light is."""
+    name = "rsm published"
 
     def __init__(
         self,
@@ -90,12 +85,9 @@ class RsmPublished:
         params: RsmPublishedParams | None = None,
         margin: Size = (0, 0),
     ) -> None:
-        self.runtime = runtime
-        self.size = size
         self.params = params = params or RsmPublishedParams()
-        self.margin = margin
-        self._maps = RsmMaps(
-            runtime,
+        super().__init__(
+            runtime, size, margin,
             MapSampling(
                 pattern="fixed", samples=params.samples, radius=params.radius, weights="paper",
                 offset=params.offset,
@@ -107,7 +99,6 @@ class RsmPublished:
         self._interpolate = runtime.kernel(
             "rsm_published/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE)
         )
-        self._dark: Plane | None = None
 
     @property
     def computed(self) -> float:
@@ -115,28 +106,11 @@ class RsmPublished:
         levels = (self._lattice,) if self.params.spacing == 1 else (self._lattice, self._rest)
         return sum(int(level.list.download()[0]) for level in levels) / math.prod(self.size)
 
-    def run(self, gbuffer: DeviceGBuffer, rsms: DeviceRsm | Sequence[DeviceRsm]) -> Plane:
-        """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
-
-        Args:
-            gbuffer: what the camera sees; its front layer alone counts, and not its margin.
-            rsms: a map, or several, whose light is summed; without any the result is 0.
-
-        Raises:
-            ValueError: a G-buffer of another size or margin, an empty one, or a map whose faces are
-                neither one nor six.
-        """
-        camera = camera_of(gbuffer, self.size, self.margin)
-        maps = (rsms,) if isinstance(rsms, DeviceRsm) else tuple(rsms)
-        if not maps:
-            self.runtime.skip(self.name, "no light")
-            self._dark = self._dark or self.runtime.plane(3, self.size)
-            return self._dark
-        self._maps.prepare(maps)
-        step, margin = np.int32(self.params.spacing), _int2(gbuffer.margin)
+    def _gathered(self, gbuffer: DeviceGBuffer, camera: Camera) -> Plane:
+        step, margin = np.int32(self.params.spacing), int2(gbuffer.margin)
         grid = (self.size[0], -(-self.size[1] // TILE))
         self._lattice.mark(
-            self._choose, "rsm lattice", [gbuffer.depth], [_int2(gbuffer.whole), margin, step], grid
+            self._choose, "rsm lattice", [gbuffer.depth], [int2(gbuffer.whole), margin, step], grid
         )
         self._maps.gather(gbuffer, camera, self._lattice.values, self._lattice)
         if self.params.spacing == 1:
@@ -144,24 +118,10 @@ class RsmPublished:
         self._rest.mark(
             self._interpolate, "rsm interpolate",
             [gbuffer.depth, gbuffer.normal, self._lattice.values],
-            [_int2(gbuffer.whole), gbuffer.camera_struct, self._limits(gbuffer)], grid,
+            [int2(gbuffer.whole), gbuffer.camera_struct, self._limits(gbuffer)], grid,
         )
         self._maps.gather(gbuffer, camera, self._rest.values, self._rest)
         return self._rest.values
-
-    def __call__(
-        self,
-        gbuffer: GBuffer | DeviceGBuffer,
-        rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
-        out: NDArray[np.float32] | None = None,
-    ) -> NDArray[np.float32]:
-        """Return irradiance [rows, columns, 3] float32 in W/m^2, written to `out` if given."""
-        device, maps = on_device(gbuffer, self.runtime), on_device_rsms(rsms, self.runtime)
-        if out is None:
-            out = np.empty((*self.size, 3), np.float32)
-        with self.runtime.frame():
-            self.run(device, maps).download(np.moveaxis(out, -1, 0))
-        return out
 
     def _limits(self, gbuffer: DeviceGBuffer) -> np.ndarray:
         """Return the struct that says which low-resolution pixels are suitable."""
@@ -174,8 +134,3 @@ class RsmPublished:
             "step": params.spacing,
         }
         return INTERPOLATE.pack(values)
-
-
-def _int2(size: Size) -> NDArray[np.int32]:
-    """Return (rows, columns) as a kernel's int2 (columns, rows)."""
-    return np.array([size[1], size[0]], np.int32)

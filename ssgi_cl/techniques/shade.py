@@ -166,7 +166,7 @@ def shade(
     """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
 
     Shadows are percentage-closer filtered (Reeves, Salesin and Cook 1987, "Rendering Antialiased
-    Shadows with Depth Maps"). Departs: each of 5 x 5 bilinearly weighted texels is compared with
+    Shadows with Depth Maps"). Departs: each of 3 x 3 bilinearly weighted texels is compared with
     the receiver's tangent plane.
 
     Args:

@@ -30,7 +30,7 @@ CHUNK = 16
 SPARE = 64
 """Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)
-COARSE_BOUND = 3.5
+COARSE_BOUND = 4.0
 """Error allowed at step 1, in parts of that which is asked for; see `bound_scale`."""
 BOUND_POWER = -1.0
 """Of the step, by which coarser levels are allowed less."""
@@ -53,7 +53,7 @@ class MultiresGridParams(Params):
         "or 32", unit="px", low=1, high=32,
     )
     plane_tolerance: float = param(
-        0.01, "distance from the tangent plane at which a point counts nothing",
+        0.005, "distance from the tangent plane at which a point counts nothing",
         unit="depths", low=1e-6, high=1.0,
     )
     normal_tolerance: float = param(

@@ -105,7 +105,7 @@ def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
     }[kind]
     rsm = gi.rasterize.rsm(made, light, size=256, runtime=runtime)  # type: ignore[arg-type]
     viewer = Camera.orthographic(
-        shift + 1.5 * way, shift + 2.0 * way, v, view_height=1.0, width=400, height=30
+        shift + 1.5 * way, shift + 2.0 * way, v, view_height=0.06, width=400, height=12
     )
     gbuffer = trace(viewer, [Plane(shift + 2.0 * way, -way)])
     factor, lit = shadow_factor(gbuffer, light, rsm, runtime)

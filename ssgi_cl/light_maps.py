@@ -51,7 +51,7 @@ class LightMaps:
         self._block_planes: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
-        self._scene: Scene | None = None
+        self._scene: object = None  # its key
         self._lamps: dict[int, Lamp] = {}
         self._shadows: dict[int, ShadowMap] = {}
 
@@ -98,7 +98,7 @@ class LightMaps:
             first += len(shadow.cameras)
         if rsm is not None and len(kept) < len(lamps):
             self._lit = rsm.lit()
-        self._scene, self._lamps = scene, lamps
+        self._scene, self._lamps = scene.key, lamps
         return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
 
     def _kept(self, scene: Scene, lamps: dict[int, Lamp]) -> set[int]:
@@ -106,7 +106,7 @@ class LightMaps:
         before = self._lamps
         same = {
             index for index, light in lamps.items()
-            if self._scene is scene and index in before and _equal(light, before[index])
+            if self._scene is scene.key and index in before and _equal(light, before[index])
         }
         if not self._flux:
             return same
@@ -158,9 +158,11 @@ class LightMaps:
         """Return the plane of a lamp's depth, the same as last time if it fits."""
         plane = self._depths.get(index)
         if plane is None or plane.count != faces:
+            self._depths.pop(index, None)
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
             blocks = self._blocks.plane(faces)
-            self._depths[index], self._block_planes[index] = plane, blocks
+            self._block_planes[index] = blocks
+            self._depths[index] = plane
         return plane
 
     def _begin(

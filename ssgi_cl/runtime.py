@@ -47,6 +47,9 @@ class PassTime:
     saved: float = 0.0
 
 
+MOST_PREPARED = 256
+"""Results that `Runtime.prepared` keeps at most: their memory on the host is not counted."""
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -336,7 +339,9 @@ class Runtime:
                     self._following.add(key)
             kept.call = self._calls
             self._prepared[key] = kept
-            while self.memory.kept > self.memory.keep and self._let_go():
+            while (
+                self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED
+            ) and self._let_go():
                 pass
             return kept.value
 

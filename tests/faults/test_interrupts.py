@@ -156,7 +156,7 @@ def test_five_hundred_real_interrupts(runtime: Runtime) -> None:
     def raise_interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    cases = [(m, c, l) for m in range(len(modes)) for c in range(2) for l in range(2)]
+    cases = [(m, c, lit) for m in range(len(modes)) for c in range(2) for lit in range(2)]
     expected = {case: shot(*case) for case in cases}
     before = signal.signal(signal.SIGALRM, raise_interrupt)
     hit = 0

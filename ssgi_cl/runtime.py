@@ -163,6 +163,12 @@ class Runtime:
     def __repr__(self) -> str:
         return f"<Runtime {self.info.label}, {self.form}>"
 
+    @property
+    def room(self) -> DeviceMemory:
+        """The former name of `memory`."""
+        warnings.warn("Runtime.room is now Runtime.memory", DeprecationWarning, stacklevel=2)
+        return self.memory
+
     # ---- who uses it
 
     def exclusively(self, work: Callable[[], T]) -> T:

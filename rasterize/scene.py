@@ -63,6 +63,7 @@ class Scene:
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top.
+        key: tells the scene from others, without keeping it.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -74,6 +75,7 @@ class Scene:
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
+    key: object = field(default_factory=object, init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

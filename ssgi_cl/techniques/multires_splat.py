@@ -18,7 +18,7 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
@@ -210,6 +210,7 @@ METHODS = {
 """The first is the default."""
 
 
+@serialised
 def multires_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],

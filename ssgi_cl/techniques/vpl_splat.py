@@ -19,7 +19,7 @@ from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
@@ -348,6 +348,7 @@ class VplSplat:
         )
 
 
+@serialised
 def vpl_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],

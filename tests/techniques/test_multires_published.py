@@ -255,7 +255,7 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
     every = full(runtime, gbuffer, vpls)
     seen = np.isfinite(np.asarray(gbuffer.depth))
     errors, counts = [], []
-    for share in (16.0, 1.0, 0.0):
+    for share in (16.0, 4.0, 1.0, 0.25, 0.0):
         e, technique = splatted(
             runtime, gbuffer, vpls, depth_threshold=0.1 / 16.0 * share,
             normal_threshold=min(0.1 * share, 2.0),
@@ -268,7 +268,7 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
     nothing = np.zeros((60, 80), np.bool_)
     filtered, _ = upsampled(np.zeros((60, 80, 3)), nothing, every, seen)
     np.testing.assert_allclose(e, filtered, rtol=1e-5, atol=1e-6 * every.mean())
-    # Measured: 0.42, 0.070, 0.062 of the mean, with 1840 to 13093 subsplats.
+    # Measured: 0.42, 0.088, 0.070, 0.066, 0.062 of the mean, with 1840 to 13093 subsplats.
     assert errors[-1] < 0.3 * errors[0]
 
 

@@ -36,7 +36,7 @@ class MultiresPublishedByNumber(Own):
         def image() -> NDArray[np.float32]:
             return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
-        off = image() - all_lights(context, maps, params.vpls)
+        off = image() - all_lights(context, maps, params.vpls, refine=0.0)
         share = sum(technique.counts()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,

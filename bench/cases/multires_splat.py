@@ -54,7 +54,7 @@ class MultiresByError(Own):
         def image() -> NDArray[np.float32]:
             return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
 
-        off = image() - all_lights(context, maps, params.vpls)
+        off = image() - all_lights(context, maps, params.vpls, params.refine)
         share = sum(technique.grid.counts().values()) / pixels
         truths: dict[str, Callable[[], Truth]] = {
             "world": context.bounce,
@@ -115,9 +115,11 @@ class MultiresWalls(Own):
         )
 
 
-def all_lights(context: Context, maps: DrawnMaps, count: int) -> NDArray[np.float32]:
+def all_lights(
+    context: Context, maps: DrawnMaps, count: int, refine: float
+) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
-    params = VplSplatParams(vpls=count, cutoff=0.0, refine=0.0)
+    params = VplSplatParams(vpls=count, cutoff=0.0, refine=refine)
     technique = VplSplat(context.runtime, context.size, params)
     return lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
 

@@ -31,6 +31,7 @@ from ssgi_cl.techniques.vpl_light import (
     cutoff_param,
     importance_param,
     lit_by_maps,
+    refine_param,
 )
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl_tree import SHARES, VplTree
@@ -55,6 +56,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         unit="of the mean irradiance", low=0.0, high=1e6,
     )
     cutoff: float = cutoff_param(0.0)
+    refine: float = refine_param()
     visibility: bool = param(
         False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
         "is given, else what the camera and the lights see; an "
@@ -102,7 +104,7 @@ class MultiresSplat:
         self.size = size
         self.params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
-        self._lights = DeviceVpls(runtime, params.vpls)
+        self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,))
         self._walls = (
             SightGrid(runtime, params.grid, size) if params.visibility else None
@@ -157,7 +159,7 @@ class MultiresSplat:
                 importance = self._importance.run(gbuffer, curve, self._walls, packed)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance)
         tree.update()
-        values = {"cut": params.cut(self._lights.unit)}
+        values = {"cut": params.cut(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(

@@ -41,6 +41,15 @@ def importance_param() -> Any:
     )
 
 
+def refine_param(more: str = "") -> Any:
+    """Declare the parameter `refine`; `more`: what else there is to say of it."""
+    about = (
+        "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that it "
+        f"is made of {more}"
+    )
+    return param(4.0, about.strip(), low=0.0, high=1e6)
+
+
 @dataclass(frozen=True, kw_only=True)
 class VplParams(Params):
     """Parameters of the lights, and of how far and how near they shine."""

@@ -36,8 +36,8 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_SIGHT
-// Record whose light nearest to the mean a record's shadow ray goes to: the run of 4^SHADE_LINE
-// lights that it belongs to, or itself where it is a longer one.
+// Record whose target a record's shadow ray goes to: the run of 4^SHADE_LINE lights that it belongs
+// to, or itself where it is a longer one.
 static inline int shade_run(const int record, const int stride)
 {
     int level = 0;
@@ -50,13 +50,13 @@ static inline int shade_run(const int record, const int stride)
                                       2 * (SHADE_LINE - level));
 }
 
-// Where a shadow ray to a run ends: at the light nearest to its mean, lifted off its surface. The
-// mean itself may be inside of something.
+// Where a shadow ray to a run ends: at one of its lights, lifted off its surface. The mean of them
+// may be inside of something.
 static inline VplCell shade_end(__global const float *restrict records, const int run,
                                 __global const float *restrict grid_box, const VplParams params)
 {
     __global const float *restrict light =
-        records + (int)records[run * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
+        records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
     return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                     v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
 }

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Doubles = NDArray[np.float64]
 
 PARTS = 16
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB (ITU-R BT.709)."""
 """Of a light: as many as tiles of 4 x 4 pixels have subsets."""
 SHARPEST = 1000.0
 """Greatest exponent of a lobe."""
@@ -94,7 +96,8 @@ def vpl_sight_reference(
     Args:
         gbuffer: what the camera sees.
         vpls: the lights.
-        params: of which `share` says how many neighbours of a list share a line of sight.
+        params: of which `share` says how many neighbours of a list share a shadow ray, whose target
+            is one of them with a probability in proportion to what it gives.
         lists: [tile rows, tile columns, 16] arrays: which lights a tile's subset looks at.
         hidden: whether something stands between.
     """
@@ -102,6 +105,7 @@ def vpl_sight_reference(
     subset = _subsets(seen)
     number = np.full(seen.shape, -1)
     number[seen] = np.arange(len(point))
+    pixels = np.argwhere(seen)
     total = np.zeros_like(point)
     for row, column, s in np.ndindex(lists.shape):
         tile = np.s_[16 * row : 16 * row + 16, 16 * column : 16 * column + 16]
@@ -109,14 +113,30 @@ def vpl_sight_reference(
         lights = lists[row, column, s]
         for first in range(0, len(lights), params.share):
             group = lights[first : first + params.share]
-            target = group[(s * 7 + 3) % 16 * len(group) // 16]
+            weights = np.stack(
+                [form_factor(point[own], normal[own], vpls, i, params) for i in group]
+            )
+            flux = vpls.flux[group]
+            given = np.cumsum(weights * (flux @ LUMINANCE)[:, None], axis=0)
+            below = given <= share_numbers(pixels[own], first // params.share) * given[-1]
+            target = group[np.minimum(below.sum(axis=0), len(group) - 1)]
             blocked = hidden(point[own], normal[own], vpls.position[target], vpls.normal[target])
-            for light in group:
-                weight = form_factor(point[own], normal[own], vpls, light, params)
-                total[own] += np.where(blocked, 0.0, weight)[:, None] * vpls.flux[light]
+            total[own] += np.where(blocked, 0.0, weights).T @ flux
     result = np.zeros((*seen.shape, 3))
     result[seen] = 16.0 * total
     return result
+
+
+def share_numbers(pixels: NDArray[np.integer], group: int) -> Doubles:
+    """Return [n] in [0, 1): where in a group's sum of light its shadow ray's target is.
+
+    Args:
+        pixels: [n, 2] rows and columns.
+        group: number of the group in the pixels' list.
+    """
+    row, column = pixels.T
+    numbers: Doubles = ((column * 12368 + row * 9336 + group * 10125) % 2**14) / 2.0**14
+    return numbers
 
 
 def form_factor(

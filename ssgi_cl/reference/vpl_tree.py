@@ -20,6 +20,7 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
 PARTS = 16
+GOLDEN = 0.618034
 AXES = (1.0, 0.94, 1.13)
 """How the axes are weighed in kernels/multires/cluster_order.cl."""
 
@@ -73,7 +74,7 @@ class VplTreeReference:
         self.position = np.zeros((sum(sizes), 3))
         self.normal, self.flux = np.zeros((2, sum(sizes), 3))
         self.area, self.deviation, self.turn = np.zeros((3, sum(sizes)))
-        self.nearest = np.zeros(sum(sizes), np.intp)
+        self.target = np.zeros(sum(sizes), np.intp)
         self._low, self._high, self._normal_low, self._normal_high = np.zeros((4, sum(sizes), 3))
         own = (position[order], normal[order], vpls.flux[order], vpls.area[order])
         for level, (start, size) in enumerate(zip(self.first, sizes, strict=True)):
@@ -81,8 +82,10 @@ class VplTreeReference:
                 lights = slice(run * 4**level, min((run + 1) * 4**level, count))
                 if lights.start < lights.stop:
                     self._make(start + run, *(values[lights] for values in own))
-                    off = self.position[lights] - self.position[start + run]
-                    self.nearest[start + run] = lights.start + np.sum(off**2, axis=1).argmin()
+                    flux = np.cumsum(self.flux[lights] @ LUMINANCE)
+                    wanted = (run + 0.5) * GOLDEN % 1.0 * flux[-1]
+                    found = int(np.searchsorted(flux, wanted, side="right"))
+                    self.target[start + run] = lights.start + min(found, len(flux) - 1)
 
     def _make(
         self, record: int, position: Doubles, normal: Doubles, flux: Doubles, area: Doubles
@@ -149,7 +152,8 @@ class VplTreeReference:
         From a distance of sqrt(refine A) to half of that, lights with parts give way to them; runs
         of lights don't.
         What belongs to a run of `share` lights, 4, 16 or 64, shares a shadow ray to its light
-        nearest to the mean, which itself may be inside of something. A longer run has its own.
+        before which a fraction of its flux lies, of a golden-ratio sequence over the runs. A longer
+        run has its own.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -163,7 +167,7 @@ class VplTreeReference:
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):
-                end = self.nearest[run]
+                end = self.target[run]
                 hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
                 visible[np.ix_(hidden, runs == run)] = 0.0
         near = np.zeros(weight.shape)

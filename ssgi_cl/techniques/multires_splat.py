@@ -27,7 +27,9 @@ from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl_light import (
     NEARS,
+    NoLight,
     VplParams,
+    camera_of,
     cutoff_param,
     importance_param,
     lit_by_maps,
@@ -117,7 +119,7 @@ class MultiresSplat:
         )
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
-        self._dark: Plane | None = None
+        self._no_light = NoLight(runtime, size, self.name)
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
@@ -136,16 +138,9 @@ class MultiresSplat:
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        camera = gbuffer.camera
-        if camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera = camera_of(gbuffer, self.size)
         if not (rsms if vpls is None else vpls):
-            self.runtime.skip(self.name, "no light")
-            if self._dark is None:
-                self._dark = self.runtime.plane(3, self.size)
-            return self._dark
+            return self._no_light.skipped()
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights

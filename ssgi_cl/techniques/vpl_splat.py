@@ -27,6 +27,7 @@ from ssgi_cl.techniques.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl_light import (
     NEARS,
     VplParams,
+    camera_of,
     importance_param,
     lit_by_maps,
     refine_param,
@@ -229,11 +230,7 @@ class VplSplat:
         coarse: bool,
     ) -> dict[str, float]:
         """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        camera = gbuffer.camera
-        if camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera = camera_of(gbuffer, self.size)
         params, lights = self.params, self._lights
         self._bring(camera, vpls, rsms, coarse=coarse)
         values = {

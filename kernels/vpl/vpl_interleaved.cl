@@ -4,8 +4,8 @@
 //
 // Method:  Keller and Heidrich 2001, "Interleaved Sampling"; Segovia et al. 2006, "Non-interleaved
 //          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours on
-//          the reflective shadow map share a shadow ray to one of them, chosen in proportion to what
-//          they give, which is followed through the grid of vpl_occupy.
+//          the reflective shadow map share a shadow ray to one of them, chosen in proportion to
+//          flux, which is followed through the grid of vpl_occupy.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
@@ -35,65 +35,63 @@
 #define VPL_PIECES (16 / SSGI_LANES)
 
 #if VPL_SIGHT
-// Number below 1 of a pixel and a group of lights: two additive recurrences (Roberts 2018, the R2
-// sequence) over the image, so that any few neighbours have numbers that are spread evenly.
-static inline vfloat vpl_number(const vint x, const vint y, const int group)
+// In (0, 1), of a subset of a tile and a group of its lights: an additive recurrence (Roberts 2018,
+// the R2 sequence), so that any few neighbours have numbers that are spread evenly.
+static inline float vpl_number(const int x, const int y, const int group)
 {
-    const vint number = (x * 12368 + y * 9336 + group * 10125) & 0x3fff; // of 2^14
-    return v_to_float(number) * (1.0f / 16384.0f);
+    const int number = (x * 12368 + y * 9336 + group * 10125) & 0x3fff; // of 2^14
+    return ((float)number + 0.5f) * (1.0f / 16384.0f);
 }
 
-// Which of some lights a group's shadow ray goes to: each with a probability in proportion to what
-// it gives, so that on the average as much light passes as with a ray to each. Any other choice
-// favours lights that give little: those that are many where light reaches the image.
-static inline vint vpl_target(const vfloat *given, const int count, const vfloat number)
+static inline float vpl_luminous(__global const float *restrict light)
 {
-    vfloat all = v_splat(0.0f);
-    for (int i = 0; i < count; ++i) {
-        all = all + given[i];
-    }
-    vfloat left = all * number;
-    vint target = v_splat_int(0);
-    for (int i = 0; i < count; ++i) {
-        const vmask reached = v_ge(left, v_splat(0.0f)) & v_gt(given[i], v_splat(0.0f));
-        target = v_iselect(target, v_splat_int(i), reached);
-        left = left - given[i];
-    }
-    return target;
+    return 0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10];
 }
 
-// What a light gives, for `vpl_target`.
-static inline vfloat vpl_given(const vfloat w, __global const float *restrict light)
-{
-    return w * (0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10]);
-}
-
-// Whether lights, one of each lane, are hidden from lanes that want to know.
+// Whether a light is hidden from lanes that want to know.
 static inline vmask vpl_hidden(__global const int *restrict grid,
                                __global const float *restrict grid_box, const VplCell start,
-                               __global const float *restrict lights, const vint number,
-                               const vmask wanted, const VplParams params)
+                               __global const float *restrict light, const vmask wanted,
+                               const VplParams params)
 {
-    const vint at = number * VPL_FLOATS;
-    const VplCell finish =
-        vpl_cell(v_gather(lights, at), v_gather(lights, at + 1), v_gather(lights, at + 2),
-                 -v_gather(lights, at + VPL_NORMAL), -v_gather(lights, at + (VPL_NORMAL + 1)),
-                 -v_gather(lights, at + (VPL_NORMAL + 2)), grid_box, params);
+    const VplCell finish = vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
+                                    v_splat(-light[VPL_NORMAL]), v_splat(-light[VPL_NORMAL + 1]),
+                                    v_splat(-light[VPL_NORMAL + 2]), grid_box, params);
     return vpl_blocked(grid, start, finish, wanted);
 }
 #endif
 
-#if VPL_PARTS
+#if VPL_SIGHT || VPL_PARTS
 // Part `subset` of light segment * params.span + number.
 static inline int vpl_part(const int light, const int subset, const VplParams params)
 {
     const int number = light % params.span;
     return light + 15 * number + params.stride + subset;
 }
-static inline vint vpl_parts(const vint light, const int subset, const VplParams params)
+#endif
+
+#if VPL_SIGHT
+// The light of a list that a group's shadow ray goes to: each with a probability in proportion to
+// its flux. If all were alike, those would be favoured that have little: where light reaches the
+// image there are many of them. `part` (>= 0): the lights' parts of that number.
+static inline __global const float *vpl_target(__global const float *restrict lights,
+                                               __global const int *restrict list, const int count,
+                                               const float number, const int part,
+                                               const VplParams params)
 {
-    const vint number = light % params.span;
-    return light + 15 * number + (params.stride + subset);
+    float all = 0.0f;
+    for (int i = 0; i < count; ++i) {
+        const int light = part < 0 ? list[i] : vpl_part(list[i], part, params);
+        all += vpl_luminous(lights + light * VPL_FLOATS);
+    }
+    __global const float *target = lights;
+    float left = all * number;
+    for (int i = 0; i < count && left >= 0.0f; ++i) {
+        const int light = part < 0 ? list[i] : vpl_part(list[i], part, params);
+        target = lights + light * VPL_FLOATS;
+        left -= vpl_luminous(target);
+    }
+    return target;
 }
 #endif
 
@@ -131,7 +129,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
     const vfloat zero = v_splat(0.0f);
 #if VPL_SIGHT
     const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, params);
-    vfloat given[VPL_SHARE];
+    const int pattern_x = tile_x * 4 + (subset & 3), pattern_y = tile_y * 4 + (subset >> 2);
 #endif
     vfloat sum[3] = {zero, zero, zero};
 #if VPL_PARTS
@@ -148,9 +146,6 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                 all_lights + vpl_part(near_list[i], subset, params) * VPL_FLOATS;
             const vfloat w = VPL_WEIGHT(light, at, params) * vpl_parts_share(whole, at, params);
             all = all + w;
-#if VPL_SIGHT
-            given[i - first] = vpl_given(w, light);
-#endif
             for (int j = 0; j < 3; ++j) {
                 part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
             }
@@ -160,11 +155,10 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
             continue;
         }
 #if VPL_SIGHT
-        const vint target =
-            vpl_target(given, end - first, vpl_number(x, y, first / VPL_SHARE));
-        const vint part_of = v_igather(near_list + first, target);
-        const vmask open = ~vpl_hidden(grid, grid_box, start, all_lights,
-                                       vpl_parts(part_of, subset, params), wanted, params);
+        const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
+        __global const float *restrict one =
+            vpl_target(all_lights, near_list + first, end - first, fraction, subset, params);
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
 #else
         const vmask open = wanted;
 #endif
@@ -186,9 +180,6 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
             }
 #endif
             all = all + w;
-#if VPL_SIGHT
-            given[i - first] = vpl_given(w, light);
-#endif
             for (int j = 0; j < 3; ++j) {
                 part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
             }
@@ -198,10 +189,10 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         if (!v_any(wanted)) {
             continue;
         }
-        const vint target =
-            vpl_target(given, end - first, vpl_number(x, y, first / VPL_SHARE));
-        const vmask open = ~vpl_hidden(grid, grid_box, start, lights,
-                                       v_igather(list + first, target), wanted, params);
+        const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
+        __global const float *restrict one =
+            vpl_target(lights, list + first, end - first, fraction, -1, params);
+        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);
         }

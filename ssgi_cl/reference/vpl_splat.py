@@ -97,7 +97,7 @@ def vpl_sight_reference(
         gbuffer: what the camera sees.
         vpls: the lights.
         params: of which `share` says how many neighbours of a list share a shadow ray, whose target
-            is one of them with a probability in proportion to what it gives.
+            is one of them with a probability in proportion to its flux.
         lists: [tile rows, tile columns, 16] arrays: which lights a tile's subset looks at.
         hidden: whether something stands between.
     """
@@ -105,7 +105,6 @@ def vpl_sight_reference(
     subset = _subsets(seen)
     number = np.full(seen.shape, -1)
     number[seen] = np.arange(len(point))
-    pixels = np.argwhere(seen)
     total = np.zeros_like(point)
     for row, column, s in np.ndindex(lists.shape):
         tile = np.s_[16 * row : 16 * row + 16, 16 * column : 16 * column + 16]
@@ -117,9 +116,10 @@ def vpl_sight_reference(
                 [form_factor(point[own], normal[own], vpls, i, params) for i in group]
             )
             flux = vpls.flux[group]
-            given = np.cumsum(weights * (flux @ LUMINANCE)[:, None], axis=0)
-            below = given <= share_numbers(pixels[own], first // params.share) * given[-1]
-            target = group[np.minimum(below.sum(axis=0), len(group) - 1)]
+            before = np.cumsum(flux @ LUMINANCE)
+            x, y = 4 * column + s % 4, 4 * row + s // 4
+            wanted = share_number(x, y, first // params.share) * before[-1]
+            target = group[min(np.searchsorted(before, wanted, side="right"), len(group) - 1)]
             blocked = hidden(point[own], normal[own], vpls.position[target], vpls.normal[target])
             total[own] += np.where(blocked, 0.0, weights).T @ flux
     result = np.zeros((*seen.shape, 3))
@@ -127,16 +127,14 @@ def vpl_sight_reference(
     return result
 
 
-def share_numbers(pixels: NDArray[np.integer], group: int) -> Doubles:
-    """Return [n] in [0, 1): where in a group's sum of light its shadow ray's target is.
+def share_number(x: int, y: int, group: int) -> float:
+    """Return where in (0, 1) of a group's flux the target of its shadow ray is.
 
     Args:
-        pixels: [n, 2] rows and columns.
-        group: number of the group in the pixels' list.
+        x, y: number of the tile's subset, of 4 a tile along each side.
+        group: number of the group in the subset's list.
     """
-    row, column = pixels.T
-    numbers: Doubles = ((column * 12368 + row * 9336 + group * 10125) % 2**14) / 2.0**14
-    return numbers
+    return ((x * 12368 + y * 9336 + group * 10125) % 2**14 + 0.5) / 2.0**14
 
 
 def form_factor(

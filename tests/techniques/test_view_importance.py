@@ -130,8 +130,8 @@ def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> N
             for own in params
         ]
     one = np.mean(means[1, True])
-    # Measured: -0.05 and -0.1 %, of which noise is 0.3 %. A ray to any light of a group, whatever its
-    # flux, is 1.8 % off with importance.
+    # Measured: -0.05 and -0.1 %, of which noise is 0.3 %. A ray to any light of a group, whatever
+    # its flux, is 1.8 % off with importance.
     assert np.mean(means[16, True]) == pytest.approx(one, rel=0.006)
     assert np.mean(means[16, False]) == pytest.approx(one, rel=0.01)
 

@@ -221,11 +221,11 @@ def multires_splat(
     """Compute irradiance by one diffuse bounce, from virtual point lights, where it is not smooth.
 
     Pixels in between are interpolated. After Nichols and Wyman 2009, "Multiresolution Splatting for
-    Indirect Illumination"; with `cutoff=0` and `refine=0`, `vpl_splat` gives what it is close to.
+    Indirect Illumination"; with `cutoff=0`, `vpl_splat` gives what it is close to.
 
     Departs, with method "adaptive": where to compute is decided by the light's differences, to an
     error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
-    walls may block light. Method "published" is as published: a min-max mipmap of depth and normals
+    lights give way to their parts near by; walls may block light. Method "published" is as published: a min-max mipmap of depth and normals
     decides, see `MultiresPublishedParams`.
 
     Args:

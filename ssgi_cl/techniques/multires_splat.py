@@ -225,8 +225,8 @@ def multires_splat(
 
     Departs, with method "adaptive": where to compute is decided by the light's differences, to an
     error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
-    lights give way to their parts near by; walls may block light. Method "published" is as published: a min-max mipmap of depth and normals
-    decides, see `MultiresPublishedParams`.
+    lights give way to their parts near by; walls may block light. Method "published" is as
+    published: a min-max mipmap of depth and normals decides, see `MultiresPublishedParams`.
 
     Args:
         gbuffer: what the camera sees.

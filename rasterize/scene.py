@@ -63,7 +63,6 @@ class Scene:
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top.
-        key: tells the scene from others, without keeping it.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -75,7 +74,6 @@ class Scene:
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
-    key: object = field(default_factory=object, init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -123,6 +121,11 @@ class Scene:
                     f"textures[{index}] is {texture.dtype} {texture.shape}: expected uint8 "
                     "(rows, columns, 4)"
                 )
+
+    @cached_property
+    def key(self) -> object:
+        """What tells the scene from others without keeping it."""
+        return object()
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

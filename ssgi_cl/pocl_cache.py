@@ -156,7 +156,7 @@ def _mark(folder: Path) -> None:
 
 
 def _unmark(path: Path, process: int) -> None:
-    if os.getpid() != process:
+    if os.getpid() != process or path not in _held:
         return  # a fork that ends
     with suppress(OSError):
         path.unlink()

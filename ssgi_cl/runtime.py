@@ -287,7 +287,7 @@ class Runtime:
             return Kernel(self, program, name, source)
         except KernelBuildError:
             # PoCL 3.0 takes an empty file of its cache for a program without kernels.
-            if not pocl_cache.clear_damaged(since=time.time()):
+            if program.num_kernels or not pocl_cache.clear_damaged(since=time.time()):
                 raise
         program = self._programs[key] = self._build(source, text, options)
         return Kernel(self, program, name, source)

@@ -1,9 +1,10 @@
 """Damaged files in PoCL's cache of compiled kernels, found and removed.
 
 PoCL maps what it cached into memory as it is: a file that a full disk or a power cut truncated ends
-every later process with SIGBUS or SIGABRT. A process that uses PoCL therefore keeps a mark in our
-cache folder, which goes when it ends in order. The next process that finds the mark of one that
-died looks through PoCL's cache, removes what is damaged and says so.
+every later process with SIGBUS or SIGABRT. A process that uses PoCL therefore looks through the
+cache first, removes what is damaged and says so. As large caches take seconds, it stops after
+`LOOK_SECONDS`, unless a process died before it: each keeps a mark in our cache folder, which goes
+when it ends in order.
 """
 
 from __future__ import annotations
@@ -11,15 +12,20 @@ from __future__ import annotations
 import atexit
 import fcntl
 import hashlib
+import math
 import os
 import shutil
 import struct
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from ssgi_cl.driver_caches import cache_folder, pocl_folder
+
+LOOK_SECONDS = 0.05
+"""Time for a look through the cache; enough for some hundred programs."""
 
 _held: dict[Path, int] = {}
 """Marks of this process and the descriptors that lock them."""
@@ -28,30 +34,36 @@ _TOP_LEVEL_BLOCK = 0b01
 
 
 def guard() -> None:
-    """Mark this process as one that uses PoCL; clear damage if one before it died.
+    """Mark this process as one that uses PoCL, and clear damage before it is met.
 
     Warns:
         RuntimeWarning: files were removed; names them.
     """
     folder = pocl_folder()
     started = _left_by_dead(folder)
-    if started is not None:
+    if started is None:
+        clear_damaged(folder, seconds=LOOK_SECONDS)
+    else:
         clear_damaged(folder, since=started)
     _mark(folder)
 
 
-def clear_damaged(folder: Path | None = None, since: float = 0.0) -> list[Path]:
+def clear_damaged(
+    folder: Path | None = None, *, since: float = 0.0, seconds: float = math.inf
+) -> list[Path]:
     """Remove and return the damaged files of PoCL's cache; it compiles these kernels again.
 
     Args:
         folder: PoCL's cache; by default that of this process.
-        since: see `damaged_files`.
+        since, seconds: see `damaged_files`; if anything is damaged, all is looked at.
 
     Warns:
         RuntimeWarning: files were removed; names them.
     """
     folder = folder or pocl_folder()
-    found = list(damaged_files(folder, since))
+    found = list(damaged_files(folder, since=since, seconds=seconds))
+    if found and (since or seconds < math.inf):
+        found = list(damaged_files(folder))
     for path in found:
         with suppress(OSError):
             if path.name == "program.bc":  # what was made of it goes too
@@ -69,21 +81,27 @@ def clear_damaged(folder: Path | None = None, since: float = 0.0) -> list[Path]:
     return found
 
 
-def damaged_files(folder: Path, since: float = 0.0) -> Iterator[Path]:
+def damaged_files(
+    folder: Path, *, since: float = 0.0, seconds: float = math.inf
+) -> Iterator[Path]:
     """Give the compiled programs and kernels in PoCL's cache that are not whole.
 
     Args:
         folder: PoCL's cache: `XX/HASH/program.bc`, and beside it `KERNEL/VARIANT/KERNEL.so`.
         since: time, in seconds since 1970: kernels are only looked at in programs that were used
             after it. PoCL notes that before it loads a kernel, but after it loads a program.
+        seconds: to spend at most.
     """
+    end = time.perf_counter() + seconds
     for program in folder.glob("[A-P][A-P]/*/program.bc"):
+        if time.perf_counter() > end:
+            break
         with suppress(OSError):  # another process removed it
             if not whole_bitcode(program):
                 yield program
                 continue
         with suppress(OSError):
-            if program.with_name("last_accessed").stat().st_mtime >= since:
+            if not since or program.with_name("last_accessed").stat().st_mtime >= since:
                 yield from (
                     path for path in program.parent.glob("*/*/*.so") if not whole_library(path)
                 )

@@ -38,6 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("POCL_CACHE_DIR", str(folder))
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "ssgi"))
     monkeypatch.setattr(pocl_cache, "_held", {})
+    monkeypatch.setattr(pocl_cache, "LOOK_SECONDS", 0.0)  # as if it were large
     return folder
 
 
@@ -88,6 +89,24 @@ def test_kernels_that_were_not_used_since_are_not_looked_at(folder: Path) -> Non
     os.utime(folder / "AB" / "CDEF" / "last_accessed", (now - 60, now - 60))
     assert list(damaged_files(folder, since=now - 30)) == []
     assert len(list(damaged_files(folder, since=now - 90))) == 1
+    assert clear_damaged(since=now - 30) == []
+    (folder / "AB" / "CDEF" / "program.bc").write_bytes(b"")  # something is wrong: all is looked at
+    (folder / "IJ" / "KLMN" / "gtao" / "32-1-1").mkdir(parents=True)
+    (folder / "IJ" / "KLMN" / "program.bc").write_bytes(BITCODE)
+    (folder / "IJ" / "KLMN" / "gtao" / "32-1-1" / "gtao.so").write_bytes(b"")
+    with pytest.warns(RuntimeWarning, match="2 truncated files"):
+        assert len(clear_damaged(since=now - 30)) == 2
+
+
+def test_a_cache_of_usual_size_is_looked_through_by_every_process(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel = folder / "AB" / "CDEF" / "ssao" / "32-1-1" / "ssao.so"
+    kernel.write_bytes(b"")
+    monkeypatch.setattr(pocl_cache, "LOOK_SECONDS", 60.0)
+    with pytest.warns(RuntimeWarning, match="1 truncated file"):
+        guard()
+    assert not kernel.exists()
 
 
 def mark_of_another(folder: Path) -> Path:

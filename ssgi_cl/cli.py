@@ -54,6 +54,8 @@ def devices_command(as_json: bool, refresh: bool) -> None:
     chosen = max(usable, key=lambda info: info.speed, default=None)
     for info in found:
         _list_device(info, default=info == chosen)
+    for reason in drivers.problems():
+        click.echo(wrapped(f"Without a device: {reason}", "") + "\n")
     if chosen is None:
         click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
         return

@@ -7,13 +7,15 @@ the driver that is asked for is loaded. What was found is kept in the user's cac
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from ssgi_cl import device_records, probe, probing
+from ssgi_cl import device_records, probing
+from ssgi_cl.atomic import replacement
 from ssgi_cl.device_info import FORMS, DeviceInfo, Form, Found
 from ssgi_cl.driver_caches import cache_folder
 from ssgi_cl.errors import DeviceError
@@ -25,7 +27,7 @@ __all__ = [
 
 INSTALL = (
     "Install a driver, for example: pip install 'ssgi-cl[pocl]', for processors of x86-64; where "
-    "that does not run, pip install intel-opencl-rt, or Debian's package pocl-opencl-icd, or the "
+    "that does not run, pip install 'ssgi-cl[intel]', or Debian's package pocl-opencl-icd, or the "
     "driver of your graphics card"
 )
 SLOWER_THAN_RECORDED = 0.67
@@ -43,11 +45,38 @@ def driver_files() -> list[Path]:
     if asked:
         path = Path(asked)
         return sorted(path.glob("*.icd")) if path.is_dir() else [path]
-    folders = [Path("/etc/OpenCL/vendors"), Path(sys.prefix) / "etc" / "OpenCL" / "vendors"]
+    found = sorted(Path("/etc/OpenCL/vendors").glob("*.icd"))
+    for path in sorted((Path(sys.prefix) / "etc" / "OpenCL" / "vendors").glob("*.icd")):
+        found += _in_environment(path)
     package = find_spec("pyopencl")
     if package and package.origin:
-        folders.append(Path(package.origin).parent / ".libs")
-    return [path for folder in folders for path in sorted(folder.glob("*.icd"))]
+        found += sorted((Path(package.origin).parent / ".libs").glob("*.icd"))
+    return found
+
+
+def _in_environment(path: Path) -> list[Path]:
+    """Return an .icd file of the Python environment, corrected if need be; none if of no library.
+
+    Wheels can't write where they are installed into their files: the one of Intel's runtime names
+    its library in a folder of the machine that it was built on. It lies in the environment's lib.
+    """
+    try:
+        named = Path(path.read_text(encoding="utf-8").strip())
+        if not named.is_absolute() or named.exists():
+            return [path]
+        library = path.parents[3] / "lib" / named.name
+        if not library.exists():
+            return []
+        text = f"{library}\n"
+        key = hashlib.sha256(text.encode()).hexdigest()[:8]
+        corrected = cache_folder() / "drivers" / f"{path.stem}-{key}.icd"
+        if not corrected.exists():
+            corrected.parent.mkdir(parents=True, exist_ok=True)
+            with replacement(corrected) as file:
+                file.write_text(text, encoding="utf-8")
+        return [corrected]
+    except (OSError, UnicodeDecodeError):
+        return []
 
 
 @cache
@@ -116,6 +145,7 @@ def confirm(info: DeviceInfo, form: Form) -> None:
     record goes, and the next process times all forms again. Only for processors: their
     time is what is hard to measure, and clocks of cards rise with use.
     """
+    from ssgi_cl import probe  # which is a program too, imported by none when it runs
     from ssgi_cl.runtime import Runtime  # which imports this module
 
     recorded = info.speeds.get(str(form))

@@ -80,7 +80,7 @@ def test_a_recorded_failure_names_its_file_and_how_to_try_again(
     message = str(caught.value)
     (record,) = drivers.cache_folder().iterdir()
     for words in ("Test 1: a", FORM, WHY, str(record), "for 24 hours", "ssgi devices --refresh",
-                  "pip install 'ssgi-cl[pocl]'", "intel-opencl-rt", "pocl-opencl-icd"):
+                  "pip install 'ssgi-cl[pocl]'", "pip install 'ssgi-cl[intel]'", "pocl-opencl-icd"):
         assert words in message
     result = CliRunner().invoke(cli.main, ["devices"])
     assert result.exit_code == 0
@@ -108,6 +108,19 @@ def test_why_a_driver_lists_nothing_is_said(
         assert "libnone.so: not found" in result.output
         drivers._fleeting.clear()  # another process, which reads the record
     assert len(probed) == 1
+
+
+def test_a_driver_without_a_device_is_listed_after_those_with_one(
+    alone: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = alone.with_name("other.icd")
+    other.touch()
+    monkeypatch.setattr(drivers, "driver_files", lambda: [alone, other])
+    finds(monkeypatch, Found([], reason=f"{alone}: libnone.so: not found"), Found([info(other)]))
+    result = CliRunner().invoke(cli.main, ["devices"])
+    assert result.exit_code == 0
+    assert "used by default" in result.output
+    assert "libnone.so: not found" in result.output
 
 
 def test_looking_again_forgets_records(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -218,6 +231,27 @@ def test_a_folder_or_a_file_can_be_named_as_the_drivers(
     assert [path.name for path in drivers.driver_files()] == ["a.icd", "b.icd"]
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path / "b.icd"))
     assert drivers.driver_files() == [tmp_path / "b.icd"]
+
+
+def test_drivers_of_the_python_environment_are_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
+    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    before = drivers.driver_files()
+    vendors = tmp_path / "etc" / "OpenCL" / "vendors"
+    vendors.mkdir(parents=True)
+    (vendors / "a.icd").write_text("liba.so\n")
+    (vendors / "b.icd").write_text("/where/it/was/built/lib/libb.so\n")
+    (vendors / "c.icd").write_text("/where/it/was/built/lib/libc.so\n")
+    library = tmp_path / "lib" / "libb.so"
+    library.parent.mkdir()
+    library.touch()
+    for _ in range(2):
+        found = [path for path in drivers.driver_files() if path not in before]
+        assert found[0] == vendors / "a.icd"
+        assert [path.read_text() for path in found[1:]] == [f"{library}\n"]  # c has no library
 
 
 @pytest.mark.slow

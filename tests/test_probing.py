@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -239,3 +240,26 @@ def test_a_speed_in_use_is_that_of_the_record(runtime: Runtime) -> None:
     assert isinstance(recorded, float)
     # Time of the processor, not of the clock: caches and hyperthreads are all that is shared.
     assert 0.4 < speed / recorded < 2.5
+
+
+def test_where_failures_are_in_doubt_one_is_enough(
+    rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probing, "doubtful", lambda: "memory is limited")
+    asked = rounds(["dies"] * 4)
+    assert probed().failures.keys() == set(NAMES)
+    assert len(asked) == 4  # drivers that hang take long
+
+
+@pytest.mark.parametrize(("doubt", "seconds"), [("", 240), ("memory is limited", 60)])
+def test_a_driver_has_less_time_where_limits_may_hang_it(
+    monkeypatch: pytest.MonkeyPatch, doubt: str, seconds: int
+) -> None:
+    monkeypatch.setattr(probing, "doubtful", lambda: doubt)
+
+    def run(command: list[str], **options: float) -> None:
+        raise subprocess.TimeoutExpired(command, options["timeout"])
+
+    monkeypatch.setattr(subprocess, "run", run)
+    ending = probing.run_probe({}, ["0", "0", *NAMES]).ending
+    assert ending == f"hangs (for {seconds} s)"

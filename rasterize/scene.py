@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,8 +49,11 @@ class Material:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Immutable):
     """Triangles in world space with what is needed to shade them.
+
+    Arrays are read-only, since devices and ray casters keep what they made of them: a changed scene
+    is another one, such as `dataclasses.replace(scene, positions=scene.positions * 2)`.
 
     Attributes:
         origin: [3] float64, world space; `positions` count from here, so that a scene far from
@@ -77,15 +81,16 @@ class Scene:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "origin", check.vector("origin", self.origin, 3, "scene units"))
+        set_(self, "origin", frozen(check.vector("origin", self.origin, 3, "scene units")))
         for name, width in (("positions", 3), ("normals", 3), ("uvs", 2), ("colors", 3)):
-            set_(self, name, check.plane_list(name, getattr(self, name), width))
+            given = getattr(self, name)
+            set_(self, name, frozen(check.plane_list(name, given, width), given))
             if len(getattr(self, name)) != len(self.positions):
                 raise ValueError(
                     f"{name} has {len(getattr(self, name))} rows: expected {len(self.positions)}, "
                     "one for each vertex"
                 )
-        triangles = np.ascontiguousarray(self.triangles)
+        triangles = np.ascontiguousarray(check.as_array("triangles", self.triangles))
         if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
             raise ValueError(
                 f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape "
@@ -98,8 +103,8 @@ class Scene:
                 f"triangles refers to vertices {triangles.min()} to {triangles.max()}: expected "
                 f"0 to {len(self.positions) - 1}"
             )
-        set_(self, "triangles", triangles.astype(np.int32))
-        ids = np.ascontiguousarray(self.material_ids)
+        set_(self, "triangles", frozen(triangles.astype(np.int32), triangles))
+        ids = np.ascontiguousarray(check.as_array("material_ids", self.material_ids))
         if ids.shape != (len(triangles),) or ids.dtype.kind not in "iu":
             raise ValueError(
                 f"material_ids is {ids.dtype} {ids.shape}: expected {len(triangles)} integers"
@@ -111,16 +116,11 @@ class Scene:
                 f"material_ids runs from {ids.min()} to {ids.max()}: expected 0 to "
                 f"{len(self.materials) - 1}"
             )
-        set_(self, "material_ids", ids.astype(np.int32))
+        set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
+        set_(self, "materials", tuple(self.materials))
+        set_(self, "textures", tuple(map(_texture, range(len(self.textures)), self.textures)))
         for material in self.materials:
             check.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
-        for index, texture in enumerate(self.textures):
-            fits = texture.dtype == np.uint8 and texture.ndim == 3 and texture.shape[2] == 4
-            if not fits or texture.size == 0:
-                raise ValueError(
-                    f"textures[{index}] is {texture.dtype} {texture.shape}: expected uint8 "
-                    "(rows, columns, 4)"
-                )
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
@@ -131,3 +131,13 @@ class Scene:
         box = np.stack([corners.min(axis=0), corners.max(axis=0)]) + self.origin
         box.flags.writeable = False
         return box
+
+
+def _texture(index: int, given: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    texture = check.as_array(f"textures[{index}]", given)
+    if texture.dtype != np.uint8 or texture.ndim != 3 or texture.shape[2] != 4 or not texture.size:
+        raise ValueError(
+            f"textures[{index}] is {texture.dtype} {texture.shape}: expected uint8 "
+            "(rows, columns, 4)"
+        )
+    return frozen(texture, given)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
 
 DepthRange = Literal["-1..1", "0..1"]
 LARGEST_SIZE = 16384
@@ -17,11 +18,11 @@ LARGEST_SIZE = 16384
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Camera:
+class Camera(Immutable):
     """A pinhole or orthographic camera, given by two matrices.
 
     View space is right-handed: +x right, +y up, the camera looks down -z. Pixel centres lie at
-    +0.5 and row 0 is the top row.
+    +0.5 and row 0 is the top row. The matrices are read-only.
 
     Attributes:
         view: [4, 4] float64, world to view, a rigid motion (rotation and translation only).
@@ -52,8 +53,8 @@ class Camera:
                 f"view is {view.tolist()}: expected a rotation and a translation without scale or "
                 "mirroring, last row 0 0 0 1"
             )
-        set_(self, "view", _frozen(view))
-        set_(self, "projection", _frozen(self._normalised_projection()))
+        set_(self, "view", frozen(view))
+        set_(self, "projection", frozen(self._normalised_projection()))
         near, far = self.near, self.far
         if not (near < far and (self.is_orthographic or near > 0)):
             raise ValueError(
@@ -336,9 +337,3 @@ def perspective_matrix(
     else:
         matrix[2, 2], matrix[2, 3] = -(1.0 + ratio) / (1.0 - ratio), -2.0 * near / (1.0 - ratio)
     return matrix
-
-
-def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    copy = array.copy()
-    copy.flags.writeable = False
-    return copy

@@ -57,6 +57,7 @@ def choice(name: str, value: object, allowed: Sequence[str]) -> str:
 
 def vector(name: str, value: ArrayLike, size: int, unit: str = "") -> NDArray[np.float64]:
     """Return `value` as `size` finite float64 numbers; a scalar is repeated. Else raise."""
+    value = unmasked(name, value)
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -163,15 +164,31 @@ def values_in_range(
     raise ValueError(f"{name}[{place}] is {array[where]}: expected numbers {allowed}")
 
 
+def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Return `value` as an array; raise ValueError for a masked array, as `unmasked`."""
+    return np.asarray(unmasked(name, value))
+
+
+def unmasked(name: str, value: ArrayLike) -> ArrayLike:
+    """Return `value`; raise ValueError if it is a masked array with elements that are masked."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        count = int(np.sum(np.ma.getmaskarray(value)))
+        raise ValueError(
+            f"{name} is a masked array with {count} masked elements: expected an array without a "
+            "mask; fill it first, such as depth.filled(numpy.inf) where nothing is"
+        )
+    return value
+
+
 def floats(
     name: str, value: ArrayLike, dtype: type[np.floating[Any]] = np.float32
 ) -> NDArray[Any]:
     """Return `value` in C order as `dtype`; raise TypeError unless it holds real numbers."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} has dtype {array.dtype}: expected a real floating-point array")
+    given = as_array(name, value)
+    if given.dtype.kind not in "fiu":
+        raise TypeError(f"{name} has dtype {given.dtype}: expected a real floating-point array")
     with np.errstate(over="ignore"):
-        return np.ascontiguousarray(array, dtype=dtype)
+        return np.ascontiguousarray(given, dtype=dtype)
 
 
 def limit(value: float) -> str:

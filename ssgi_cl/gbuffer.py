@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check, exr
 from ssgi_cl.camera import Camera
+from ssgi_cl.immutable import Immutable, frozen
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 
 Floats = NDArray[np.float32]
@@ -169,8 +170,8 @@ class GBuffer:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReflectiveShadowMap:
-    """What a light sees, and how much of its light every texel reflects.
+class ReflectiveShadowMap(Immutable):
+    """What a light sees, and how much of its light every texel reflects. Its arrays are read-only.
 
     Attributes:
         light: the light whose map this is.
@@ -205,18 +206,19 @@ class ReflectiveShadowMap:
                 f"depth has shape {depth.shape}: expected {(heights, self.cameras[0].width)} "
                 "as the light's cameras, stacked"
             )
-        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "depth", frozen(depth, self.depth))
         kinds = [("position", 3, -np.inf), ("normal", 3, -np.inf), ("flux", 3, 0.0)]
         if (self.specular_flux is None) != (self.gloss is None):
             raise ValueError("expected both of specular_flux and gloss, or neither")
         if self.gloss is not None:
             kinds += [("specular_flux", 3, 0.0), ("gloss", 0, 0.0)]
         for name, channels, low in kinds:
-            array = check.plane(name, getattr(self, name), channels=channels, low=low)
+            given = getattr(self, name)
+            array = check.plane(name, given, channels=channels, low=low)
             shape = (*depth.shape, channels) if channels else depth.shape
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, frozen(array, given))
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -235,7 +237,7 @@ def _layered(
     infinite: bool = False,
     above: bool = False,
 ) -> Floats:
-    array = np.asarray(value)
+    array = check.as_array(name, value)
     flat = 3 if channels else 2
     if array.ndim == flat + 1 and array.shape[0] > 0:
         array = check.floats(name, array)
@@ -271,7 +273,7 @@ def _limited(depth: ArrayLike) -> NDArray[Any]:
 
     What is infinite, NaN or not above 0 stays as it is. Float64 is limited before it is rounded.
     """
-    array = np.asarray(depth)
+    array = check.as_array("depth", depth)
     if array.dtype.kind != "f" or array.size == 0:
         return array
     least, most = np.float32(LEAST_DEPTH), np.float32(MOST_DEPTH)

@@ -1,4 +1,4 @@
-"""Light sources, in world space and radiometric units."""
+"""Light sources, in world space and radiometric units. Their arrays are read-only."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLight:
+class SpotLight(Immutable):
     """A point that shines into a cone.
 
     Attributes:
@@ -40,7 +41,7 @@ class SpotLight:
 
 
 @dataclass(frozen=True, eq=False)
-class PointLight:
+class PointLight(Immutable):
     """A point that shines into all directions.
 
     Attributes:
@@ -61,7 +62,7 @@ class PointLight:
 
 
 @dataclass(frozen=True, eq=False)
-class DirectionalLight:
+class DirectionalLight(Immutable):
     """Parallel light from infinitely far away.
 
     Attributes:
@@ -83,7 +84,7 @@ class DirectionalLight:
 
 
 @dataclass(frozen=True, eq=False)
-class Environment:
+class Environment(Immutable):
     """Light from all around, infinitely far away; no shadow map, ambient occlusion dims it.
 
     Attributes:
@@ -95,7 +96,7 @@ class Environment:
     radiance: ArrayLike
 
     def __post_init__(self) -> None:
-        radiance = np.asarray(self.radiance)
+        radiance = check.as_array("radiance", self.radiance)
         if radiance.ndim == 3:
             image = check.plane(
                 "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0
@@ -111,6 +112,4 @@ Light = SpotLight | PointLight | DirectionalLight | Environment
 
 
 def _set(light: object, name: str, value: NDArray[np.float64]) -> None:
-    own = value.copy()  # the caller's array stays writable
-    own.flags.writeable = False
-    object.__setattr__(light, name, own)
+    object.__setattr__(light, name, frozen(value))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check, exr
 from ssgi_cl.camera import Camera
+from ssgi_cl.exr_header import read_header
 from ssgi_cl.immutable import Immutable, frozen
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 
@@ -152,14 +154,26 @@ class GBuffer:
 
         Args:
             path: the file.
-            camera: the camera that saw it.
+            camera: the camera that saw it, of the file's display window or of its data window
+                (`Camera.cropped`).
             channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
                 given.
 
         Raises:
-            ValueError: not an EXR file, damaged, without depth, or of another size than `camera`.
+            ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
+                with a camera of the display window, the data window does not exceed that equally
+                on opposite sides (overscan).
         """
+        header = read_header(Path(path))
+        data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
+        before, after = display[0] - data[0], data[1] - display[1]
+        if camera.size != header.size and ((before != after).any() or (before < 0).any()):
+            raise ValueError(
+                f"{os.fspath(path)} has the data window {data.tolist()} and the display window "
+                f"{display.tolist()}: expected the same window, or a margin of equal size on "
+                "opposite sides, or camera.cropped(...) to the data window"
+            )
         return cls(camera=camera, **exr.read_gbuffer(path, channels))
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:

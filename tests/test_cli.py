@@ -10,15 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+import ssgi_cl as gi
 from ssgi_cl import drivers, exr
 from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
 from ssgi_cl.drivers import DeviceInfo
+from ssgi_cl.exr_header import read_header
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.gtao import gtao
 from ssgi_cl.techniques.ssao import ssao
@@ -330,6 +334,94 @@ def test_normals_in_the_file_are_used_unless_told_otherwise(
     np.testing.assert_array_equal(applied(both, "--no-normals"), plain)
 
 
+WINDOWS = {
+    "overscan": ((-8, -4, 71, 51), (0, 0, 63, 47)),
+    "moved overscan": ((92, 46, 171, 101), (100, 50, 163, 97)),
+    "moved": ((100, 50, 163, 97), (100, 50, 163, 97)),
+    "negative": ((-64, -48, -1, -1), (-64, -48, -1, -1)),
+    "one side": ((0, -8, 75, 47), (0, 0, 63, 47)),
+    "crop": ((8, 12, 55, 43), (0, 0, 63, 47)),
+}
+
+
+@pytest.mark.parametrize("options", ["--fov 40", "--ortho 3", "--intrinsics 70 72 30 25"])
+@pytest.mark.parametrize("name", WINDOWS)
+def test_the_camera_is_that_of_the_display_window(
+    tmp_path: Path, rng: np.random.Generator, name: str, options: str, runtime: Runtime
+) -> None:
+    (left, top, right, bottom), display = WINDOWS[name]
+    depth = np.kron(rng.uniform(2.0, 2.4, (14, 20)), np.ones((4, 4))).astype(np.float32)
+    depth = np.ascontiguousarray(depth[: bottom - top + 1, : right - left + 1])
+    source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
+    exr.write(source, {"depth": depth}, data=(left, top, right, bottom), display=display)
+    succeeds("apply", "gtao", source, *options.split(), "-o", output)
+    header = read_header(output)
+    assert (header.data, header.display) == ((left, top, right, bottom), display)
+    whole = CAMERAS[options]
+    seen = whole.cropped(left - display[0], top - display[1], depth.shape[1], depth.shape[0])
+    # The point that a pixel of the data window shows is the one that the whole image's camera sees.
+    at = (display[0] - left, display[1] - top)
+    sx, sy, ox, oy = whole.pixel_to_view
+    np.testing.assert_allclose(
+        seen.pixel_to_view, (sx, sy, ox - sx * at[0], oy - sy * at[1]), rtol=1e-12, atol=1e-15
+    )
+    expected = gtao(GBuffer(camera=seen, depth=depth), runtime=runtime)
+    np.testing.assert_array_equal(exr.read(output)["ao"], expected)
+
+
+def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(
+    tmp_path: Path, runtime: Runtime
+) -> None:
+    builtin = make_scene("hall")
+    camera = Camera.look_at(builtin.eye, builtin.target, yfov=0.7, width=320, height=240)
+    gbuffer = gi.rasterize.gbuffer(builtin.scene, camera, overscan=0.2, runtime=runtime)
+    rows, columns = gbuffer.margin
+    assert columns % 64 == 0  # so that the same pixels share the length of their slices
+    source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
+    window = (-columns, -rows, 319 + columns, 239 + rows)
+    depth = np.asarray(gbuffer.depth)
+    exr.write(source, {"depth": depth}, data=window, display=(0, 0, 319, 239))
+    succeeds("apply", "gtao", source, "--fov", np.degrees(0.7), "-o", output)
+    expected = gtao(GBuffer(camera=camera, depth=depth), runtime=runtime)
+    error = exr.read(output)["ao"][rows:-rows, columns:-columns] - expected
+    # float32 roundings of the camera; at the border the groups of pixels are other ones.
+    assert np.abs(error[60:-60, 80:-80]).max() < 1e-5
+    assert np.sqrt(np.mean(error**2)) < 0.005
+    # The same angle taken for that of the data window gives .034.
+
+
+@pytest.mark.parametrize("link", [None, "symbolic", "hard"])
+def test_apply_does_not_replace_its_input_unless_told(
+    tmp_path: Path, rng: np.random.Generator, link: str | None
+) -> None:
+    source = output = tmp_path / "in.exr"
+    shape = (12, 16)
+    half = rng.uniform(0, 1, shape).astype(np.float16)
+    ids = rng.integers(2**24, 2**32, shape, np.uint32)
+    depth = rng.uniform(1, 2, shape).astype(np.float32)
+    header = {"dataWindow": (np.int32([-2, -1]), np.int32([13, 10])),
+              "displayWindow": (np.int32([0, 0]), np.int32([11, 9])), "owner": "me"}
+    OpenEXR.File(header, {"Z": depth, "h": half, "id": ids, "ao": depth}).write(str(source))
+    if link is not None:
+        output = tmp_path / "other.exr"
+        output.symlink_to(source) if link == "symbolic" else output.hardlink_to(source)
+    before = source.read_bytes()
+    message = fails(tmp_path, "apply", "gtao", source, "-o", output)
+    assert "that is the input; --overwrite adds" in message
+    assert source.read_bytes() == before
+    succeeds("apply", "gtao", source, "-o", output, "--overwrite")
+    file = OpenEXR.File(str(output), separate_channels=True)
+    channels = {name: channel.pixels for name, channel in file.channels().items()}
+    assert set(channels) == {"Z", "h", "id", "ao"}
+    for name, old in (("Z", depth), ("h", half), ("id", ids)):
+        assert channels[name].dtype == old.dtype
+        np.testing.assert_array_equal(channels[name], old)
+    assert channels["ao"].max() <= 1.0  # it was a depth
+    assert file.header()["owner"] == "me"
+    assert read_header(output).data == (-2, -1, 13, 10)
+    assert read_header(output).display == (0, 0, 11, 9)
+
+
 def test_apply_reports_passes_and_files_as_json(depth_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "ao.exr"
     facts = answer("apply", "ssao", depth_file, "-o", output)
@@ -540,6 +632,9 @@ def test_a_failed_render_keeps_the_picture_that_was_there(tmp_path: Path) -> Non
         (["--fov", 40, "--ortho", 2], "--fov, --ortho and --intrinsics exclude each other"),
         (["--fov", 0], "--fov is 0.0"),
         (["--ortho", 0], "view_height is 0.0"),
+        (["--ortho", 1e300], "view_height is 1e+300: expected a number >= 1e-28 and <= 1e+28 (sc"),
+        (["--intrinsics", 1e300, 1e300, 0, 0], "scales are"),
+        (["--intrinsics", 1, 1, 1e300, 0], "shifts the image by"),
         (["--intrinsics", 0, 1, 2, 3], "fx is 0.0"),
         (["--device", "no such thing"], "no such OpenCL device"),
     ],

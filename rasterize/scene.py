@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -23,7 +22,7 @@ class Material:
         alpha_cutoff: where the texture's alpha times `alpha` is below it, there is a hole;
             0 for an opaque surface.
         alpha: opacity factor in [0, 1], used for the cut-out only.
-        emission: [3] radiance in W m^-2 sr^-1, >= 0.
+        emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
         specular: [3] reflectance of the Phong lobe in [0, 1].
         gloss: exponent of the Phong lobe, >= 1.
     """
@@ -38,10 +37,9 @@ class Material:
     gloss: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, high in (("albedo", 1.0), ("emission", math.inf), ("specular", 1.0)):
-            values = check.rgb(name, getattr(self, name), "")
-            if (values > high).any():
-                raise ValueError(f"{name} is {values.tolist()}: expected numbers in [0, {high:g}]")
+        for name, high in (("albedo", 1.0), ("emission", check.MOST_LIGHT), ("specular", 1.0)):
+            unit = "W m^-2 sr^-1" if name == "emission" else ""
+            values = check.rgb(name, getattr(self, name), unit, high=high)
             object.__setattr__(self, name, tuple(float(v) for v in values))
         check.number("alpha_cutoff", self.alpha_cutoff, low=0, high=1)
         check.number("alpha", self.alpha, low=0, high=1)
@@ -81,7 +79,7 @@ class Scene(Immutable):
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "origin", frozen(check.vector("origin", self.origin, 3, "scene units")))
+        set_(self, "origin", frozen(check.point("origin", self.origin)))
         for name, width in (("positions", 3), ("normals", 3), ("uvs", 2), ("colors", 3)):
             given = getattr(self, name)
             set_(self, name, frozen(check.plane_list(name, given, width), given))

@@ -23,9 +23,6 @@ reciprocals divided by the size of an image in pixels."""
 MOST_SHIFT = 1e9
 """Half images by which a projection may be off-centre."""
 
-MOST_OFFSET = 1e30
-"""Scene units from the world's origin, along each axis, that a camera may be at most."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera(Immutable):
@@ -63,11 +60,7 @@ class Camera(Immutable):
                 f"view is {view.tolist()}: expected a rotation and a translation without scale or "
                 "mirroring, last row 0 0 0 1"
             )
-        if (np.abs(view[:3, 3]) > MOST_OFFSET).any():
-            raise ValueError(
-                f"view moves the world by {view[:3, 3].tolist()}: expected at most {MOST_OFFSET:g} "
-                "(scene units) along each axis"
-            )
+        check.point("translation of view", view[:3, 3])
         set_(self, "view", frozen(view))
         set_(self, "projection", frozen(self._normalised_projection()))
         near, far = self.near, self.far

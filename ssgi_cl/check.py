@@ -71,6 +71,21 @@ def vector(name: str, value: ArrayLike, size: int, unit: str = "") -> NDArray[np
     return array
 
 
+MOST_OFFSET = 1e30
+"""Scene units from the world's origin, along each axis, of what has a place."""
+
+
+def point(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a position within `MOST_OFFSET` of the world's origin, else raise."""
+    array = vector(name, value, 3, "scene units")
+    if (np.abs(array) > MOST_OFFSET).any():
+        raise ValueError(
+            f"{name} is {array.tolist()}: expected numbers of at most {limit(MOST_OFFSET)} "
+            "(scene units)"
+        )
+    return array
+
+
 def direction(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return `value` as a float64 vector of unit length, else raise."""
     array = vector(name, value, 3)
@@ -81,11 +96,18 @@ def direction(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return scaled / float(np.linalg.norm(scaled))
 
 
-def rgb(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
-    """Return `value` as three finite numbers >= 0 (a scalar is repeated), else raise."""
+MOST_LIGHT = 1e30
+"""W and what is counted by it: float32 holds its products with areas and solid angles."""
+
+
+def rgb(
+    name: str, value: ArrayLike, unit: str, *, high: float = MOST_LIGHT
+) -> NDArray[np.float64]:
+    """Return `value` as three numbers within [0, high] (a scalar is repeated), else raise."""
     array = vector(name, value, 3, unit)
-    if (array < 0).any():
-        raise ValueError(f"{name} is {array.tolist()}: expected numbers >= 0{_of(unit)}")
+    if (array < 0).any() or (array > high).any():
+        allowed = _range(0.0, high, unit, False)
+        raise ValueError(f"{name} is {array.tolist()}: expected numbers {allowed}")
     return array
 
 

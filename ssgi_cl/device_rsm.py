@@ -82,6 +82,7 @@ class DeviceRsm:
         light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
         reach: how far surfaces are from `origin` along each axis, at most; scene units.
+        nearest: how far they are from it along the axis of the greatest distance, at least.
         brightest: flux of a texel, at most; W.
     """
 
@@ -104,7 +105,7 @@ class DeviceRsm:
         self.light: SpotLight | PointLight | DirectionalLight | None = None
         self.cameras: tuple[Camera, ...] = ()
         self.version = 0
-        self.reach = math.inf
+        self.reach = self.nearest = math.inf
         self.brightest = BRIGHTEST
         # A face is lit where the device has what it was stamped with when it was written.
         self._lit = runtime.array(np.zeros(faces, np.int32))
@@ -133,6 +134,8 @@ class DeviceRsm:
             rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
             brightest=max(float(flux.max()), float(mirrored.max())),
         )
+        distance = np.abs(position).max(axis=-1)[np.isfinite(rsm.depth)]
+        self.nearest = float(distance.min()) if distance.size else 0.0
         self.position.upload(np.moveaxis(position, -1, 0))
         self.normal.upload(np.moveaxis(normal, -1, 0))
         self.area.upload(area[None])
@@ -163,10 +166,25 @@ class DeviceRsm:
                 f"the reflective shadow map has {len(cameras)} faces of {sorted(sizes)} texels: "
                 f"expected {self.faces} of {self.face_size} (rows, columns)"
             )
-        self.reach, self.brightest = reach, brightest
+        self.reach, self.nearest, self.brightest = reach, reach, brightest
         self.light, self.cameras, self.origin = light, cameras, cameras[0].position
         self.version += 1
         self._uploaded = None
+
+    def check_scale(self, technique: str, least: float, most: float) -> None:
+        """Raise ValueError if all surfaces are so near or so far that float32 fails a technique.
+
+        Args:
+            technique: its name, for the message.
+            least, most: distances of surfaces from `origin` in scene units: the farthest must not
+                be nearer than the one, nor the nearest farther than the other.
+        """
+        if 0.0 < self.reach < least or most < self.nearest < math.inf:
+            distance = self.reach if self.reach < least else self.nearest
+            raise ValueError(
+                f"rsm shows surfaces {distance:.3g} from its light's camera: {technique} expects "
+                f"{least:g} to {most:g} (scene units); scale the scene"
+            )
 
     def write_face(self, face: int, depth: Plane, normal: Plane, flux: Plane) -> None:
         """Queue the pass that fills one face from planes of `face_size`; nothing is read back.

@@ -41,7 +41,7 @@ class GBuffer:
             [layers, rows, columns, 3] gives the deeper layers' normals too.
         albedo: [rows, columns, 3] (or with layers) float32, linear reflectance in [0, 1]; None
             stands for 0.8 everywhere.
-        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, >= 0, or None.
+        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, in [0, 1e30], or None.
         specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
@@ -83,7 +83,7 @@ class GBuffer:
         object.__setattr__(self, "margin", (int(margin[0]) // 2, int(margin[1]) // 2))
         if self.normal is not None:
             self._set("normal", _unit(self._attribute("normal", self.normal, low=-np.inf)))
-        for name, high in (("albedo", 1.0), ("emission", np.inf), ("specular", 1.0)):
+        for name, high in (("albedo", 1.0), ("emission", check.MOST_LIGHT), ("specular", 1.0)):
             value = getattr(self, name)
             if value is not None:
                 self._set(name, self._attribute(name, value, low=0.0, high=high))

@@ -16,10 +16,11 @@ class SpotLight(Immutable):
     """A point that shines into a cone.
 
     Attributes:
-        position: [3], world space, scene units.
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
         direction: [3], world space, the axis of the cone; any length but zero.
         cone_angle: half-angle of the cone in radians, in (0, 1.5].
-        intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside.
+        intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside;
+            in [0, 1e30].
         radius: of the sphere round `position` that shines, scene units, >= 0; screen-space
             shadows soften by it, shadow maps and reflected light take a point.
     """
@@ -31,7 +32,7 @@ class SpotLight(Immutable):
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        _set(self, "position", check.vector("position", self.position, 3, "scene units"))
+        _set(self, "position", check.point("position", self.position))
         _set(self, "direction", check.direction("direction", self.direction))
         angle = check.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians")
         object.__setattr__(self, "cone_angle", angle)
@@ -45,8 +46,8 @@ class PointLight(Immutable):
     """A point that shines into all directions.
 
     Attributes:
-        position: [3], world space, scene units.
-        intensity: [3] or a number, RGB radiant intensity in W/sr.
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
+        intensity: [3] or a number, RGB radiant intensity in W/sr, in [0, 1e30].
         radius: of the sphere that shines, scene units, as a spot light's.
     """
 
@@ -55,7 +56,7 @@ class PointLight(Immutable):
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        _set(self, "position", check.vector("position", self.position, 3, "scene units"))
+        _set(self, "position", check.point("position", self.position))
         _set(self, "intensity", check.rgb("intensity", self.intensity, "W/sr"))
         radius = check.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
         object.__setattr__(self, "radius", radius)
@@ -67,7 +68,8 @@ class DirectionalLight(Immutable):
 
     Attributes:
         direction: [3], world space, the way the light travels; any length but zero.
-        irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light.
+        irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light, in
+            [0, 1e30].
         angle: between the centre of its disc and the rim, radians, in [0, 0.5]; the sun's is
             0.00465. Screen-space shadows soften by it, shadow maps take a point.
     """
@@ -90,7 +92,7 @@ class Environment(Immutable):
     Attributes:
         radiance: [3] or a number for the same RGB radiance everywhere, or [rows, columns, 3] as a
             latitude-longitude image (row 0 looks up +y, the middle column down -z, columns run to
-            +x); W m^-2 sr^-1, >= 0.
+            +x); W m^-2 sr^-1, in [0, 1e38].
     """
 
     radiance: ArrayLike
@@ -99,14 +101,17 @@ class Environment(Immutable):
         radiance = check.as_array("radiance", self.radiance)
         if radiance.ndim == 3:
             image = check.plane(
-                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0
+                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0, high=MOST_RADIANCE
             ).astype(np.float64)
             if image.size == 0:
                 raise ValueError(f"radiance has shape {image.shape}: expected at least one texel")
             _set(self, "radiance", image)
         else:
-            _set(self, "radiance", check.rgb("radiance", radiance, "W m^-2 sr^-1"))
+            _set(self, "radiance", check.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE))
 
+
+MOST_RADIANCE = 1e38
+"""W m^-2 sr^-1 of an environment: times pi it is a float32."""
 
 Light = SpotLight | PointLight | DirectionalLight | Environment
 

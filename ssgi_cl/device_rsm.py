@@ -82,7 +82,8 @@ class DeviceRsm:
         light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
         reach: how far surfaces are from `origin` along each axis, at most; scene units.
-        nearest: how far they are from it along the axis of the greatest distance, at least.
+        scales: (least, greatest) distance from `origin`, or width of a texel there if that is more,
+            of any surface; scene units.
         brightest: flux of a texel, at most; W.
     """
 
@@ -105,7 +106,8 @@ class DeviceRsm:
         self.light: SpotLight | PointLight | DirectionalLight | None = None
         self.cameras: tuple[Camera, ...] = ()
         self.version = 0
-        self.reach = self.nearest = math.inf
+        self.reach = math.inf
+        self.scales = (0.0, math.inf)
         self.brightest = BRIGHTEST
         # A face is lit where the device has what it was stamped with when it was written.
         self._lit = runtime.array(np.zeros(faces, np.int32))
@@ -134,8 +136,9 @@ class DeviceRsm:
             rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
             brightest=max(float(flux.max()), float(mirrored.max())),
         )
-        distance = np.abs(position).max(axis=-1)[np.isfinite(rsm.depth)]
-        self.nearest = float(distance.min()) if distance.size else 0.0
+        lengths = np.maximum(np.abs(position).max(axis=-1), np.sqrt(area))[area > 0.0]
+        if lengths.size:
+            self.scales = float(lengths.min()), float(lengths.max())
         self.position.upload(np.moveaxis(position, -1, 0))
         self.normal.upload(np.moveaxis(normal, -1, 0))
         self.area.upload(area[None])
@@ -166,7 +169,8 @@ class DeviceRsm:
                 f"the reflective shadow map has {len(cameras)} faces of {sorted(sizes)} texels: "
                 f"expected {self.faces} of {self.face_size} (rows, columns)"
             )
-        self.reach, self.nearest, self.brightest = reach, reach, brightest
+        self.reach, self.brightest = reach, brightest
+        self.scales = (reach, reach)
         self.light, self.cameras, self.origin = light, cameras, cameras[0].position
         self.version += 1
         self._uploaded = None
@@ -176,11 +180,11 @@ class DeviceRsm:
 
         Args:
             technique: its name, for the message.
-            least, most: distances of surfaces from `origin` in scene units: the farthest must not
-                be nearer than the one, nor the nearest farther than the other.
+            least, most: scene units; not all of `scales` may be below the one or above the other.
         """
-        if 0.0 < self.reach < least or most < self.nearest < math.inf:
-            distance = self.reach if self.reach < least else self.nearest
+        nearest, farthest = self.scales
+        if 0.0 < farthest < least or most < nearest < math.inf:
+            distance = farthest if farthest < least else nearest
             raise ValueError(
                 f"rsm shows surfaces {distance:.3g} from its light's camera: {technique} expects "
                 f"{least:g} to {most:g} (scene units); scale the scene"

@@ -107,7 +107,8 @@ class Environment(Immutable):
                 raise ValueError(f"radiance has shape {image.shape}: expected at least one texel")
             _set(self, "radiance", image)
         else:
-            _set(self, "radiance", check.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE))
+            constant = check.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
+            _set(self, "radiance", constant)
 
 
 MOST_RADIANCE = 1e38

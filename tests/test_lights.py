@@ -52,7 +52,7 @@ def test_a_light_leaves_the_callers_array_writable() -> None:
         (lambda: PointLight((0, 0), 1), ValueError, r"position has shape \(2,\)"),
         (lambda: PointLight((0, 0, math.nan), 1), ValueError, "position is .*finite"),
         (lambda: PointLight("abc", 1), TypeError, "position is 'abc'"),
-        (lambda: PointLight((0, 0, 0), -1), ValueError, r"intensity is .*>= 0 and <= 1e\+30 \(W/sr\)"),
+        (lambda: PointLight((0, 0, 0), -1), ValueError, r"intensity is .*>= 0 and .*\(W/sr\)"),
         (lambda: PointLight((0, 0, 0), 1e300), ValueError, r"intensity is .*1e\+30 \(W/sr\)"),
         (lambda: PointLight((0, 1e31, 0), 1), ValueError, r"position is .*1e\+30 \(scene units\)"),
         (lambda: SpotLight((0, 0, 0), (0, 0, 1), 1, 1e31), ValueError, "intensity is"),

@@ -19,8 +19,8 @@ from ssgi_cl.techniques.rsm_maps import MapSampling, RsmMaps
 from ssgi_cl.vpls import on_device_rsms
 
 LEAST_REACH, MOST_REACH = 1e-7, 1e9
-"""Scene units: distances of a scene from its light. The fourth powers of 1e-2 of the one, and of the
-other, are float32 numbers."""
+"""Scene units: distances of a scene from its light. The fourth powers of 1e-2 of the one, and of
+the other, are float32 numbers."""
 
 
 class RsmTechnique(ABC):

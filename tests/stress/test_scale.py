@@ -53,7 +53,8 @@ def test_light_of_maps_is_the_same_at_any_scale_or_refused(name: str, runtime: R
         try:
             found = technique(gbuffer, rsm, unit_distance=scale, runtime=runtime)
         except ValueError as error:
-            assert re.match(REFUSED, str(error))
+            if not re.match(REFUSED, str(error)):
+                raise
             refused.append(exponent)
             continue
         # float32 roundings of a scene scaled by no power of two move samples at silhouettes.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl import check
 from ssgi_cl.immutable import Immutable, frozen
+
+MOST_TEXELS = 2**29 - 1
+"""Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +68,7 @@ class Scene(Immutable):
         material_ids: [triangles] int32 indices into `materials`.
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
-            top.
+            top. With their mip levels at most 2^29 - 1 texels in all.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -116,7 +120,7 @@ class Scene(Immutable):
             )
         set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
         set_(self, "materials", tuple(self.materials))
-        set_(self, "textures", tuple(map(_texture, range(len(self.textures)), self.textures)))
+        set_(self, "textures", _textures(self.textures))
         for material in self.materials:
             check.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
 
@@ -131,11 +135,26 @@ class Scene(Immutable):
         return box
 
 
-def _texture(index: int, given: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    texture = check.as_array(f"textures[{index}]", given)
-    if texture.dtype != np.uint8 or texture.ndim != 3 or texture.shape[2] != 4 or not texture.size:
+def _textures(given: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ...]:
+    arrays = [check.as_array(f"textures[{index}]", one) for index, one in enumerate(given)]
+    for index, array in enumerate(arrays):
+        if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 4 or not array.size:
+            raise ValueError(
+                f"textures[{index}] is {array.dtype} {array.shape}: expected uint8 "
+                "(rows, columns, 4)"
+            )
+    texels = sum(mip_texels(*array.shape[:2]) for array in arrays)
+    if texels > MOST_TEXELS:
         raise ValueError(
-            f"textures[{index}] is {texture.dtype} {texture.shape}: expected uint8 "
-            "(rows, columns, 4)"
+            f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}"
         )
-    return frozen(texture, given)
+    return tuple(map(frozen, arrays, given))
+
+
+def mip_texels(rows: int, columns: int) -> int:
+    """Return the number of texels of all mip levels of a texture."""
+    count = rows * columns
+    while max(rows, columns) > 1:
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        count += rows * columns
+    return count

@@ -324,8 +324,7 @@ class Camera(Immutable):
 
 def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
     """Return the [4, 4] float64 world-to-view matrix of an eye that looks at a target."""
-    position = check.vector("eye", eye, 3, "scene units")
-    aim = check.vector("target", target, 3, "scene units")
+    position, aim = check.point("eye", eye), check.point("target", target)
     if np.array_equal(position, aim):
         raise ValueError(f"eye and target are both {position.tolist()}: expected two points")
     backward = check.direction("eye - target", position - aim)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssgi_cl.errors import shown
+
 
 def number(
     name: str,
@@ -23,11 +25,14 @@ def number(
     """Return `value` as a float within [low, high] ((low, high] with `above`), else raise."""
     allowed = _range(low, high, unit, above)
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} is {value!r}: expected a number {allowed}")
-    result = float(value)
+        raise TypeError(f"{name} is {shown(value)}: expected a number {allowed}")
+    try:
+        result = float(value)
+    except OverflowError:  # an integer of more than 308 digits
+        result = math.inf if value > 0 else -math.inf
     inside = low < result <= high if above else low <= result <= high
     if math.isnan(result) or not inside or (math.isinf(result) and not infinite):
-        raise ValueError(f"{name} is {value!r}: expected a number {allowed}")
+        raise ValueError(f"{name} is {shown(value)}: expected a number {allowed}")
     return result
 
 
@@ -35,23 +40,23 @@ def integer(name: str, value: object, *, low: int, high: int, unit: str = "") ->
     """Return `value` as an int within [low, high], else raise."""
     allowed = _range(low, high, unit, False)
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is {value!r}: expected an integer {allowed}")
+        raise TypeError(f"{name} is {shown(value)}: expected an integer {allowed}")
     if not low <= int(value) <= high:
-        raise ValueError(f"{name} is {value}: expected an integer {allowed}")
+        raise ValueError(f"{name} is {shown(int(value))}: expected an integer {allowed}")
     return int(value)
 
 
 def switch(name: str, value: object) -> None:
     """Raise TypeError unless `value` is True or False."""
     if not isinstance(value, bool):
-        raise TypeError(f"{name} is {value!r}: expected True or False")
+        raise TypeError(f"{name} is {shown(value)}: expected True or False")
 
 
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:
     """Return `value` if it is one of `allowed`, else raise."""
     if value not in allowed:
         options = ", ".join(repr(option) for option in allowed)
-        raise ValueError(f"{name} is {value!r}: expected one of {options}")
+        raise ValueError(f"{name} is {shown(value)}: expected one of {options}")
     return str(value)
 
 
@@ -61,7 +66,7 @@ def vector(name: str, value: ArrayLike, size: int, unit: str = "") -> NDArray[np
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} is {value!r}: expected {size} numbers{_of(unit)}") from error
+        raise TypeError(f"{name} is {shown(value)}: expected {size} numbers{_of(unit)}") from error
     if array.ndim == 0:
         array = np.repeat(array, size)
     if array.shape != (size,):

@@ -27,8 +27,9 @@ from ssgi_cl.cli_common import (
     wrapped,
     yfov_of,
 )
+from ssgi_cl.errors import shown
 from ssgi_cl.exr_header import ExrHeader, read_header
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.gbuffer import NAN, GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light
 from ssgi_cl.params import Params, describe
 from ssgi_cl.runtime import Runtime
@@ -66,6 +67,9 @@ from ssgi_cl.techniques.ssdo_params import SsdoParams
               "travels along X Y Z in camera space, with irradiance E in W/m^2.")
 @click.option("--lit", is_flag=True, help="ssdo: the file's R, G and B are the light that surfaces "
               "send, W m^-2 sr^-1.")
+@click.option("--nan", type=click.Choice(NAN), default="refuse", show_default=True,
+              help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and "
+              "other NaN for 0.")
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
               "are used.")
 @device_option
@@ -75,8 +79,8 @@ def apply_command(
     technique: str, source: Path | None, output: Path | None, overwrite: bool, fov: float | None,
     ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
     method: str | None, preset: str | None, error: float | None, budget_ms: float | None,
-    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, no_normals: bool,
-    device: str | None, as_json: bool,
+    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, nan: str,
+    no_normals: bool, device: str | None, as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
@@ -118,9 +122,11 @@ def apply_command(
         camera = _apply_camera(header, fov, ortho, intrinsics)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
             arrays = exr.read_gbuffer(source)
-        if no_normals:
-            arrays.pop("normal", None)
-        gbuffer = GBuffer(camera=camera, **arrays)
+        # Ambient occlusion needs neither albedo nor emission, so they may hold anything.
+        unused = () if technique == "ssdo" else ("albedo", "emission")
+        for name in (*unused, "normal") if no_normals else unused:
+            arrays.pop(name, None)
+        gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
         step(f"computing {technique}")
         if technique == "ssdo":
             parameters["radiance"] = _image(source) if lit else None
@@ -201,10 +207,10 @@ def _apply_camera(
 ) -> Camera:
     """Return the camera of the data window, from the options, which are of the display window."""
     left, top, right, bottom = header.display
-    size = {"width": right - left + 1, "height": bottom - top + 1}
+    size: dict[str, Any] = {"width": right - left + 1, "height": bottom - top + 1}
     eye, target = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)
     if intrinsics is not None:
-        camera = Camera.from_intrinsics(*intrinsics, **size)  # type: ignore[misc]
+        camera = Camera.from_intrinsics(*intrinsics, **size)
     elif ortho is not None:
         camera = Camera.orthographic(eye, target, view_height=ortho, **size)
     else:
@@ -217,11 +223,11 @@ def _apply_camera(
 def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
-        raise click.UsageError(f"--set {text}: expected NAME=VALUE")
+        raise click.UsageError(f"--set {shown(text)}: expected NAME=VALUE")
     names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
     if name not in names:
         raise click.UsageError(
-            f"--set {text}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
+            f"--set {shown(text)}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
         )
     special = {"true": True, "false": False, "inf": math.inf}
     if value.lower() in special:
@@ -230,6 +236,8 @@ def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]
         return name, json.loads(value)
     except ValueError:
         return name, value
+    except RecursionError:
+        raise click.UsageError(f"--set {name}: the value is nested too deeply") from None
 
 
 def _list_parameters(params: type[Params], as_json: bool) -> None:

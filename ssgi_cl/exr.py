@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -100,10 +101,26 @@ def _save(path: str | os.PathLike[str], header: dict[str, Any], channels: dict[s
     header = {**header, "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with atomic.replacement(path) as temporary:
         try:
-            OpenEXR.File(header, channels).write(os.fspath(temporary))
+            with _utf8(os.fspath(temporary), os.O_WRONLY) as writable:
+                OpenEXR.File(header, channels).write(writable)
         except RuntimeError as error:
             reason = str(error).replace(os.fspath(temporary), os.fspath(path))
             raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
+
+
+@contextmanager
+def _utf8(name: str, flags: int) -> Iterator[str]:
+    """Give another name of a file if its own is not UTF-8, which OpenEXR does not take."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        opened = os.open(name, flags)
+        try:
+            yield f"/dev/fd/{opened}"
+        finally:
+            os.close(opened)
+    else:
+        yield name
 
 
 def _box(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -183,8 +200,9 @@ def _decoded(
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the attributes of a file and its channels, of the size of the data window."""
     try:
-        file = OpenEXR.File(name, separate_channels=True)
-        header, channels = file.header(), file.channels()
+        with _utf8(name, os.O_RDONLY) as readable:
+            file = OpenEXR.File(readable, separate_channels=True)
+            header, channels = file.header(), file.channels()
     except MemoryError as error:
         raise ValueError(
             f"{name}: {size[1]} x {size[0]} pixels need more memory than there is"

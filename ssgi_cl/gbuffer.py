@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,9 @@ Floats = NDArray[np.float32]
 LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
 """Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
 holds at any angle."""
+
+NAN = ("refuse", "hole")
+"""What NaN in a G-buffer's arrays may mean."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +49,9 @@ class GBuffer:
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
             seen of them along the line of sight, scene units, >= 0 (+inf: without end), or None.
+        nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
+            (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
+            are reconstructed from depth.
 
     Raises:
         TypeError: an array is not of real numbers.
@@ -61,12 +67,15 @@ class GBuffer:
     specular: ArrayLike | None = None
     gloss: ArrayLike | None = None
     thickness: ArrayLike | None = None
+    nan: Literal["refuse", "hole"] = "refuse"
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
+        if check.choice("nan", self.nan, NAN) == "hole":
+            self._fill_nan()
         depth = _layered(
             "depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True,
             infinite=True,
@@ -101,6 +110,19 @@ class GBuffer:
                     "depth"
                 )
             self._set("thickness", thickness)
+
+    def _fill_nan(self) -> None:
+        """Replace the arrays that hold NaN."""
+        for name in ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"):
+            value = getattr(self, name)
+            array = None if value is None else check.as_array(name, value)
+            if array is None or array.dtype.kind != "f":
+                continue
+            missing = np.isnan(array)
+            if name == "depth" and array.ndim == 3:
+                missing = np.logical_or.accumulate(missing)
+            if missing.any():
+                self._set(name, np.where(missing, np.inf if name == "depth" else 0.0, array))
 
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
@@ -149,6 +171,7 @@ class GBuffer:
         *,
         camera: Camera,
         channels: Mapping[str, str | tuple[str, ...]] | None = None,
+        nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
         """Read a G-buffer from an OpenEXR file.
 
@@ -159,6 +182,7 @@ class GBuffer:
             channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
                 given.
+            nan: as the attribute.
 
         Raises:
             ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
@@ -174,7 +198,7 @@ class GBuffer:
                 f"{display.tolist()}: expected the same window, or a margin of equal size on "
                 "opposite sides, or camera.cropped(...) to the data window"
             )
-        return cls(camera=camera, **exr.read_gbuffer(path, channels))
+        return cls(camera=camera, nan=nan, **exr.read_gbuffer(path, channels))
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:
         """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""

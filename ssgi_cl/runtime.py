@@ -44,6 +44,10 @@ class PassTime:
     saved: float = 0.0
 
 
+LEAST_GROUP = 64
+"""Work-items that a device must take in a work-group."""
+
+
 class Runtime:
     """A device, opened. Make one with `Runtime.open` and use it from one thread at a time.
 
@@ -63,6 +67,12 @@ class Runtime:
         self.allocated_bytes = 0
         self.builds = 0
         device = cl.get_platforms()[info.platform].get_devices()[info.device]
+        if device.max_work_group_size < LEAST_GROUP:
+            raise DeviceError(
+                f"{info.label} takes work-groups of at most {device.max_work_group_size} "
+                f"work-items: expected {LEAST_GROUP} or more (a variable such as "
+                "POCL_MAX_WORK_GROUP_SIZE may limit it)"
+            )
         if form.storage == "image" and not device.image_support:
             raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
         self.context = cl.Context([device])

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +20,9 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 import ssgi_cl as gi
+import ssgi_cl_command
 from ssgi_cl import drivers, exr
+from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
 from ssgi_cl.drivers import DeviceInfo
@@ -625,7 +631,7 @@ def test_a_failed_render_keeps_the_picture_that_was_there(tmp_path: Path) -> Non
         (["--set", "samples=1.5"], "samples is 1.5: expected an integer"),
         (["--set", "hemisphere=3"], "hemisphere is 3: expected True or False"),
         (["--set", "resolution=[1]"], "resolution is [1]"),
-        (["--set", "radius"], "--set radius: expected NAME=VALUE"),
+        (["--set", "radius"], "--set 'radius': expected NAME=VALUE"),
         (["--set", "radus=1"], "ssao has no parameter 'radus'; it has "),
         (["--set", "runtime=1"], "ssao has no parameter 'runtime'"),
         (["--set", "=1"], "ssao has no parameter ''"),
@@ -714,3 +720,214 @@ def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> No
     assert done.stdout == ""
     assert done.stderr == "Error: nothing.obj: there is no such file\n"
     assert list(tmp_path.iterdir()) == []
+
+
+# ---- hostile values, names and limits
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("radius=1" + "0" * 400, "radius is 1000"),
+        ("radius=1" + "0" * 5000, "radius is "),
+        ("radius=-1" + "0" * 400, "radius is -1000"),
+        ("radius=" + "[" * 100_000, "--set radius: the value is nested too deeply"),
+        ("taps=1" + "0" * 400, "taps is 1000"),
+        ("x" * 10_000, "expected NAME=VALUE"),
+    ],
+)
+def test_hostile_settings_are_refused_in_a_line(
+    depth_file: Path, tmp_path: Path, setting: str, message: str
+) -> None:
+    text = fails(tmp_path, "apply", "gtao", depth_file, "--set", setting, "-o", tmp_path / "a.exr")
+    assert message in text
+    assert len(text) < 400
+
+
+def test_deeply_nested_json_is_refused(corner: Path, tmp_path: Path) -> None:
+    deep = tmp_path / "deep.json"
+    deep.write_text('{"camera": ' * 100_000)
+    assert "deep.json is not JSON" in fails(
+        tmp_path, "render", corner, "--camera", deep, "-o", tmp_path / "a.png"
+    )
+    assert "deep.json is not JSON" in fails(tmp_path, "bench", "--compare", deep, deep)
+    assert "deep.json is not JSON" in fails(tmp_path, "bench", "gtao", "--scene", deep, "--list")
+
+
+@pytest.mark.parametrize("name", [".", "nothing", "nothing.xyz"])
+def test_a_name_that_is_no_scene_is_answered_with_those_that_are(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bench = ("bench", "gtao", "--scene", name, "--list")
+    for arguments in (("render", name, "-o", "a.png"), bench):
+        message = fails(tmp_path, *arguments)
+        assert f"scene is '{name}'" in message
+        assert "cornell_box, hall" in message
+        assert "KIND-SEED" in message
+    assert ("it is a folder" in fails(tmp_path, "render", name, "-o", "a.png")) == (name == ".")
+
+
+def test_up_turns_the_picture(corner: Path, tmp_path: Path) -> None:
+    aim = ("--eye", 0.2, 6, 0.1, "--target", 0.2, 0, 0.1)
+    message = fails(tmp_path, "render", corner, *SMALL, *aim, "-o", tmp_path / "a.exr")
+    assert "up is [0.0, 1.0, 0.0]: expected a direction not parallel" in message
+    square = ("--width", 48, "--height", 48)
+    for name, up in (("a", (0, 0, -1)), ("b", (0, 0, 1))):
+        succeeds("render", corner, *square, *aim, "--up", *up, "-o", tmp_path / f"{name}.exr")
+    one, other = (exr.read(tmp_path / f"{name}.exr")["Z"] for name in "ab")
+    # A quarter turn twice; float32 roundings of depth.
+    np.testing.assert_allclose(one, other[::-1, ::-1], rtol=1e-5)
+    assert not np.allclose(one, other)
+    box = ("render", "cornell_box", *SMALL, "--up", 1, 0, 0, "-o", tmp_path / "box.exr")
+    succeeds(*box)
+    assert "--up needs --eye" in fails(
+        tmp_path, "render", corner, "--up", 0, 0, 1, "-o", tmp_path / "c.exr"
+    )
+
+
+def test_a_full_disk_is_told_with_the_name_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Image.Image, "save", full)
+    output = tmp_path / "a.png"
+    message = fails(tmp_path, "render", "cornell_box", *SMALL, "-o", output)
+    assert message == f"{output}: cannot write the file: No space left on device"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")
+def test_names_that_are_not_utf8_work_and_are_shown(
+    depth_file: Path, corner: Path, tmp_path: Path
+) -> None:
+    odd = tmp_path / os.fsdecode(b"\xff")
+    odd.mkdir()
+    source, output = odd / os.fsdecode(b"in\xfe.exr"), odd / os.fsdecode(b"out\xfe.exr")
+    depth_file.rename(source)
+    result = succeeds("apply", "gtao", source, "-o", output)
+    assert r"out\xfe.exr" in "".join(result.stdout.split())
+    assert set(exr.read(output)) == {"ao"}
+    succeeds("apply", "gtao", source, "-o", source, "--overwrite")
+    assert set(exr.read(source)) == {"Z", "ao"}
+    answer("render", corner.rename(odd / "a.obj"), *SMALL, "-o", odd / "a.png")
+    message = fails(tmp_path, "render", odd / os.fsdecode(b"c\xfe.obj"), "-o", odd / "c.png")
+    assert r"\xff/c\xfe.obj: there is no such file" in message
+
+
+def test_ambient_occlusion_needs_neither_albedo_nor_emission(
+    depth_file: Path, tmp_path: Path
+) -> None:
+    depth = exr.read(depth_file)["Z"]
+    colours = {"albedo": np.full((*SHAPE, 3), 1.5), "emission": np.full((*SHAPE, 3), np.inf)}
+    both = tmp_path / "both.exr"
+    exr.write(both, {"depth": depth, **colours})
+    np.testing.assert_array_equal(applied(both), applied(depth_file))
+    message = fails(tmp_path, "apply", "ssdo", both, "-o", tmp_path / "gi.exr")
+    assert "albedo[0, 0, 0] is 1.5: expected numbers >= 0 and <= 1" in message
+
+
+def test_nan_may_stand_for_holes(depth_file: Path, tmp_path: Path) -> None:
+    depth = exr.read(depth_file)["Z"]
+    normal = np.tile(np.float32([0.6, 0.0, 0.8]), (*SHAPE, 1))
+    holes, broken = tmp_path / "holes.exr", tmp_path / "broken.exr"
+    open_, wrong, zero = depth.copy(), depth.copy(), normal.copy()
+    open_[20:23, 30], wrong[20:23, 30] = np.inf, np.nan
+    normal[30, 30], zero[30, 30] = np.nan, 0.0
+    exr.write(holes, {"depth": open_, "normal": zero})
+    exr.write(broken, {"depth": wrong, "normal": normal})
+    assert "depth[20, 30] is nan" in fails(
+        tmp_path, "apply", "ssao", broken, "-o", tmp_path / "ao.exr"
+    )
+    np.testing.assert_array_equal(applied(broken, "--nan", "hole"), applied(holes))
+
+
+def test_what_lacks_memory_is_told_in_a_line(
+    depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lacking(*_: object) -> None:
+        raise MemoryError("Unable to allocate 9.9 GiB")
+
+    monkeypatch.setattr(exr, "read_gbuffer", lacking)
+    output = tmp_path / "a.exr"
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", output)
+    assert message.startswith("out of memory: Unable to allocate 9.9 GiB")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (3 << 30, 3 << 30))
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", output)
+    assert message.endswith("(ulimit -v allows the process 3072 MiB)")
+
+
+def test_a_driver_that_fails_is_told_in_a_line(
+    depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyopencl as cl
+
+    def failing(*_: object, **__: object) -> None:
+        raise cl.LogicError("clSomething failed", -54, "INVALID_WORK_GROUP_SIZE")
+
+    monkeypatch.setattr(exr, "read_gbuffer", failing)
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", tmp_path / "a.exr")
+    assert message.startswith("the OpenCL driver failed: ")
+
+
+def test_a_bench_that_measures_nothing_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(FAMILIES["ssao"]), "missing", lambda _: "it is not installed")
+    result = ssgi("bench", "ssao.16.cornell_box", "--size", "64x48", "--seconds", 0.01)
+    assert result.exit_code == 1
+    assert "Error: nothing was measured: it is not installed" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (KeyboardInterrupt(), "Aborted!"),
+        (MemoryError(), "Error: ssgi can't start: out of memory (see ulimit -v)"),
+        (ImportError("x.so: failed to map segment from shared object"),
+         "Error: ssgi can't start: out of memory (see ulimit -v)"),
+        (ImportError("No module named 'rich'"), "Error: ssgi can't start: No module named 'rich'"),
+    ],
+)
+def test_an_import_that_is_interrupted_ends_without_a_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    error: BaseException, line: str,
+) -> None:
+    class Interrupted:
+        @staticmethod
+        def find_spec(name: str, *_: object) -> None:
+            if name == "ssgi_cl.cli":
+                raise error
+
+    monkeypatch.delitem(sys.modules, "ssgi_cl.cli")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted, *sys.meta_path])
+    assert ssgi_cl_command.main() == 1
+    assert capsys.readouterr().err == f"{line}\n"
+
+
+@pytest.mark.slow
+def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*COMMAND, "apply", "gtao", depth_file, "--device", "pocl", "-o", tmp_path / "a.exr"],
+        capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "POCL_MAX_WORK_GROUP_SIZE": "8"},
+    )
+    assert done.returncode == 1
+    assert "work-groups of at most 8 work-items: expected 64 or more" in done.stderr
+    assert "POCL_MAX_WORK_GROUP_SIZE" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_a_process_that_is_interrupted_as_it_starts_says_so(tmp_path: Path) -> None:
+    started = subprocess.Popen(
+        [sys.executable, "-c", "import ssgi_cl_command as c, sys; print(flush=True); "
+         "sys.exit(c.main())", "devices"],
+        cwd=Path(__file__).parent.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )
+    assert started.stdout is not None
+    started.stdout.readline()
+    time.sleep(0.3)
+    started.send_signal(signal.SIGINT)
+    _, errors = started.communicate(timeout=60)
+    assert started.returncode == 1
+    assert errors == "Aborted!\n"

@@ -242,3 +242,30 @@ def test_masked_elements_are_refused_wherever_arrays_are_taken(runtime: Runtime)
             call()
     unmasked = np.ma.ones((ROWS, COLUMNS), np.float32)
     np.testing.assert_array_equal(GBuffer(camera=CAMERA, depth=unmasked).depth, depth)
+
+
+def test_nan_is_refused_unless_it_stands_for_a_hole() -> None:
+    depth, normal, colour = np.stack([DEPTH, DEPTH + 1]), NORMAL.copy(), COLOUR.copy()
+    depth[0, 1, 2] = depth[1, 3, 4] = normal[2, 2, 1] = colour[4, 5, 0] = np.nan
+    before = depth.copy()
+    with pytest.raises(ValueError, match=r"depth\[0, 1, 2\] is nan"):
+        GBuffer(camera=CAMERA, depth=depth)
+    made = GBuffer(camera=CAMERA, depth=depth, normal=normal, albedo=colour, nan="hole")
+    np.testing.assert_array_equal(depth, before)  # the caller's array stays
+    expected = np.stack([DEPTH, DEPTH + 1])
+    expected[:, 1, 2] = expected[1, 3, 4] = np.inf
+    np.testing.assert_array_equal(made.depth, expected)
+    assert isinstance(made.normal, np.ndarray)
+    np.testing.assert_allclose(made.normal[2, 2], NORMAL[2, 2] * [1, 0, 1])
+    assert np.asarray(made.albedo)[4, 5].tolist() == [0.0, 0.5, 0.5]
+    assert GBuffer(camera=CAMERA, depth=DEPTH, nan="hole").depth is DEPTH
+    with pytest.raises(ValueError, match="nan is 'zero': expected one of 'refuse', 'hole'"):
+        GBuffer(camera=CAMERA, depth=DEPTH, nan="zero")  # type: ignore[arg-type]
+
+
+def test_nan_in_a_file_may_stand_for_a_hole(tmp_path: Path) -> None:
+    depth = DEPTH.copy()
+    depth[1, 2] = np.nan
+    exr.write(tmp_path / "a.exr", {"depth": depth})
+    made = GBuffer.from_exr(tmp_path / "a.exr", camera=CAMERA, nan="hole")
+    assert np.flatnonzero(np.isinf(made.depth)).tolist() == [1 * COLUMNS + 2]

@@ -17,8 +17,9 @@ NUMBERS = (
     "99999", "2147483648", "1" + "0" * 400, "1" + "0" * 5000, "0x10", "1_0", "", " ", "x", "\u0663",
 )
 WORDS = (
-    "", " ", ".", "..", "/", "-", "--", "-1", "x" * 5000, "\u00e9", os.fsdecode(b"\xff"), "%s", "{}",
+    "", " ", ".", "..", "/", "-", "--", "-1", "x" * 5000, "\u00e9", os.fsdecode(b"\xff"), "%s",
     "[red]", "null", "room-7", "room--1", "room-99999999", "hall", "pocl", "no such device", "*",
+    "{}",
 )
 SETTINGS = (
     "radius", "=", "=1", "radius=", "radius=0.3", "radius=nan", "radius=inf", "radius=1e300",
@@ -79,30 +80,34 @@ def make_files(folder: Path, rng: Random) -> list[str]:
 
 def line(rng: Random, names: list[str]) -> list[str]:
     """Return a random command line; `names` are of files in the working folder."""
-    kind = rng.choices(("render", "apply", "bench", "truth", "devices", "odd"), (8, 8, 3, 1, 1, 1))[0]
+    kinds = {"render": 8, "apply": 8, "bench": 3, "truth": 1, "devices": 1, "odd": 1}
+    (kind,) = rng.choices(list(kinds), list(kinds.values()))
     if kind == "odd":
         return [rng.choice((*WORDS, "rend", "--version", "-h")) for _ in range(rng.randrange(3))]
     arguments = [kind]
     if kind == "render":
-        scene = rng.choice(("cornell_box", "hall", "mesh.obj", rng.choice(names), rng.choice(WORDS)))
+        usual = ("cornell_box", "hall", "mesh.obj")
+        scene = rng.choice((*usual, rng.choice(names), rng.choice(WORDS)))
         arguments += [scene, "-o", _output(rng, names), "--width", "33", "--height", "24",
                       "--shadow-size", "16", "--rsm-size", "16", "--vpls", "64"]
     elif kind == "apply":
         techniques = ("gtao", "ssao", "hbao", "bitmask_ao", "ssdo")
         technique = rng.choice((*techniques, *techniques, rng.choice(WORDS)))
-        source = rng.choice(("full.exr", rng.choice(names), rng.choice(names)))
-        arguments += [technique, source, "-o", rng.choice((_output(rng, names), source))]
+        source = rng.choice(("full.exr", "full.exr", rng.choice(names)))
+        arguments += [technique, source, "-o", rng.choice((*(_output(rng, names),) * 3, source))]
     elif kind in ("bench", "truth"):
         arguments += ["--list"]
         arguments += [rng.choice((*WORDS, "gtao", "ssao.16")) for _ in range(rng.randrange(2))]
+    if kind == "apply" and rng.random() < 0.5:
+        arguments += ["--set", rng.choice(SETTINGS)]
     for _ in range(rng.choice((0, 1, 1, 2, 3))):
         arguments += _option(rng, kind, names)
     return arguments
 
 
 def _output(rng: Random, names: list[str]) -> str:
-    usual = ("new.png", "new.exr", "new.exr")
-    return rng.choice((*usual, *usual, rng.choice(names), rng.choice(WORDS), "new.jpg"))
+    odd = rng.choice((rng.choice(names), rng.choice(WORDS), "new.jpg"))
+    return rng.choice(("new.png", *("new.exr",) * 5, odd))
 
 
 def _option(rng: Random, kind: str, names: list[str]) -> list[str]:

@@ -250,7 +250,7 @@ def test_bad_cameras_are_refused(changes: dict[str, Any], message: str) -> None:
         ({"far": math.nan}, "far is nan"),
         ({"width": 0}, "width is 0"),
         ({"eye": (0, 0, math.inf)}, "eye is .*finite"),
-        ({"eye": (0, 0, 1e31)}, r"translation of view is .*at most 1e\+30 \(scene units\)"),
+        ({"eye": (0, 0, 1e31)}, r"eye is .*at most 1e\+30 \(scene units\)"),
     ],
 )
 def test_bad_views_are_refused(changes: dict[str, Any], message: str) -> None:
@@ -275,6 +275,13 @@ def test_bad_orthographic_views_are_refused(changes: dict[str, Any], message: st
     }
     with pytest.raises(ValueError, match=message):
         Camera.orthographic(**{**values, **changes})
+
+
+def test_a_view_beyond_float32_is_refused() -> None:
+    view = np.eye(4)
+    view[1, 3] = -1e31
+    with pytest.raises(ValueError, match=r"translation of view is .*at most 1e\+30 \(scene units"):
+        Camera.from_intrinsics(1.0, 1.0, 0.0, 0.0, width=W, height=H, view=view)
 
 
 @pytest.mark.parametrize(

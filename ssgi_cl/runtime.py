@@ -19,7 +19,7 @@ from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.image_limits import ImageLimits
-from ssgi_cl.kernel import Kernel
+from ssgi_cl.kernel import Kernel, check_groups
 from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import opencl
 from ssgi_cl.room import Room, outline
@@ -44,10 +44,6 @@ class PassTime:
     saved: float = 0.0
 
 
-LEAST_GROUP = 64
-"""Work-items that a device must take in a work-group."""
-
-
 class Runtime:
     """A device, opened. Make one with `Runtime.open` and use it from one thread at a time.
 
@@ -67,12 +63,6 @@ class Runtime:
         self.allocated_bytes = 0
         self.builds = 0
         device = cl.get_platforms()[info.platform].get_devices()[info.device]
-        if device.max_work_group_size < LEAST_GROUP:
-            raise DeviceError(
-                f"{info.label} takes work-groups of at most {device.max_work_group_size} "
-                f"work-items: expected {LEAST_GROUP} or more (a variable such as "
-                "POCL_MAX_WORK_GROUP_SIZE may limit it)"
-            )
         if form.storage == "image" and not device.image_support:
             raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
         self.context = cl.Context([device])
@@ -80,6 +70,7 @@ class Runtime:
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
+        check_groups(info.label, device)
         self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
         self.room = Room(info.label, device.global_mem_size, device.max_mem_alloc_size)
         self.short_header = device.platform.name == "Portable Computing Language"

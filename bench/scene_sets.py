@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ssgi_cl.memory import Size
-from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene
+from ssgi_cl.rasterize.scenes import (
+    REPORTED,
+    TUNED_ON,
+    TUNING_SEEDS,
+    VALIDATED_ON,
+    VALIDATION_SEEDS,
+    BuiltinScene,
+)
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import Entry
 from ssgi_cl.truth.digests import scene_digest
@@ -44,7 +51,11 @@ class SceneSets:
         chosen: name of a set -> its scenes, in place of the usual ones.
         size: (rows, columns) of the pictures.
         rays: of the truths, per pixel.
+        kinds: of generated scenes to tune on and validate with, in place of those of the presets.
         progress: called with what is under way and the share of it that is done.
+
+    Attributes:
+        views, contexts: name of a set -> its views, and the same with what is shared of each.
     """
 
     def __init__(
@@ -55,14 +66,19 @@ class SceneSets:
         chosen: Mapping[str, Sequence[BuiltinScene]] | None = None,
         size: Size = SIZE,
         rays: int = RAYS,
+        kinds: Sequence[str] | None = None,
         progress: Progress | None = None,
     ) -> None:
         files = [] if meshes is None else [str(_VIEWS / f"{name}.json") for name in MESH_VIEWS]
-        names = {"tuning": TUNED_ON, "validation": VALIDATED_ON, "reporting": (*REPORTED, *files)}
+        names: dict[str, Sequence[str]] = {"tuning": TUNED_ON, "validation": VALIDATED_ON,
+                                           "reporting": (*REPORTED, *files)}
+        if kinds is not None:
+            for name, seeds in (("tuning", TUNING_SEEDS), ("validation", VALIDATION_SEEDS)):
+                names[name] = tuple(f"{kind}-{seed}" for kind in kinds for seed in seeds)
         self.runtime, self.size = runtime, size
         self.truth = TruthSettings(rays=rays)
         self.views: dict[str, list[BuiltinScene]] = {}
-        self._contexts: dict[str, list[Context]] = {}
+        self.contexts: dict[str, list[Context]] = {}
         for number, name in enumerate(SETS):
             if progress is not None:
                 progress(f"scenes for {name}", number / len(SETS))
@@ -71,16 +87,16 @@ class SceneSets:
                 else chosen[name]
             )
             self.views[name] = [scene.views()[0] for scene in made]
-            self._contexts[name] = [
+            self.contexts[name] = [
                 Context(runtime, view, size, self.truth) for view in self.views[name]
             ]
-            for context in self._contexts[name]:
+            for context in self.contexts[name]:
                 context.progress = progress or context.progress
 
     def trials(self, entry: Entry, layers: int, overscan: float = OVERSCAN) -> dict[str, Trials]:
         """Return the trials of a technique on each set, with all truths made."""
         found = {}
-        for name, contexts in self._contexts.items():
+        for name, contexts in self.contexts.items():
             found[name] = Trials(entry, contexts, {}, "rmse", layers, overscan)
             found[name].prepare()
         return found

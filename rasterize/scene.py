@@ -69,6 +69,7 @@ class Scene(Immutable):
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top. With their mip levels at most 2^29 - 1 texels in all.
+        key: tells the scene from others, without keeping it.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -80,6 +81,7 @@ class Scene(Immutable):
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
+    key: object = field(default_factory=object, init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

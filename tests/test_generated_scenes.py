@@ -28,7 +28,7 @@ from ssgi_cl.rasterize.scenes.generated.views import Candidate, Surroundings, ch
 from ssgi_cl.runtime import Runtime
 
 SEEDS = (3,)
-CLOSED_KINDS = ("colonnade", "machine", "street")
+CLOSED_KINDS = ("chambers", "colonnade", "machine", "street")
 """Whose scenes are always closed; those of rooms sometimes."""
 
 
@@ -105,7 +105,7 @@ def test_closed_scenes_are_watertight_and_open_ones_are_not(made: BuiltinScene) 
 
 
 def test_rooms_are_closed_or_open() -> None:
-    assert {make_scene(f"room-{seed}").closed for seed in range(6)} == {True, False}
+    assert {make_scene(f"room-{seed}").closed for seed in (0, 1)} == {True, False}
 
 
 def test_normals_face_as_the_triangles_do(made: BuiltinScene) -> None:
@@ -135,9 +135,7 @@ def test_views_are_outside_of_geometry_and_show_much(made: BuiltinScene, runtime
         assert np.median(depth[seen]) > 1.0
 
 
-@pytest.mark.parametrize("name", [f"{kind}-7" for kind in KINDS])
-def test_every_kind_renders(name: str, runtime: Runtime) -> None:
-    made = make_scene(name)
+def test_every_kind_renders(made: BuiltinScene, runtime: Runtime) -> None:
     frame = gi.render(made.scene, made.camera(64, 48), made.lights, ao_radius=made.ao_radius,
                       runtime=runtime)
     image = frame.image.astype(np.float64)
@@ -155,7 +153,8 @@ def test_unknown_names_are_refused_with_the_kinds(name: str) -> None:
     assert not is_scene(name)
     with pytest.raises(ValueError, match=(
         rf"scene is '{name}': expected one of cornell_box.*, or KIND-SEED with KIND one of room, "
-        "colonnade, foliage, machine, street, terrain and SEED an integer from 0 to 999999"
+        "colonnade, foliage, machine, street, terrain, chambers and SEED an integer from 0 to "
+        "999999"
     )):
         make_scene(name)
 
@@ -164,7 +163,7 @@ def test_sets_of_scenes_share_none() -> None:
     for first, second in ((TUNED_ON, VALIDATED_ON), (TUNED_ON, REPORTED), (VALIDATED_ON, REPORTED)):
         assert not set(first) & set(second)
     for names in (TUNED_ON, VALIDATED_ON):
-        assert {name.split("-")[0] for name in names} == set(KINDS)
+        assert {name.split("-")[0] for name in names} == set(KINDS) - {"chambers"}
         assert len(set(names)) == len(names)
     assert set(REPORTED) <= set(BUILTIN_SCENES)
 

@@ -52,7 +52,7 @@ class Direct(Own):
             run=image,
             image=image,
             quantity="direct",
-            samples=25.0 * len(context.lamps) * np.count_nonzero(context.seen),
+            samples=9.0 * len(context.lamps) * np.count_nonzero(context.seen),
             truths={"world": context.direct},
             counted="shadow maps drawn",
         )

@@ -19,6 +19,12 @@
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Params:  scale: of the bound at this level; margin_columns, margin_rows of linear and normal;
 //          depth_scale, normal_scale: see common/surface.clh
+//          begins, ends: of the bound, errors at which a point begins to be computed, and at which
+//          nothing else counts
+//          unbent: of the largest difference between corners, the error where no second difference
+//          is known; beyond: of half the slope beyond those that fit, where others don't. Measured
+//          in the hall and the Cornell box: each kind of point then errs as much at an equal
+//          estimate
 // Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item
 // Cost:    7 reads and 3 writes per point of 3 channels
 
@@ -30,16 +36,6 @@
 #ifndef MULTIRES_CHANNELS
 #error "MULTIRES_CHANNELS must be defined by the host"
 #endif
-
-// Of the bound: errors at which a point begins to be computed, and at which nothing else counts.
-#define MULTIRES_BEGINS 0.8f
-#define MULTIRES_ENDS 1.1f
-
-// Of the largest difference between corners, the error where no second difference is known; and of
-// half the slope beyond those that fit, where others don't. Measured in the hall and the Cornell
-// box: each kind of point then errs as much at an equal estimate.
-#define MULTIRES_UNBENT 0.15f
-#define MULTIRES_BEYOND 1.4f
 
 #define MULTIRES_NO_BOUND 1e35f // more than any error, so that none is over it
 
@@ -120,9 +116,9 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
         // Of the straight line between two points, of each line: an eighth of the second difference
         // between neighbours twice as close, thus a sixteenth of theirs where both have the same.
         const vfloat curved = v_min(bend * (0.0625f * (float)lines), range * 0.5f);
-        const vfloat straight = v_select(range * MULTIRES_UNBENT, curved, v_ge(bend, zero));
+        const vfloat straight = v_select(range * params.unbent, curved, v_ge(bend, zero));
         const vfloat error =
-            v_fma(uneven * 0.5f, v_select(slope * MULTIRES_BEYOND, range, all),
+            v_fma(uneven * 0.5f, v_select(slope * params.beyond, range, all),
                   v_select(zero, straight, all));
         const vfloat over = (v_select(error, v_min(error, tilted), all) - begins) * rate;
         share = v_select(v_splat(1.0f), v_min(v_max(over, zero), v_splat(1.0f)), known);
@@ -152,8 +148,8 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
     }
     // With a bound of 0 an error of 0 is above it too.
     const float most = min(bound[0], MULTIRES_NO_BOUND) * params.scale;
-    const float begins = most > 0.0f ? most * MULTIRES_BEGINS : -1.0f;
-    const float rate = 1.0f / max(most * (MULTIRES_ENDS - MULTIRES_BEGINS), FLT_MIN);
+    const float begins = most > 0.0f ? most * params.begins : -1.0f;
+    const float rate = 1.0f / max(most * (params.ends - params.begins), FLT_MIN);
     const int2 whole =
         (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     masks += multires_mask(size, 2 * first, 2 * coarse_y);

@@ -36,10 +36,17 @@ SCENE_NAMES = (
 REPORTED = ("cornell_box", "hall")
 """Scenes on which errors are reported; nothing is tuned on them or validated with them."""
 
-TUNED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in (0, 1))
+TUNING_SEEDS, VALIDATION_SEEDS = (0, 1), (100, 101)
+"""Of each kind: the scenes on which constants are tuned, and those that tell whether what was tuned
+holds elsewhere; nothing is fitted to the latter."""
+
+_PRESET_KINDS = tuple(kind for kind in KINDS if kind != "chambers")
+"""Kinds on which presets were recorded."""
+
+TUNED_ON = tuple(f"{kind}-{seed}" for kind in _PRESET_KINDS for seed in TUNING_SEEDS)
 """Scenes on which parameters are tuned."""
 
-VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in (100, 101))
+VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in _PRESET_KINDS for seed in VALIDATION_SEEDS)
 """Scenes that tell whether what was tuned holds elsewhere; nothing is fitted to them."""
 
 
@@ -67,7 +74,9 @@ __all__ = [
     "REPORTED",
     "SCENE_NAMES",
     "TUNED_ON",
+    "TUNING_SEEDS",
     "VALIDATED_ON",
+    "VALIDATION_SEEDS",
     "BuiltinScene",
     "cornell_box",
     "generated",

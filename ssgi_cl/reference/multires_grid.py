@@ -63,8 +63,8 @@ def multires_grid_reference(
 
 
 def bound_share(step: int) -> float:
-    """Return the largest error at points `step` pixels apart over that asked for: 3.5 step^-2/3."""
-    return 3.5 / float(np.cbrt(step)) ** 2
+    """Return the largest error at points `step` pixels apart over that asked for: 4 / step."""
+    return 4.0 / step
 
 
 @dataclass(frozen=True)

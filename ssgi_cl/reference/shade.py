@@ -18,7 +18,7 @@ Lamp = SpotLight | PointLight | DirectionalLight
 
 LEAST_FACING = 0.0017
 """Cosine between a normal and the light below which a surface counts as no more tilted."""
-REACH = 2
+REACH = 1
 """Texels on either side of the receiver's own that the shadow's filter covers."""
 SLOPE, LEAST, STEP, ROUNDING = 0.25, 0.25, 1.0, 1e-5
 """What a texel may be nearer to the light without shadowing; see kernels/shade/shadow.clh."""

@@ -20,7 +20,7 @@ from ssgi_cl.structs import CAMERA, Struct, floats
 MULTIRES = Struct(
     "MultiresParams",
     (
-        *floats("scale", "depth_scale", "normal_scale"),
+        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "unbent", "beyond"),
         *((name, "int") for name in ("margin_columns", "margin_rows")),
     ),
 )
@@ -30,6 +30,17 @@ CHUNK = 16
 SPARE = 64
 """Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)
+COARSE_BOUND = 4.0
+"""Error allowed at step 1, in parts of that which is asked for; see `bound_scale`."""
+BOUND_POWER = -1.0
+"""Of the step, by which coarser levels are allowed less."""
+BEGINS, ENDS = 0.8, 1.1
+"""In parts of the bound: estimated errors at which a point begins to be computed, and from which on
+nothing of it is interpolated. Neither a pixel nor its light jumps in between."""
+UNBENT = 0.15
+"""Estimated error where no second difference is known, in largest differences between corners."""
+BEYOND = 1.4
+"""Estimated slope next to corners that do not fit, in slopes beyond those that do."""
 MOST_CHANNELS = 16
 
 
@@ -64,10 +75,10 @@ def bound_scale(step: int) -> float:
     """Return the largest error at a level, of that which is asked for.
 
     A point of a coarse level moves the result at many pixels round it, and costs no more than one
-    of the finest: with errors as step^(-2/3) or step^-1 as many points made less of an RMSE than
-    with equal ones (Cornell box, hall). 3.5 makes the RMSE 0.6 and 0.7 of the bound there.
+    of the finest: of step^-2/3, step^-5/6 and step^-1 the last makes the least RMSE of as many
+    lights looked at, on generated scenes (docs/limits.md).
     """
-    return 3.5 * math.pow(step, -2.0 / 3.0)
+    return COARSE_BOUND * math.pow(step, BOUND_POWER)
 
 
 def tile_order(size: Size) -> NDArray[np.int32]:
@@ -275,7 +286,8 @@ class MultiresGrid:
         """Queue the passes that make a level's values from those of a coarser one."""
         known, source = self._points[coarser.number], level.source
         values = {
-            **self._scales, "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0
+            **self._scales, "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
+            "begins": BEGINS, "ends": ENDS, "unbent": UNBENT, "beyond": BEYOND,
         }
         self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(
             "multires rough", coarser.size,

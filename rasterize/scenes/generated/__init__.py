@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 
 from ..builtin import BuiltinScene
+from .chambers import chambers
 from .chance import Chance
 from .colonnade import colonnade
 from .draft import Draft
@@ -23,6 +24,7 @@ KINDS: dict[str, Callable[[Chance], Draft]] = {
     "machine": machine,
     "street": street,
     "terrain": terrain,
+    "chambers": chambers,
 }
 """What makes each kind of scene, by name."""
 

@@ -69,7 +69,6 @@ class Scene(Immutable):
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top. With their mip levels at most 2^29 - 1 texels in all.
-        key: tells the scene from others, without keeping it.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -81,7 +80,6 @@ class Scene(Immutable):
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
-    key: object = field(default_factory=object, init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -125,6 +123,11 @@ class Scene(Immutable):
         set_(self, "textures", _textures(self.textures))
         for material in self.materials:
             check.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
+
+    @cached_property
+    def key(self) -> object:
+        """What tells the scene from others without keeping it."""
+        return object()
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

@@ -546,7 +546,7 @@ def test_a_scene_of_any_scale_gives_numbers_or_is_refused(runtime: Runtime, size
     seen = texel(size=9, distance=size)
     for road in ROADS.values():
         if size not in (1e-6, 1e9):  # float32 does not hold fourth powers of distances there
-            with pytest.raises(ValueError, match=r"gathering expects 1e-07 to 1e\+09 \(scene units"):
+            with pytest.raises(ValueError, match=r"expects 1e-07 to 1e\+09 \(scene units"):
                 rsm_gather(gbuffer, seen, 30, runtime=runtime, **road)
             continue
         assert np.isfinite(rsm_gather(gbuffer, seen, 30, runtime=runtime, **road)).all()

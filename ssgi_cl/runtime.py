@@ -25,7 +25,7 @@ from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.image_limits import ImageLimits
-from ssgi_cl.kernel import Kernel
+from ssgi_cl.kernel import Kernel, check_groups
 from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import listed_device, opencl
 from ssgi_cl.structs import Struct
@@ -112,6 +112,7 @@ class Runtime:
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
+        check_groups(info.label, device)
         self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
         self.memory = DeviceMemory(
             info.label, device.global_mem_size, device.max_mem_alloc_size,

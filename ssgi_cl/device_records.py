@@ -7,12 +7,14 @@ a device is opened (see `ssgi_cl.opencl.listed_device`), and the record is made 
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import re
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -70,6 +72,22 @@ def save(driver: Path, found: Found) -> None:
         until=time.time() + FAILURES_HOLD_SECONDS if failing else None,
         confirmed=0,
     )
+
+
+@contextmanager
+def alone(driver: Path) -> Iterator[None]:
+    """Let other processes that would probe the same driver wait for what this one finds."""
+    path = record_file(driver).with_suffix(".lock")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("w")
+    except OSError:
+        yield  # a cache folder that can't be written: there is nothing to wait for
+        return
+    with file:
+        with suppress(OSError):  # file systems without locks
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def forget(driver: Path) -> None:

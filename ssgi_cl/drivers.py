@@ -171,7 +171,10 @@ def _looked_at(driver: Path) -> Found:
         return recorded
     found = _fleeting.get(driver)
     if found is None:
-        found = _fleeting[driver] = probing.probe(driver)
-        if found.lasting:
-            device_records.save(driver, found)
+        with device_records.alone(driver):
+            found = device_records.load(driver)  # by a process that was waited for
+            if found is None:
+                found = _fleeting[driver] = probing.probe(driver)
+                if found.lasting:
+                    device_records.save(driver, found)
     return found

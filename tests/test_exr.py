@@ -210,6 +210,20 @@ def windowed(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     path.write_bytes(content)
 
 
+@pytest.mark.parametrize("window", [(0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0)])
+def test_a_window_that_ends_before_it_begins_is_refused(
+    tmp_path: Path, window: tuple[int, int, int, int]
+) -> None:
+    path = tmp_path / "a.exr"
+    exr.write(path, {"depth": np.arange(24).reshape(4, 6)})
+    content = bytearray(path.read_bytes())
+    place = content.index(b"dataWindow\0box2i\0") + len("dataWindow\0box2i\0") + 4
+    content[place : place + 16] = np.array(window, np.int32).tobytes()
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"a\.exr is damaged: its window runs from column"):
+        exr.read(path)
+
+
 def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
     windowed(tmp_path / "a.exr", -2, -1, -2, -1)
     np.testing.assert_array_equal(

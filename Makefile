@@ -13,13 +13,14 @@ PARALLEL ?= --numprocesses 2 --dist loadfile
 MESHES ?=
 FIGURES ?=
 
-.PHONY: help setup system demo test test-all mutate lint figures figures-render figures-agreement clean
+.PHONY: help setup system demo test test-all mutate torture lint figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
+	@echo "make torture                threads, interrupts, kills, limits and hostile input, from a seed"
 	@echo "make lint                   check style and types, and kernels with clang"
 	@echo "make figures [MESHES=dir]   record every figure of README and docs on this machine, from a clean revision"
 	@echo "make figures-render         make README and docs from the recorded figures"
@@ -69,6 +70,11 @@ test-all: setup
 MUTATE ?=
 mutate: setup
 	$(BIN)/python -m tools.mutate $(MUTATE)
+
+# Under ten minutes on two cores. TORTURE="--help" lists the options.
+TORTURE ?=
+torture: setup
+	$(BIN)/python -m tools.torture $(TORTURE)
 
 # mypy does not follow an editable installation into folders of other names.
 lint: setup

@@ -162,7 +162,7 @@ def directional(method: str) -> Any:
     """Return what yields direct and bounced light, by maps and by what is seen."""
 
     def run(given: Inputs, runtime: Runtime) -> Iterator[Array]:
-        params: dict[str, Any] = {"method": method, "slices": 1, "taps": 6, "samples": 8}
+        params: dict[str, Any] = {"method": method, "slices": 1, "taps": 4, "samples": 4}
         yield from ssdo(given.gbuffer, given.lights, runtime=runtime, **params)
         yield from ssdo(
             given.single, given.lights, rsms=(*given.maps, None, None), views=[given.view],

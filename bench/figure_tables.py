@@ -61,6 +61,9 @@ SPEED_UPS: Sequence[tuple[str, str, tuple[str, ...]]] = (
 )
 """Case, the plain way to the same light, and its alternatives in this library."""
 
+VISIBILITY = ("vpl-walls.4096", "multires-walls.4096")
+"""Cases whose bias is shown for every scene."""
+
 AS_GOOD = 1.05
 """An alternative reaches the error of a case if its own is at most this factor of it."""
 
@@ -141,10 +144,13 @@ def best_alternative(row: Result, others: Sequence[Result]) -> Any:
 
 def indirect_blocks(results: Sequence[Result]) -> dict[str, str]:
     """Return the blocks of docs/indirect.md."""
+    traced = {r["scene"] for r in results if r["family"] == "mitsuba-path"}
     return {
         "indirect-paths": by_scene(
-            results, ("vpl-walls", "multires-walls", "mitsuba-path", "mitsuba-path-oidn"), "bounce"
+            [r for r in results if r["scene"] in traced],
+            ("vpl-walls", "multires-walls", "mitsuba-path", "mitsuba-path-oidn"), "bounce",
         ),
+        "indirect-visibility": biases(results, VISIBILITY),
         "indirect-cut": by_scene(
             results, ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain"), "cut", "assumption"
         ),
@@ -158,6 +164,28 @@ def indirect_blocks(results: Sequence[Result]) -> dict[str, str]:
             "bounce", flip=True,
         ),
     }
+
+
+def biases(results: Sequence[Result], cases: Sequence[str]) -> str:
+    """Return a table: a row a scene, and for each case bias and RMSE in per cent of the mean."""
+    found = {(short_name(r), r["scene"]): r for r in results}
+    scenes = dict.fromkeys(r["scene"] for r in results if short_name(r) in cases)
+    lines = [
+        f"| | {' | '.join(f'{case}, bias | RMSE' for case in cases)} |",
+        "|---|" + "---:|---:|" * len(cases),
+    ]
+    for scene in scenes:
+        cells = []
+        for case in cases:
+            row = found.get((case, scene))
+            mean = None if row is None else metric(row, "world", "mean")
+            for name, form in (("bias", "+.3g"), ("rmse", ".3g")):
+                value = None if row is None else metric(row, "world", name)
+                cells.append(
+                    NOTHING if value is None or not mean else f"{100.0 * value / mean:{form}} %"
+                )
+        lines.append(f"| {scene} | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def by_scene(

@@ -17,17 +17,17 @@ import click
 
 from ssgi_cl.atomic import replacement
 from ssgi_cl.memory import Size
-from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.rasterize.scenes import BuiltinScene, is_scene
 from ssgi_cl.runtime import Runtime
 
 from . import document, figure_text, front, skips, suite, summary, summation
 from .case import Case
 from .context import TruthSettings
+from .figure_tables import VISIBILITY
 from .skips import ROUNDS
 from .views import MissingMeshError, views_of
 from .wording import revision
 
-BUILT_IN = ("cornell_box", "hall")
 VIEWS = ("sponza", "country_kitchen", "veach_ajar")
 """Of docs/views; their meshes are not part of the project."""
 QUICK: Size = (72, 96)
@@ -86,7 +86,8 @@ PLANS: Mapping[str, Plan] = {
         (150, 200), {"rays": 2, "paths": 512, "points": 2},
         {
             "cornell_box": (*WALLS, *CUTS, *LOBES, *FAR), "hall": (*WALLS, *CUTS, *FAR),
-            "veach_ajar": (*WALLS, *FAR), "sponza": FAR,
+            "veach_ajar": (*WALLS, *FAR), "sponza": (*FAR, *VISIBILITY),
+            **dict.fromkeys(("parlour", "workshop", "terrace", "country_kitchen"), VISIBILITY),
         },
     ),
 }
@@ -169,7 +170,7 @@ def chosen(
     found = []
     for scene, patterns in plan.cases.items():
         if scene in views:
-            few = patterns[:QUICK_PATTERNS] if quick and scene not in BUILT_IN else patterns
+            few = patterns[:QUICK_PATTERNS] if quick and not is_scene(scene) else patterns
             for pattern in few:
                 cases = suite.select([pattern], [scene], [size])
                 found += cases[:1] if quick else cases
@@ -183,7 +184,7 @@ def available(
     found: dict[str, BuiltinScene] = {}
     absent = []
     for name in scenes:
-        file = name if name in BUILT_IN else str(root / "docs/views" / f"{name}.json")
+        file = name if is_scene(name) else str(root / "docs/views" / f"{name}.json")
         try:
             found |= views_of([file], runtime, meshes)
         except MissingMeshError as error:

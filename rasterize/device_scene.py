@@ -20,7 +20,9 @@ class DeviceScene:
     """The arrays of a scene as the rasteriser's kernels read them; see kernels/raster/.
 
     Attributes:
-        scene: the scene itself.
+        key: the scene's, see `Scene`.
+        origin: [3] float64, the scene's.
+        has_normals: whether every vertex has one.
         vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
         shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
             [triangles, 4] vertices and material; see kernels/raster/records.clh.
@@ -30,7 +32,9 @@ class DeviceScene:
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
-        self.scene = scene
+        self.key = scene.key
+        self.origin = scene.origin
+        self.has_normals = bool(scene.normals.any(axis=1).all())
         self.vertices = len(scene.positions)
         self.triangles = len(scene.triangles)
         self.vertex_stride = _rounded(self.vertices)

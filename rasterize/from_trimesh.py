@@ -30,10 +30,15 @@ def read_trimesh(
 
     Raises:
         SceneError: there is no mesh.
+        TypeError: `source` is neither.
     """
     reader = _Reader(textures)
     if isinstance(source, trimesh.Trimesh):
         return [reader.part(source, "mesh")], reader.materials
+    if not isinstance(source, trimesh.Scene):
+        raise TypeError(
+            f"source is {type(source).__name__}: expected a path, or a Scene or Trimesh of trimesh"
+        )
     parts: list[Part] = []
     made: dict[str, Part] = {}
     for node in source.graph.nodes_geometry:

@@ -6,28 +6,41 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-
-import trimesh
+from typing import TYPE_CHECKING
 
 from ssgi_cl import check
 from ssgi_cl.errors import SceneError, SsgiError
 
-from .from_trimesh import read_trimesh
-from .gltf import read_gltf
 from .normals import DEFAULT_CREASE_ANGLE
 from .obj import read_obj
 from .parts import Part, assemble
-from .ply import read_ply
 from .scene import Material, Scene
 from .textures import TextureSet
 
+if TYPE_CHECKING:
+    import trimesh
+
 _Reader = Callable[[Path, TextureSet], tuple[list[Part], list[Material]]]
 
+
+def _read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+    from .gltf import read_gltf
+
+    return read_gltf(path, textures)
+
+
+def _read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+    from .ply import read_ply
+
+    return read_ply(path, textures)
+
+
+# trimesh is imported where it is needed: it takes as long as all the rest of the library.
 READERS: dict[str, _Reader] = {
-    ".glb": read_gltf,
-    ".gltf": read_gltf,
+    ".glb": _read_gltf,
+    ".gltf": _read_gltf,
     ".obj": read_obj,
-    ".ply": read_ply,
+    ".ply": _read_ply,
 }
 """Which function reads which kind of file; see each for what it keeps and what it leaves out."""
 
@@ -59,7 +72,9 @@ def load_scene(
     """
     angle = check.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
     textures = TextureSet()
-    if isinstance(source, (trimesh.Scene, trimesh.Trimesh)):
+    if not isinstance(source, (str, os.PathLike)):
+        from .from_trimesh import read_trimesh
+
         parts, materials = read_trimesh(source, textures)
         return assemble(parts, materials, textures.textures, crease_angle=angle)
     path = Path(source)

@@ -124,9 +124,9 @@ class Rasterizer:
                 f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
             )
         if scene.vertex_stride > self._vertex_room:
-            self._vertex_room = scene.vertex_stride
             self._view = self.runtime.empty(3 * scene.vertex_stride, np.float32)
             self._screen = self.runtime.empty(4 * scene.vertex_stride, np.int32)
+            self._vertex_room = scene.vertex_stride
         self.target.set_camera(camera)
         self.target.emits = scene.emits
         self._sort(scene, camera)
@@ -176,12 +176,14 @@ class Rasterizer:
 
     def _grow(self, room: int, pair_room: int) -> None:
         if room > self._room:
-            self._room = room
+            self._room = 0  # until all that it counts is there
             self._records = self.runtime.empty(room * RECORD, np.int32)
             self._places = self.runtime.empty(room * 2, np.int32)
+            self._room = room
         if pair_room > self._pair_room:
-            self._pair_room = pair_room
+            self._pair_room = 0
             self._list = self.runtime.empty(pair_room, np.int32)
+            self._pair_room = pair_room
 
     def _sort(self, scene: DeviceScene, camera: Camera) -> None:
         """Queue the passes that list the triangles of each tile."""
@@ -261,30 +263,30 @@ class Rasterizer:
             shaded = layer < target.attributes
             values["layer"] = layer
             view = [packed_camera, VIEW.pack(values)]
-            # What was seen there before is to be cleared.
-            over = target.traces[layer].over(window, scene.emits)
-            over = None if over is None else self._widened(over)
             now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
-            tiles.run(
-                f"raster tiles{suffix}", whole,
-                reads=[self._records, self._starts, self._list, before, scene.corners,
-                       self._view, scene.uvs, scene.cutouts, *_surface(scene)],
-                writes=[now, self._seen], values=view,
-                grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
-                local=self._group, window=over, cell=self._rectangle,
-            )
-            if not self.shaded:
-                self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-                    "raster depth", whole, reads=[now], writes=[target.depth], values=view,
-                    window=over,
+            # What was seen there before is to be cleared.
+            with target.traces[layer].over(window, scene.emits) as over:
+                over = None if over is None else self._widened(over)
+                tiles.run(
+                    f"raster tiles{suffix}", whole,
+                    reads=[self._records, self._starts, self._list, before, scene.corners,
+                           self._view, scene.uvs, scene.cutouts, *_surface(scene)],
+                    writes=[now, self._seen], values=view,
+                    grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
+                    local=self._group, window=over, cell=self._rectangle,
                 )
-                continue
-            self._attributes(scene, shaded, 1).run(
-                f"raster attributes{suffix}", whole, reads=self._attribute_reads(scene),
-                writes=[target.depth, target.normal_world, target.albedo, target.emission],
-                values=view, window=over,
-            )
+                if not self.shaded:
+                    self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
+                        "raster depth", whole, reads=[now], writes=[target.depth], values=view,
+                        window=over,
+                    )
+                    continue
+                self._attributes(scene, shaded, 1).run(
+                    f"raster attributes{suffix}", whole, reads=self._attribute_reads(scene),
+                    writes=[target.depth, target.normal_world, target.albedo, target.emission],
+                    values=view, window=over,
+                )
 
     def _attributes(self, scene: DeviceScene, shaded: bool, step: int) -> Kernel:
         return self.runtime.kernel(
@@ -306,8 +308,8 @@ class Rasterizer:
         turn = camera.view[:3, :3]
         # In float64: the camera's position relative to the scene's origin may be a small
         # difference of large numbers.
-        shift = turn @ scene.scene.origin + camera.view[:3, 3]
-        eye = camera.position - scene.scene.origin
+        shift = turn @ scene.origin + camera.view[:3, 3]
+        eye = camera.position - scene.origin
         rest = eye - eye.astype(np.float32)
         near_depth = max(camera.near, 1e-30)
         far_depth = camera.far

@@ -123,6 +123,11 @@ class Scene:
                 )
 
     @cached_property
+    def key(self) -> object:
+        """What tells the scene from others without keeping it."""
+        return object()
+
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """[2, 3] float64, world space: least and greatest corner of the box round all triangles."""
         used = np.zeros(len(self.positions), np.bool_)

@@ -13,7 +13,7 @@ from ssgi_cl.device_gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.memory import Plane
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA, Struct, floats, rotation_values
 
 from .device_scene import DeviceScene
@@ -62,7 +62,6 @@ class RsmRenderer:
             self.flux = runtime.plane(3, self.target.size)
         self._kernel = runtime.kernel("raster/raster_flux.cl", structs=(CAMERA, FLUX))
         self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
-        self._bare: tuple[Scene, bool] | None = None
         self._specular: Plane | None = None
 
     def render(
@@ -80,7 +79,7 @@ class RsmRenderer:
         self.target.set_camera(every_nth(camera, self.step))
         self._rasterizer.write_every(self.step, scene, self.target)
         self._write_flux(light, self.target.albedo, self.flux)
-        if self._lacks_normals(scene.scene):
+        if not scene.has_normals:
             self.target.derive()
             turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
             self._normals.run(
@@ -114,11 +113,6 @@ class RsmRenderer:
             reads=[self.target.depth, reflectance], writes=[flux],
             values=[self.target.camera_struct, FLUX.pack(_flux_values(light, camera))],
         )
-
-    def _lacks_normals(self, scene: Scene) -> bool:
-        if self._bare is None or self._bare[0] is not scene:
-            self._bare = (scene, not scene.normals.any(axis=1).all())
-        return self._bare[1]
 
 
 def light_cameras(
@@ -166,6 +160,7 @@ def every_nth(camera: Camera, step: int) -> Camera:
     return Camera(view=camera.view, projection=projection, width=columns, height=rows)
 
 
+@serialised
 def rsm(
     scene: Scene,
     light: SpotLight | PointLight | DirectionalLight,

@@ -11,7 +11,7 @@ from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import Floats, GBuffer
 from ssgi_cl.memory import Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
@@ -36,10 +36,13 @@ def _check_scene(scene: object) -> None:
 
 
 def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
-    """Return the scene in device memory; the same object for the same scene, while it is kept."""
+    """Return the scene in device memory; the same object for the same scene, while it is kept.
+
+    It goes with the scene.
+    """
     _check_scene(scene)
     kept: DeviceScene = runtime.prepared(
-        (DeviceScene, id(scene)), lambda: DeviceScene(runtime, scene)
+        (DeviceScene, scene.key), lambda: DeviceScene(runtime, scene), of=scene
     )
     return kept
 
@@ -94,6 +97,14 @@ def gbuffer(
         return _host(
             camera, arrays["depth"], normal, albedo, emission if emission.any() else None
         )
+    return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
+
+
+@serialised
+def _drawn(
+    scene: Scene, camera: Camera, layers: int, margin: Size, shaded: int, *,
+    runtime: Runtime | None,
+) -> GBuffer:
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
     rasterizer: Rasterizer = runtime.prepared(

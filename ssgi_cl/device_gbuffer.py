@@ -162,16 +162,16 @@ class DeviceGBuffer:
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
         rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
-        window = self._derived.over(self.window)
-        for layer in range(self.attributes):
-            self._kernels[given].run(
-                "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
-                self.whole,
-                reads=[self.depth, self.normal_world],
-                writes=[self.linear, self.normal],
-                values=[self.camera_struct, rotation, np.int32(layer)],
-                window=window,
-            )
+        with self._derived.over(self.window) as window:
+            for layer in range(self.attributes):
+                self._kernels[given].run(
+                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
+                    self.whole,
+                    reads=[self.depth, self.normal_world],
+                    writes=[self.linear, self.normal],
+                    values=[self.camera_struct, rotation, np.int32(layer)],
+                    window=window,
+                )
 
     @property
     def seen(self) -> Window | None:

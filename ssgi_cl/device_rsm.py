@@ -117,6 +117,7 @@ class DeviceRsm:
         """Replace the contents by a map of the same size, unless they are that very map's."""
         if rsm is self._uploaded:
             return
+        self._uploaded = None
         position, normal, area = (array.astype(np.float32) for array in surfaces(rsm))
         flux = np.asarray(rsm.flux) * np.isfinite(rsm.depth)[..., None]
         flux = np.minimum(flux, np.float32(BRIGHTEST))

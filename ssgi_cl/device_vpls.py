@@ -38,7 +38,7 @@ PLACE = Struct(
 BATCH = 2048
 """Lights of one pass, which bounds the memory for the lists of an image's tiles."""
 ROOM = 2
-"""Places of a tile's list for each light of a batch, with parts and without subsets."""
+"""Places of a tile's list for each light of a batch, where parts are listed beside lights."""
 NEAR_ROOM = 1024
 """Places of a tile's list of lights that have parts there, with subsets; less by some lanes."""
 LIGHT = 12
@@ -65,6 +65,7 @@ class DeviceVpls:
         most: lights, at most.
         subsets: 1, or 16 for interleaved sampling.
         parts: whether the lights may have parts.
+        listed: places of a list for each light of a batch: 1, or `ROOM` where parts are listed.
         glossy: whether they have lobes; then they have no parts.
 
     Attributes:
@@ -79,19 +80,18 @@ class DeviceVpls:
 
     def __init__(
         self, runtime: Runtime, most: int, subsets: int = 1, *, parts: bool = False,
-        glossy: bool = False,
+        listed: int = 1, glossy: bool = False,
     ) -> None:
         self.glossy = glossy
         self.most = most
         self.subsets = subsets
         self.count = 0
         self.parted = False
-        room = ROOM if parts and subsets == 1 else 1
-        self.batch = min(most, BATCH // room)
+        self.batch = min(most, BATCH // listed)
         self.stride = -(-self.batch // (16 * subsets)) * 16
         self.segments = -(-most // self.batch) * subsets
         self.span = self.stride * (1 + PARTS if parts else 1)
-        self.room = self.stride * room
+        self.room = self.stride * listed
         self.runtime = runtime
         self._floats, bounds = (LOBE_LIGHT, LOBE_BOUNDS) if glossy else (LIGHT, BOUNDS)
         self.lights = runtime.empty(self.segments * self.span * self._floats, np.float32)

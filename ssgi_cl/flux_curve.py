@@ -104,7 +104,8 @@ class FluxCurve:
             self.maps, self._versions
         ):
             return
-        self.maps, self._versions, self._importance = maps, versions, importance
+        self._versions = ()  # should anything fail, the sums are nobody's
+        self.maps, self._importance = maps, importance
         self.version += 1
         runtime, lanes = self.runtime, self.runtime.form.lanes
         kernel = runtime.kernel(
@@ -127,6 +128,7 @@ class FluxCurve:
             "vpl totals", (blocks, SUMS), reads=[], writes=[self.blocks],
             grid=(1, -(-SUMS // lanes)), local=(1, 1),
         )
+        self._versions = versions
 
     def cut(
         self, found: FoundPlaces, lights: int, split: int, edges: FoundPlaces | None = None

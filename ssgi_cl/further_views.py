@@ -60,8 +60,9 @@ class FurtherViews:
         lamps: tuple[AtLight, ...] = tuple(
             light for light in lights if isinstance(light, (SpotLight, DirectionalLight))
         )[: int(AT_LAMPS * self.count)]
-        made_of = scene, camera, lamps
+        made_of = scene.key, camera, lamps
         if not same(self._made_of, made_of):
+            self._made_of = None
             self._cameras = self._places(scene, camera, seen, lamps)
             self._made_of = made_of
         for extra in self._cameras:

@@ -22,7 +22,7 @@ CPU_WIDTH = 32
 
 
 class Kernel:
-    """A compiled kernel. `run` sets all arguments anew, so callers in one thread may share it."""
+    """A compiled kernel. `run` sets all arguments anew, so callers may share it."""
 
     def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
         cl = opencl()
@@ -79,20 +79,22 @@ class Kernel:
         arguments += [write.buffer for write in writes]
         extent = np.array([size[1], size[0]], np.int32)
         arguments += [extent, *values]
-        if not self._typed:
-            # PyOpenCL finds out what an argument is by trying, 11 us each, unless it is told.
-            self._kernel.set_arg_types([_argument_type(argument) for argument in arguments])
-            self._typed = True
-        self._kernel.set_args(*arguments)
         group = local or self._group(rows, columns if first is None else 1)
         work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
-        event = cl.enqueue_nd_range_kernel(
-            self.runtime.queue, self._kernel, work, (group[1], group[0]),
-            None if first is None else (first[1], first[0]),
-        )
+        self.runtime.touch()
         for write in writes:
             if isinstance(write, Plane):
                 write.written()
+        with self.runtime.lock:
+            if not self._typed:
+                # PyOpenCL finds out what an argument is by trying, 11 us each, unless it is told.
+                self._kernel.set_arg_types([_argument_type(argument) for argument in arguments])
+                self._typed = True
+            self._kernel.set_args(*arguments)
+            event = cl.enqueue_nd_range_kernel(
+                self.runtime.queue, self._kernel, work, (group[1], group[0]),
+                None if first is None else (first[1], first[0]),
+            )
         self.runtime.record(name, event)
 
     def _group(self, rows: int, columns: int) -> Size:

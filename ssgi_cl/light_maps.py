@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.lights import Environment, Light
+from ssgi_cl.lights import Environment, Light, PointLight
 from ssgi_cl.memory import Plane
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
@@ -51,7 +51,7 @@ class LightMaps:
         self._block_planes: dict[int, Plane] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
-        self._scene: Scene | None = None
+        self._scene: object = None  # its key
         self._lamps: dict[int, Lamp] = {}
         self._shadows: dict[int, ShadowMap] = {}
 
@@ -77,6 +77,7 @@ class LightMaps:
         before = self._shadows
         # Should anything fail, nothing is taken for drawn.
         self._scene, self._lamps, self._shadows = None, {}, {}
+        self._require(scene, lamps, len(lights))
         for index, light in lamps.items():
             if index in kept:
                 shadows[index] = before[index]
@@ -98,15 +99,48 @@ class LightMaps:
             first += len(shadow.cameras)
         if rsm is not None and len(kept) < len(lamps):
             self._lit = rsm.lit()
-        self._scene, self._lamps = scene, lamps
+        self._scene, self._lamps = scene.key, lamps
         return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
+
+    def _require(self, scene: Scene, lamps: dict[int, Lamp], lights: int) -> None:
+        """Let go of maps of lights that are gone; see that there is room for all that are missing.
+
+        Raises:
+            DeviceMemoryError: there is none; nothing was allocated or drawn.
+        """
+        for index in [index for index in self._depths if index >= lights]:
+            del self._depths[index]
+            self._block_planes.pop(index, None)
+        count = {index: 6 if isinstance(lamp, PointLight) else 1 for index, lamp in lamps.items()}
+        faces = sum(count.values())
+
+        def make() -> None:
+            for index in lamps:
+                if index not in self._depths or self._depths[index].count != count[index]:
+                    self.runtime.plane(count[index], (self.size, self.size))
+                    self._blocks.plane(count[index])
+            glossy = self._glossy and kept.glossy
+            if self._flux and faces and not self._fits(faces, glossy):
+                side = -(-self.size // self._step)
+                DeviceRsm(self.runtime, (side, side), faces, glossy=glossy)
+
+        kept = device_scene(scene, self.runtime)
+        self.runtime.require(
+            self.runtime.memory.needed(make),
+            f"for {faces} shadow maps (a point light has six) of {self.size} x {self.size} texels: "
+            "take fewer lights or a smaller shadow_size",
+        )
+
+    def _fits(self, faces: int, glossy: bool) -> bool:
+        rsm = self._rsm
+        return rsm is not None and rsm.faces == faces and (rsm.lobes is not None) == glossy
 
     def _kept(self, scene: Scene, lamps: dict[int, Lamp]) -> set[int]:
         """Return which lamps' maps are there already."""
         before = self._lamps
         same = {
             index for index, light in lamps.items()
-            if self._scene is scene and index in before and _equal(light, before[index])
+            if self._scene is scene.key and index in before and _equal(light, before[index])
         }
         if not self._flux:
             return same
@@ -158,9 +192,11 @@ class LightMaps:
         """Return the plane of a lamp's depth, the same as last time if it fits."""
         plane = self._depths.get(index)
         if plane is None or plane.count != faces:
+            self._depths.pop(index, None)
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
             blocks = self._blocks.plane(faces)
-            self._depths[index], self._block_planes[index] = plane, blocks
+            self._block_planes[index] = blocks
+            self._depths[index] = plane
         return plane
 
     def _begin(
@@ -173,8 +209,8 @@ class LightMaps:
             for shadow in shadows if shadow is not None for camera in shadow.cameras
         )
         glossy = self._glossy and device_scene(scene, self.runtime).glossy
-        fits = self._rsm is not None and self._rsm.faces == len(cameras)
-        if self._rsm is None or not fits or (self._rsm.lobes is not None) != glossy:
+        if self._rsm is None or not self._fits(len(cameras), glossy):
+            self._rsm = None  # so that both need not fit at a time
             self._rsm = DeviceRsm(self.runtime, cameras[0].size, len(cameras), glossy=glossy)
         if len(kept) < len(lamps):
             texels = (c.pixel_to_view[:2] for c in cameras)

@@ -56,6 +56,7 @@ class DeviceArray:
             raise ValueError(f"values has {values.size} elements: expected at most {self.count}")
         if not values.size:
             return None
+        self.runtime.touch()
         return cl.enqueue_copy(
             self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait
         )
@@ -119,6 +120,8 @@ class Plane:
         """Give the whole memory [rows, pitch] to the host; written back at the end."""
         cl = opencl()
 
+        self.runtime.touch()
+        self._image_is_current = False
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
         if self.runtime.shares_memory:
             flags = cl.map_flags.READ | cl.map_flags.WRITE
@@ -135,7 +138,6 @@ class Plane:
                 memory[...] = self.outside
             yield memory
             cl.enqueue_copy(queue, self.buffer, memory, is_blocking=True)
-        self._image_is_current = False
 
     def _images(self, memory: NDArray[np.float32]) -> NDArray[np.float32]:
         rows, columns = self.size
@@ -157,6 +159,7 @@ class Plane:
         cl = opencl()
 
         if out is None:
+            self.runtime.memory.require_host(4 * self.count * self.size[0] * self.size[1])
             out = np.empty((self.count, *self.size), np.float32)
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
         beyond = None if window is None else window.beyond(self.size)
@@ -186,15 +189,16 @@ class Plane:
         if source.size != self.size:
             raise ValueError(f"source has size {source.size}: expected {self.size}")
         size = self.size[0] * self.pitch * 4
+        self.runtime.touch()
+        self._image_is_current = False
         event = cl.enqueue_copy(
             self.runtime.queue, self.buffer, source.buffer, byte_count=count * size,
             src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
         )
         self.runtime.record("copy", event)
-        self._image_is_current = False
 
     def written(self) -> None:
-        """Note that a kernel writes to this plane."""
+        """Note that a kernel is about to write to this plane."""
         self._image_is_current = False
 
     def argument(self) -> Any:

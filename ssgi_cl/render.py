@@ -16,7 +16,7 @@ from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
 from ssgi_cl.render_params import ao_name, bounce_method, bounce_name, bounce_params
 from ssgi_cl.renderer import Renderer
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.tonemap import CURVES
 
@@ -27,6 +27,7 @@ AO_RADIUS_SHARE = 0.05
 
 
 
+@serialised
 def render(
     scene: Scene,
     camera: Camera,

@@ -115,7 +115,7 @@ class Renderer:
         self._costs: dict[str, float] = {}
         self._found_idle = False
         self._rest = 0  # frames that don't look at the tiles of this scene with so many lights
-        self._rest_of: tuple[Scene | None, int] = (None, 0)
+        self._rest_of: tuple[object, int] = (None, 0)
 
     def __call__(
         self,
@@ -129,12 +129,25 @@ class Renderer:
         outputs: Iterable[str] | None = None,
     ) -> Frame:
         """Render one frame; see `render`."""
+        return self.runtime.exclusively(
+            lambda: self._frame(
+                scene, camera, lights, exposure=exposure, gbuffer=gbuffer,
+                multi_bounce=multi_bounce, outputs=outputs,
+            )
+        )
+
+    def _frame(
+        self, scene: Scene, camera: Camera, lights: Sequence[Light], *, exposure: float | None,
+        gbuffer: bool, multi_bounce: bool, outputs: Iterable[str] | None,
+    ) -> Frame:
         start = perf_counter()
         lights = tuple(lights)
         needs = Needs.of(outputs, self.skips)
         factor, image, values = 1.0 if exposure is None else exposure, None, None
         with self.runtime.frame(self._costs):
-            seen = self._stages.make("G-buffer", (scene, camera), lambda: self._see(scene, camera))
+            seen = self._stages.make(
+                "G-buffer", (scene.key, camera), lambda: self._see(scene, camera)
+            )
             facts = self._look(scene, seen, lights, needs)
             openness = self._openness(seen, facts, lights, needs)
             direct = bounced = None
@@ -214,8 +227,8 @@ class Renderer:
     ) -> TileFacts | None:
         """Find out about the tiles, if anything may be left out for it."""
         tiles = self._tiles
-        if self._rest_of[0] is not scene or self._rest_of[1] != len(lights):
-            self._rest, self._rest_of = 0, (scene, len(lights))
+        if self._rest_of[0] is not scene.key or self._rest_of[1] != len(lights):
+            self._rest, self._rest_of = 0, (scene.key, len(lights))
         if self._rest > 0:
             self._rest -= 1
             return None
@@ -283,7 +296,7 @@ class Renderer:
         """Queue the passes of lamps, and of the light that surfaces reflect, where needed."""
         idle = self._idle(lights, camera, facts)
         bounce = self._bounce if needs.bounce else None
-        inputs = lights, scene, self._stages.versions("G-buffer")
+        inputs = lights, scene.key, self._stages.versions("G-buffer")
         stay = [self._stages.stays(name, inputs) for name in ("direct light", "bounce")]
         shadows, rsm = None, None
         if not (stay[0] or not needs.light) or not (stay[1] or bounce is None):

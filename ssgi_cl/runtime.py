@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
+import threading
 import warnings
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from functools import wraps
+from typing import Any, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import drivers, image_limits, sources
+from ssgi_cl.device_memory import DeviceMemory, outline
 from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
@@ -22,7 +26,6 @@ from ssgi_cl.image_limits import ImageLimits
 from ssgi_cl.kernel import Kernel
 from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.opencl import opencl
-from ssgi_cl.room import Room, outline
 from ssgi_cl.structs import Struct
 
 
@@ -44,13 +47,45 @@ class PassTime:
     saved: float = 0.0
 
 
+MOST_PREPARED = 256
+"""Results that `Runtime.prepared` keeps at most: their memory on the host is not counted."""
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class _FrameLog(threading.local):
+    """The passes of a thread's current frame."""
+
+    def __init__(self) -> None:
+        self.events: list[tuple[str, Any]] = []
+        self.skips: list[tuple[int, PassTime]] = []
+        self.parts: list[tuple[str, int, int]] = []
+        self.costs: dict[str, float] = {}
+        self.depth = 0
+
+
+@dataclass
+class _Prepared:
+    """What `Runtime.prepared` keeps, and the number of the call that used it last."""
+
+    value: Any
+    call: int
+
+
 class Runtime:
-    """A device, opened. Make one with `Runtime.open` and use it from one thread at a time.
+    """A device, opened. Make one with `Runtime.open`.
+
+    Threads may share it: functions and `Renderer` run one after the other, see `exclusively`, and
+    each thread has frames of its own. An object of a technique, a G-buffer or an array in device
+    memory is for one thread at a time. A process that was forked after a device was opened can't
+    use it: start such processes by "spawn".
 
     Attributes:
         info: the device.
         form: the build of the kernels that it gets.
-        room: the device's memory, how much of it is in use, and limits that may be lowered.
+        memory: the device's memory: how much is in use, the most that was, and limits.
+        lock: held by what another thread's work on this device must not come between.
         short_header: whether programs declare built-in functions by common/builtins.clh alone.
         allocated_bytes, builds: device memory taken and programs compiled so far, in all.
     """
@@ -71,16 +106,21 @@ class Runtime:
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
         self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
-        self.room = Room(info.label, device.global_mem_size, device.max_mem_alloc_size)
+        self.memory = DeviceMemory(
+            info.label, device.global_mem_size, device.max_mem_alloc_size,
+            on_host=self.shares_memory,
+        )
         self.short_header = device.platform.name == "Portable Computing Language"
         self._programs: dict[str, Any] = {}
         self._kernels: dict[tuple[Any, ...], Kernel] = {}
-        self._prepared: dict[object, Any] = {}
-        self._events: list[tuple[str, Any]] = []
-        self._skips: list[tuple[int, PassTime]] = []
-        self._parts: list[tuple[str, int, int]] = []
-        self._costs: dict[str, float] = {}
-        self._depth = 0
+        self._prepared: dict[object, _Prepared] = {}
+        self._following: set[object] = set()
+        self._log = _FrameLog()
+        self.lock = threading.RLock()
+        self._calls = 0
+        self._depth = 0  # of calls within calls, in the thread that has the lock
+        self._working = False
+        self._touched = False
 
     @classmethod
     def open(
@@ -95,9 +135,15 @@ class Runtime:
                 place of the fastest on this device.
 
         Raises:
-            DeviceError: no such device (the message lists all), or another driver is in use in
-                this process already.
+            DeviceError: no such device (the message lists all), another driver is in use in
+                this process already, or the process was forked after a device was opened.
         """
+        check_not_forked()
+        with _OPENING:
+            return cls._opened(name, lanes, storage)
+
+    @classmethod
+    def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
         name = name or os.environ.get("SSGI_CL_DEVICE") or None
         info = drivers.choose(name)
         form = info.best
@@ -117,13 +163,58 @@ class Runtime:
     def __repr__(self) -> str:
         return f"<Runtime {self.info.label}, {self.form}>"
 
+    @property
+    def room(self) -> DeviceMemory:
+        """The former name of `memory`."""
+        warnings.warn("Runtime.room is now Runtime.memory", DeprecationWarning, stacklevel=2)
+        return self.memory
+
+    # ---- who uses it
+
+    def exclusively(self, work: Callable[[], T]) -> T:
+        """Return what `work` returns, run while no other thread's work runs on this device.
+
+        If it ends in an exception, be it Ctrl-C, after it changed anything on the device, nothing
+        that is kept for later calls is trusted any more: the next call makes it anew.
+        """
+        check_not_forked()
+        # Attributes are set in this function and in this order, and not in context managers of
+        # Python, so that an interrupt finds no gap between them.
+        with self.lock:
+            before = self._depth
+            if before == 0:
+                if self._working and self._touched:
+                    self._prepared.clear()
+                self._calls += 1
+                self._touched = False
+                self._working = True
+            frames = self._log.depth
+            self._depth = before + 1
+            try:
+                result = work()
+            finally:
+                self._depth = before
+                self._log.depth = frames
+            if before == 0:
+                self._working = False
+            return result
+
+    def touch(self) -> None:
+        """Note that something on the device is about to change.
+
+        Raises:
+            DeviceError: this process was forked after the device was opened.
+        """
+        check_not_forked()
+        self._touched = True
+
     # ---- memory
 
     def plane(self, count: int, size: Size, outside: float = 0.0) -> Plane:
         """Return new device memory for `count` images; see kernels/common/gbuffer.clh."""
-        if self.room.counting:
+        if self.memory.counting:
             rows, pitch = plane_shape(count, size)
-            self.room.take(rows * pitch * 4)
+            self.memory.count(rows * pitch * 4)
             plane: Plane = outline(
                 runtime=self, count=count, size=size, outside=outside, pitch=pitch
             )
@@ -144,14 +235,14 @@ class Runtime:
 
     def array(self, values: NDArray[Any]) -> DeviceArray:
         """Return new device memory that holds a copy of `values` (at least one element)."""
-        if self.room.counting:
+        if self.memory.counting:
             return self.empty(values.size, values.dtype.type)
         return DeviceArray(self, values)
 
     def empty(self, count: int, dtype: type[np.generic]) -> DeviceArray:
         """Return new device memory for `count` elements (at least one), not initialised."""
-        if self.room.counting:
-            self.room.take(max(count, 1) * np.dtype(dtype).itemsize)
+        if self.memory.counting:
+            self.memory.count(max(count, 1) * np.dtype(dtype).itemsize)
             array: DeviceArray = outline(
                 runtime=self, dtype=np.dtype(dtype), count=max(count, 1)
             )
@@ -162,54 +253,118 @@ class Runtime:
         """Return a new buffer of `size` bytes, which lives as long as `owner`.
 
         Raises:
-            DeviceMemoryError: there is no room; the driver was not asked unless it said so.
+            DeviceMemoryError: there is no room, even without what earlier calls left; the driver
+                was not asked unless it said so.
         """
         cl = opencl()
 
-        self.take(size, owner)
+        self.touch()
         flags = cl.mem_flags.READ_WRITE
         if self.shares_memory:
             flags |= cl.mem_flags.ALLOC_HOST_PTR
-        try:
-            return cl.Buffer(self.context, flags, size)
-        except cl.Error as error:
-            raise DeviceMemoryError(
-                f"{self.info.label}: the driver has no room for {size / 2**20:.1f} MiB more "
-                f"({error}); {self.room}"
-            ) from error
+
+        def allocated() -> Any:
+            try:
+                return cl.Buffer(self.context, flags, size)
+            except cl.Error as error:
+                raise DeviceMemoryError(
+                    f"{self.info.label}: the driver has no room for {size / 2**20:.1f} MiB more "
+                    f"({error}); {self.memory}"
+                ) from error
+
+        with self.lock:
+            self.take(size, owner)
+            return self._with_room(allocated)
 
     def take(self, size: int, owner: object) -> None:
         """Count `size` bytes as taken while `owner` lives; DeviceMemoryError if they don't fit."""
-        self.room.take(size)
+        self._with_room(lambda: self.memory.take(size, owner))
         self.allocated_bytes += size
-        weakref.finalize(owner, self.room.give_back, size).atexit = False
 
-    def prepared(self, key: object, make: Callable[[], Any]) -> Any:
-        """Return what `make` returned for `key` before, or its result now (kept: 64 latest).
+    def require(self, size: int, what: str) -> None:
+        """Raise DeviceMemoryError unless `size` bytes more fit, `what` says what for.
+
+        What earlier calls left goes first where it stands in the way.
+        """
+        if self.memory.counting:
+            self.memory.count(size)
+            return
+        with self.lock:
+            self._with_room(lambda: self.memory.require(size, what))
+
+    def _with_room(self, take: Callable[[], T]) -> T:
+        """Return what `take` returns, tried again each time after the oldest of what earlier calls
+        left was let go."""
+        while True:
+            try:
+                return take()
+            except DeviceMemoryError:
+                if not self._let_go():
+                    raise
+
+    def _let_go(self) -> bool:
+        """Let go what was not used for the longest time; return False if this call used all."""
+        before = self.memory.used
+        for key in tuple(self._prepared):
+            prepared = self._prepared.get(key)
+            if prepared is not None and prepared.call < self._calls:
+                del self._prepared[key], prepared
+                if self.memory.used == before:
+                    gc.collect()  # its parts may refer to each other
+                return True
+        return False
+
+    def prepared(
+        self, key: object, make: Callable[[], Any], *, of: object | None = None
+    ) -> Any:
+        """Return what `make` returned for `key` before, or its result now.
+
+        It is kept for later calls, while there is room: beyond `memory.keep` bytes what was not
+        used for the longest time is let go, though never what the current call uses.
+
+        Args:
+            key: what tells results apart.
+            make: is called if nothing is kept.
+            of: with what the result goes if it dies, such as a scene.
 
         Raises:
             DeviceMemoryError: there is no room for it, even with nothing else kept; the message
                 says how much it needs.
         """
-        if self.room.counting:
+        if self.memory.counting:
             return make()
-        value = self._prepared.pop(key, None)
-        if value is None:
-            value = self._made(make)
-            if len(self._prepared) >= 64:
-                self._prepared.pop(next(iter(self._prepared)))
-        self._prepared[key] = value
-        return value
+        with self.lock:
+            if self._depth == 0:
+                self._calls += 1
+            kept = self._prepared.pop(key, None)
+            if kept is None:
+                with self.memory.keeping():
+                    kept = _Prepared(self._made(make), self._calls)
+                if of is not None and key not in self._following:
+                    weakref.finalize(of, self._follow, key).atexit = False
+                    self._following.add(key)
+            kept.call = self._calls
+            self._prepared[key] = kept
+            while (
+                self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED
+            ) and self._let_go():
+                pass
+            return kept.value
+
+    def _follow(self, key: object) -> None:
+        self._following.discard(key)
+        self._prepared.pop(key, None)
 
     def _made(self, make: Callable[[], Any]) -> Any:
         try:
             return make()
         except DeviceMemoryError:
             self._prepared.clear()  # all that nobody holds is free now
+        gc.collect()
         try:
             return make()
         except DeviceMemoryError as error:
-            needed = self.room.needed(make)
+            needed = self.memory.needed(make)
             raise DeviceMemoryError(
                 f"{error}; {needed / 2**20:.1f} MiB are needed in all: take a smaller size, fewer "
                 "layers or less overscan"
@@ -236,17 +391,19 @@ class Runtime:
         Raises:
             KernelBuildError: the compiler refused it; the message has file:line in kernels/.
         """
-        if self.room.counting:
+        if self.memory.counting:
             stand_in: Kernel = outline()
             return stand_in
         key = (path, tuple(sorted((macros or {}).items())), tuple(structs), most_lanes)
-        kernel = self._kernels.get(key)
-        if kernel is None:
-            text = sources.flatten(path, "\n".join(struct.text for struct in structs))
-            name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-            kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
-            self._kernels[key] = kernel
-        return kernel
+        with self.lock:
+            kernel = self._kernels.get(key)
+            if kernel is None:
+                check_not_forked()
+                text = sources.flatten(path, "\n".join(struct.text for struct in structs))
+                name = path.rsplit("/", 1)[-1].removesuffix(".cl")
+                kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
+                self._kernels[key] = kernel
+            return kernel
 
     def kernel_from_text(
         self,
@@ -309,67 +466,113 @@ class Runtime:
 
     @contextmanager
     def frame(self, costs: dict[str, float] | None = None) -> Iterator[Self]:
-        """Collect the passes within; frames inside a frame belong to it.
+        """Collect this thread's passes within; frames inside a frame belong to it.
 
         `costs` is the caller's memory of what passes and parts took, in ms by name: `times` brings
         it up to date, and what is skipped is estimated from it.
         """
-        if self._depth == 0:
-            self._events, self._skips, self._parts = [], [], []
-            self._costs = {} if costs is None else costs
-        self._depth += 1
+        log = self._log
+        if log.depth == 0:
+            log.events, log.skips, log.parts = [], [], []
+            log.costs = {} if costs is None else costs
+        log.depth += 1
         try:
             yield self
         finally:
-            self._depth -= 1
+            log.depth -= 1
 
     def times(self) -> list[PassTime]:
         """Return the passes of the latest frame, in order; waits for those still running."""
-        if self._events:
-            self._events[-1][1].wait()
+        log = self._log
+        if log.events:
+            log.events[-1][1].wait()
         ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6)
-               for name, event in self._events]
+               for name, event in log.events]
         taken: dict[str, list[float]] = {}
         for p in ran:
             taken.setdefault(p.name, []).append(p.ms)
         whole: dict[str, list[float]] = {}
-        for name, first, end in self._parts:
+        for name, first, end in log.parts:
             whole.setdefault(name, []).append(sum(p.ms for p in ran[first:end]))
         for name, times in {**taken, **whole}.items():
-            self._costs[name] = sum(times) / len(times)
-        for position, skip in reversed(self._skips):
+            log.costs[name] = sum(times) / len(times)
+        for position, skip in reversed(log.skips):
             ran.insert(position, skip)
         return ran
 
     def record(self, name: str, event: Any) -> None:
         """Add a pass to the current frame."""
-        self._events.append((name, event))
+        self._log.events.append((name, event))
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
         """Note that the passes within make up a part of the frame, which may be skipped as one."""
-        first = len(self._events)
+        first = len(self._log.events)
         yield
-        self._parts.append((name, first, len(self._events)))
+        self._log.parts.append((name, first, len(self._log.events)))
 
     def skip(self, name: str, why: str, saved: float | None = None) -> None:
         """Note in the current frame that a pass or part was not needed.
 
         By default it saves what it took when it last ran.
         """
-        cost = self._costs.get(name, 0.0) if saved is None else saved
-        self._skips.append((len(self._events), PassTime(name, 0.0, why, cost)))
+        log = self._log
+        cost = log.costs.get(name, 0.0) if saved is None else saved
+        log.skips.append((len(log.events), PassTime(name, 0.0, why, cost)))
 
     def finish(self) -> None:
         """Wait for the device."""
         self.queue.finish()
 
 
+def serialised(function: Callable[P, T]) -> Callable[P, T]:
+    """Make a function of the library run alone on its device, see `Runtime.exclusively`.
+
+    The device is that of `runtime`, or of an argument in device memory, or the default.
+    """
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        given = (kwargs.get("runtime"), *(getattr(value, "runtime", None) for value in args))
+        runtime = next((r for r in given if isinstance(r, Runtime)), None) or Runtime.open()
+
+        def work() -> T:
+            with runtime.memory.keeping():
+                return function(*args, **kwargs)
+
+        return runtime.exclusively(work)
+
+    return call
+
+
 _NO_HEADER = "-D_OPENCL_H_"
 """The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
 
 _OPENED: dict[tuple[Any, ...], Runtime] = {}
+_OPENING = threading.RLock()
 _loaded_driver: str | None = None
+_forked = False
+
+
+def _note_fork() -> None:
+    global _forked
+    _forked = _loaded_driver is not None
+
+
+os.register_at_fork(after_in_child=_note_fork)
+
+
+def check_not_forked() -> None:
+    """Raise DeviceError if this process was forked after a device was opened.
+
+    Drivers keep threads and locks that a fork does not copy: the first call would wait for ever.
+    """
+    if _forked:
+        raise DeviceError(
+            f"process {os.getpid()} was forked after its parent had opened an OpenCL device, which "
+            "works in the parent alone: start processes that compute by "
+            'multiprocessing.get_context("spawn"), or open the device after the fork'
+        )
+
 
 
 def _load_driver(info: DeviceInfo) -> None:

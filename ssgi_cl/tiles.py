@@ -158,16 +158,17 @@ class Tiles:
         """Queue the pass that finds what is known, and read it back: 68 bytes a tile."""
         rows, columns = gbuffer.whole
         start = [self.margin[i] - TILE * self._lead[i] for i in (1, 0)]
-        window = self._looked.over(gbuffer.window)
-        if window is not None:
-            window = window.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
-        self._look.run(
-            "tile facts", self._facts.size, reads=[gbuffer.linear, gbuffer.normal, gbuffer.depth],
-            writes=[self._facts], grid=self._facts.size,
-            values=[np.array([columns, rows], np.int32), np.array(start, np.int32),
-                    gbuffer.camera_struct],
-            window=window, cell=(TILE, TILE),
-        )
+        with self._looked.over(gbuffer.window) as window:
+            if window is not None:
+                window = window.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
+            self._look.run(
+                "tile facts", self._facts.size,
+                reads=[gbuffer.linear, gbuffer.normal, gbuffer.depth],
+                writes=[self._facts], grid=self._facts.size,
+                values=[np.array([columns, rows], np.int32), np.array(start, np.int32),
+                        gbuffer.camera_struct],
+                window=window, cell=(TILE, TILE),
+            )
         facts = self._facts.download()
         layers = max(int(facts[_LAYER].max(initial=0.0)), 1)
         inner = facts[

@@ -13,7 +13,7 @@ from ssgi_cl import check
 from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
 from ssgi_cl.flux_curve import FluxCurve, FoundPlaces, curve_key
 from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 
 Doubles = NDArray[np.float64]
 
@@ -101,11 +101,12 @@ class ChosenVpls:
         """Queue the passes that choose, unless the sums are those of last time."""
         if self._version == self.curve.version:
             return
-        self._version = self.curve.version
+        self._version = -1  # should anything fail, they are of no sums
         self.curve.cut(self.edges, self.count, self.split)
         self.curve.cut(self.places, self.count, 1, self.edges)
         if self.part_places is not None:
             self.curve.cut(self.part_places, self.count, PARTS, self.edges)
+        self._version = self.curve.version
 
     def download(self) -> Vpls:
         """Return a copy in host memory, parts left out where each light is a texel."""
@@ -127,6 +128,7 @@ class ChosenVpls:
         )
 
 
+@serialised
 def choose_vpls(
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     count: int = 1024,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -112,13 +114,18 @@ class Trace:
         self._left: Window | None = None
         self._background: object = None
 
-    def over(self, window: Window | None, background: object = None) -> Window | None:
-        """Return where a run works that shows anything in `window` alone, and note that it does so.
+    @contextmanager
+    def over(
+        self, window: Window | None, background: object = None
+    ) -> Iterator[Window | None]:
+        """Give where a run works that shows anything in `window` alone, and note that it did so.
 
-        `background` tells the value beyond: where it changes, the run works everywhere.
+        `background` tells the value beyond: where it changes, the run works everywhere. It does
+        too after a run that raised.
         """
-        left, before = self._left, self._background
-        self._left, self._background = window, background
-        if window is None or left is None or background != before:
-            return None
-        return window.union(left)
+        known = window is not None and self._left is not None and background == self._background
+        over = window.union(self._left) if known and window and self._left else None
+        self._left = None
+        yield over
+        self._background = background
+        self._left = window

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Generator
+
 import numpy as np
 import pytest
 
 from ssgi_cl.drivers import FORMS, Form
 from ssgi_cl.errors import DeviceError
 from ssgi_cl.runtime import Runtime
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Leave what collecting makes to no garbage collection: it stays, and there is much of it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")
@@ -48,6 +62,21 @@ def form_runtime(request: pytest.FixtureRequest) -> Runtime:
     if request.param is None:
         return default
     if request.param == default.form:
+        pytest.skip("this is the default variant")
+    return _opened(request.param)
+
+
+@pytest.fixture(
+    scope="session",
+    params=[pytest.param(form, marks=pytest.mark.slow) for form in FORMS],
+    ids=_named,
+)
+def other_form(request: pytest.FixtureRequest) -> Runtime:
+    """The device under test with each kernel variant but its default, to be held to the default.
+
+    In the fast tests `stress/test_same_bits.py` holds one of them to it for all techniques.
+    """
+    if request.param == Runtime.open().form:
         pytest.skip("this is the default variant")
     return _opened(request.param)
 

@@ -125,7 +125,7 @@ def test_render_writes_linear_channels_with_usual_names(tmp_path: Path) -> None:
 
 
 def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
-    arguments = ("render", "hall", *SMALL, "--exposure", 1, "-o")
+    arguments = ("render", "terrace", *SMALL, "--exposure", 1, "-o")
     succeeds(*arguments, tmp_path / "a.exr")
     succeeds(*arguments, tmp_path / "b.exr", "--ambient", 1.0)
     succeeds(*arguments, tmp_path / "c.exr", "--ambient", 2.0)
@@ -261,7 +261,7 @@ def test_ao_radius_is_in_scene_units(corner: Path, tmp_path: Path) -> None:
 
 def test_rendering_twice_gives_the_same_file(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
-        succeeds("render", "hall", *SMALL, "-o", tmp_path / name)
+        succeeds("render", "terrace", *SMALL, "-o", tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 

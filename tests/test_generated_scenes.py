@@ -105,7 +105,7 @@ def test_closed_scenes_are_watertight_and_open_ones_are_not(made: BuiltinScene) 
 
 
 def test_rooms_are_closed_or_open() -> None:
-    assert {make_scene(f"room-{seed}").closed for seed in range(6)} == {True, False}
+    assert {make_scene(f"room-{seed}").closed for seed in (0, 1)} == {True, False}
 
 
 def test_normals_face_as_the_triangles_do(made: BuiltinScene) -> None:
@@ -135,9 +135,7 @@ def test_views_are_outside_of_geometry_and_show_much(made: BuiltinScene, runtime
         assert np.median(depth[seen]) > 1.0
 
 
-@pytest.mark.parametrize("name", [f"{kind}-7" for kind in KINDS])
-def test_every_kind_renders(name: str, runtime: Runtime) -> None:
-    made = make_scene(name)
+def test_every_kind_renders(made: BuiltinScene, runtime: Runtime) -> None:
     frame = gi.render(made.scene, made.camera(64, 48), made.lights, ao_radius=made.ao_radius,
                       runtime=runtime)
     image = frame.image.astype(np.float64)

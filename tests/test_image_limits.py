@@ -64,8 +64,10 @@ def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArra
     ("limit", "texels"),
     # Images of 64 rows: every plane but the smallest lies in several columns of them. Of 2048: the
     # six faces of the map do.
-    [("64x8192", 40), pytest.param("2048", 400, marks=pytest.mark.slow)],
+    [("64x8192", 40), ("2048", 400)],
 )
+@pytest.mark.slow  # stress/test_same_bits.py does it for all techniques
+
 def test_wrapped_planes_give_the_same_bits(
     monkeypatch: pytest.MonkeyPatch, box: GBuffer, limit: str, texels: int
 ) -> None:

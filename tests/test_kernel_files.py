@@ -173,8 +173,8 @@ USES = {
         (CAMERA, VPL, CUT),
         [
             {**SIGHT, "VPL_NEAR": n, "VPL_CUT": n, "VPL_SIGHT": n, "SHADE_ROWS": 2,
-             "SHADE_LINE": line}
-            for n, line in ((0, 2), (1, 1), (1, 2), (1, 3))
+             "SHADE_LINE": line, "SHADE_PARTS": parts}
+            for n, line, parts in ((0, 2, 0), (0, 2, 1), (1, 1, 1), (1, 2, 0), (1, 3, 1))
         ],
     ),
     "multires_published/subsplat_mip.cl": Use(),

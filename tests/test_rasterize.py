@@ -666,12 +666,12 @@ def test_two_runs_give_the_same_bits(runtime: Runtime, view: View) -> None:
         assert_same_bits(one, other)
 
 
-def test_every_build_of_the_kernels_draws_the_same(form_runtime: Runtime, view: View) -> None:
+def test_every_build_of_the_kernels_draws_the_same(other_form: Runtime, view: View) -> None:
     reference = Runtime.open()
     camera = perspective(view)
     one, other = (
         gbuffer(view[0], camera, layers=2, attributes="all", runtime=runtime)
-        for runtime in (form_runtime, reference)
+        for runtime in (other_form, reference)
     )
     assert (there(one) == there(other)).all()
     both = there(one)

@@ -10,8 +10,8 @@ import pytest
 from ssgi_cl import drivers, sources
 from ssgi_cl.drivers import Form
 from ssgi_cl.errors import DeviceError, KernelBuildError
-from ssgi_cl.memory import Size
-from ssgi_cl.runtime import PassTime, Runtime
+from ssgi_cl.memory import Plane, Size
+from ssgi_cl.runtime import MOST_PREPARED, PassTime, Runtime
 from ssgi_cl.structs import CAMERA
 
 SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]
@@ -298,11 +298,59 @@ def test_what_is_prepared_is_made_once_and_the_oldest_goes(fresh: Runtime) -> No
 
     first = make(0)
     assert make(0) is first
-    for n in range(1, 65):
+    for n in range(1, MOST_PREPARED + 1):
         make(n)
         assert make(1) is make(1)
-    assert made == list(range(65))
+    assert made == list(range(MOST_PREPARED + 1))
     assert make(0) is not first
+
+
+def test_what_is_kept_is_bounded_in_bytes(fresh: Runtime) -> None:
+    fresh.memory.keep = 1 << 20
+
+    def make(n: int) -> Plane:
+        return fresh.prepared(n, lambda: fresh.plane(1, (64, 1024)))
+
+    for n in range(20):
+        make(n)
+        assert fresh.memory.kept <= fresh.memory.keep
+    latest, allocated = make(19), fresh.allocated_bytes
+    assert make(19) is latest
+    assert fresh.allocated_bytes == allocated
+
+
+def test_a_call_keeps_what_it_uses_however_much_that_is(fresh: Runtime) -> None:
+    fresh.memory.keep = 1 << 20
+
+    def work() -> None:
+        made = [fresh.prepared(n, lambda: fresh.plane(1, (64, 1024))) for n in range(20)]
+        again = [fresh.prepared(n, lambda: None) for n in range(20)]
+        assert all(a is b for a, b in zip(made, again, strict=True))
+
+    fresh.exclusively(work)
+
+
+def test_what_a_caller_holds_does_not_push_out_what_is_kept(fresh: Runtime) -> None:
+    fresh.memory.keep = 1 << 20
+    held = [fresh.plane(1, (64, 1024)) for _ in range(20)]
+    first = fresh.prepared("a", lambda: fresh.plane(1, (64, 1024)))
+    fresh.prepared("b", lambda: fresh.plane(1, (64, 1024)))
+    assert fresh.prepared("a", lambda: None) is first
+    assert fresh.memory.used > 20 * 64 * 1024 * 4
+    assert fresh.memory.peak == fresh.memory.used
+    del held
+    assert fresh.memory.used < 3 * 70 * 1100 * 4
+
+
+def test_what_is_of_a_thing_goes_with_it(fresh: Runtime) -> None:
+    class Thing:
+        pass
+
+    thing = Thing()
+    fresh.prepared("a", lambda: fresh.plane(1, (64, 64)), of=thing)
+    assert fresh.memory.used > 0
+    del thing
+    assert fresh.memory.used == 0
 
 
 def test_forms_have_words_for_themselves() -> None:

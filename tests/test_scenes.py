@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,19 +16,17 @@ from ssgi_cl.rasterize.scenes import (
     REPORTED,
     TUNED_ON,
     BuiltinScene,
-    cornell_box,
-    hall,
-    parlour,
-    terrace,
-    workshop,
+    make_scene,
 )
 from ssgi_cl.rasterize.scenes.scatter import copies, noise, rotation, shares
 from ssgi_cl.rasterize.scenes.shapes import ball, box, pole
 
+made = functools.cache(make_scene)
 
-@pytest.fixture(scope="module", params=sorted(BUILTIN_SCENES))
+
+@pytest.fixture(params=sorted(BUILTIN_SCENES))
 def built(request: pytest.FixtureRequest) -> BuiltinScene:
-    return BUILTIN_SCENES[request.param]()
+    return made(request.param)
 
 
 def face_normals(built: BuiltinScene) -> np.ndarray:
@@ -54,8 +52,9 @@ def columns(built: BuiltinScene, points: np.ndarray) -> np.ndarray:
     return in_view[:, 0] / -in_view[:, 2]
 
 
-def test_scenes_are_known_by_their_names(built: BuiltinScene) -> None:
-    assert BUILTIN_SCENES[built.name]().name == built.name
+@pytest.mark.parametrize("name", BUILTIN_SCENES)
+def test_scenes_are_known_by_their_names(name: str) -> None:
+    assert made(name).name == name
 
 
 def test_normals_are_unit_and_face_as_the_triangles_do(built: BuiltinScene) -> None:
@@ -67,8 +66,12 @@ def test_normals_are_unit_and_face_as_the_triangles_do(built: BuiltinScene) -> N
     assert facing.min() > 0.3
 
 
-def test_the_same_scene_is_made_each_time(built: BuiltinScene) -> None:
+def test_the_same_scene_is_made_each_time_and_quickly(built: BuiltinScene) -> None:
+    start = time.perf_counter()
     again = BUILTIN_SCENES[built.name]()
+    # Array operations take about a second for the hall, a fraction for others, even on a busy
+    # machine not much more; a loop over triangles would take a minute.
+    assert time.perf_counter() - start < (20.0 if built.name == "hall" else 10.0)
     np.testing.assert_array_equal(built.scene.positions, again.scene.positions)
     np.testing.assert_array_equal(built.scene.triangles, again.scene.triangles)
 
@@ -90,7 +93,7 @@ def test_ao_radius_suits_the_scale(built: BuiltinScene) -> None:
 
 
 def test_cornell_box_has_the_measured_size() -> None:
-    box = cornell_box()
+    box = made("cornell_box")
     assert len(box.scene.triangles) == 32
     # float32 metres.
     np.testing.assert_allclose(
@@ -99,14 +102,14 @@ def test_cornell_box_has_the_measured_size() -> None:
 
 
 def test_cornell_box_has_red_on_the_left_and_green_on_the_right() -> None:
-    box = cornell_box()
+    box = made("cornell_box")
     points = centres(box)
     assert columns(box, points[material_of(box, "red")]).max() < -0.1
     assert columns(box, points[material_of(box, "green")]).min() > 0.1
 
 
 def test_walls_of_the_cornell_box_face_inwards_and_its_blocks_outwards() -> None:
-    box = cornell_box()
+    box = made("cornell_box")
     middle = np.array([0.278, 0.2744, 0.2796])
     inward = np.einsum("ij,ij->i", face_normals(box), middle - centres(box))
     # Five walls and the light come first, two triangles each.
@@ -119,7 +122,7 @@ def test_walls_of_the_cornell_box_face_inwards_and_its_blocks_outwards() -> None
 
 
 def test_spot_light_of_the_cornell_box_sends_out_what_its_quad_does() -> None:
-    box = cornell_box()
+    box = made("cornell_box")
     corners = box.scene.positions[box.scene.triangles[material_of(box, "light")]]
     edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(edges, axis=1).sum()
@@ -133,22 +136,19 @@ def test_spot_light_of_the_cornell_box_sends_out_what_its_quad_does() -> None:
     assert 0 < height - np.asarray(spot.position)[1] < 0.005
 
 
-def test_hall_is_large_and_made_quickly() -> None:
-    start = time.perf_counter()
-    built = hall()
-    # Array operations take about a second; a loop over triangles would take a minute.
-    assert time.perf_counter() - start < 20.0
+def test_hall_is_large() -> None:
+    built = made("hall")
     assert len(built.scene.triangles) >= 200_000
     assert 28.0 < np.ptp(built.scene.bounds[:, 2]) < 36.0
 
 
 def test_hall_has_sun_sky_and_a_spot() -> None:
-    kinds = {type(light) for light in hall().lights}
+    kinds = {type(light) for light in made("hall").lights}
     assert kinds == {DirectionalLight, Environment, SpotLight}
 
 
 def test_hall_has_bars_of_less_than_two_centimetres() -> None:
-    built = hall()
+    built = made("hall")
     scene = built.scene
     iron = scene.triangles[material_of(built, "iron")]
     corners = scene.positions[iron]
@@ -160,7 +160,7 @@ def test_hall_has_bars_of_less_than_two_centimetres() -> None:
 
 
 def test_hall_has_saturated_cloth() -> None:
-    names = {material.name: np.array(material.albedo) for material in hall().scene.materials}
+    names = {material.name: np.array(material.albedo) for material in made("hall").scene.materials}
     for channel, name in enumerate(("red cloth", "green cloth", "blue cloth")):
         others = np.delete(names[name], channel)
         assert names[name][channel] > 3 * others.max()
@@ -186,7 +186,7 @@ def test_every_view_stands_free_and_sees_the_scene(built: BuiltinScene) -> None:
 
 
 def test_views_are_the_own_one_and_then_the_others() -> None:
-    built = workshop()
+    built = made("workshop")
     first, *others = built.views()
     assert (first.eye, first.target) == (built.eye, built.target)
     assert tuple((view.eye, view.target) for view in others) == built.more_views
@@ -195,24 +195,19 @@ def test_views_are_the_own_one_and_then_the_others() -> None:
 
 
 def test_cornell_box_has_one_view() -> None:
-    (view,) = cornell_box().views()
-    assert view.eye == cornell_box().eye
+    (view,) = made("cornell_box").views()
+    assert view.eye == made("cornell_box").eye
 
 
-@pytest.mark.parametrize("make", [parlour, workshop, terrace])
-def test_scenes_for_tuning_are_compact_and_made_quickly(
-    make: Callable[[], BuiltinScene],
-) -> None:
-    start = time.perf_counter()
-    built = make()
-    # Copies are array operations and take a fraction of a second, even on a busy machine.
-    assert time.perf_counter() - start < 10.0
+@pytest.mark.parametrize("name", ["parlour", "workshop", "terrace"])
+def test_small_scenes_are_compact(name: str) -> None:
+    built = made(name)
     assert 10_000 <= len(built.scene.triangles) <= 150_000
     assert len(built.views()) >= 2
 
 
 def test_workshop_is_a_room_with_wires_of_millimetres() -> None:
-    built = workshop()
+    built = made("workshop")
     scene = built.scene
     rubber = scene.triangles[material_of(built, "rubber")]
     edges = np.linalg.norm(
@@ -225,7 +220,7 @@ def test_workshop_is_a_room_with_wires_of_millimetres() -> None:
 
 def test_parlour_is_closed() -> None:
     """Floor, ceiling and four walls each reach from end to end."""
-    scene = parlour().scene
+    scene = made("parlour").scene
     corners = scene.positions[scene.triangles]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     for axis in range(3):
@@ -237,7 +232,7 @@ def test_parlour_is_closed() -> None:
 
 
 def test_terrace_has_sky_above_and_solid_leaves() -> None:
-    built = terrace()
+    built = made("terrace")
     assert {type(light) for light in built.lights} == {DirectionalLight, Environment}
     scene = built.scene
     leaves = scene.triangles[material_of(built, "leaf")]

@@ -249,13 +249,13 @@ def test_a_map_of_one_texel(runtime: Runtime) -> None:
         assert np.isfinite(np.asarray(result.flux)).all()
 
 
-def test_every_build_of_the_kernels_gives_the_same(form_runtime: Runtime) -> None:
+def test_every_build_of_the_kernels_gives_the_same(other_form: Runtime) -> None:
     reference = Runtime.open()
     scene = BUILTIN_SCENES["hall"]()
     for light in scene.lights:
         if isinstance(light, Environment):
             continue
-        one = rsm(scene.scene, light, size=96, runtime=form_runtime)
+        one = rsm(scene.scene, light, size=96, runtime=other_form)
         other = rsm(scene.scene, light, size=96, runtime=reference)
         np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
         # Compilers may fuse an operation: a rounding or two.

@@ -68,13 +68,30 @@ def test_a_corner_lies_beyond_unless_a_window_is_the_whole_image() -> None:
 def test_a_trace_covers_what_the_run_before_left() -> None:
     a, b = Window(0, 0, 2, 2), Window(4, 4, 1, 1)
     trace = Trace()
-    assert trace.over(a, 1.0) is None, "whatever memory holds at first"
-    assert trace.over(b, 1.0) == a.union(b)
-    assert trace.over(b, 1.0) == b
-    assert trace.over(b, 2.0) is None, "another background"
-    assert trace.over(None, 2.0) is None
-    assert trace.over(a, 2.0) is None
-    assert trace.over(EMPTY, 2.0) == a
+
+    def covered(window: Window | None, background: float) -> Window | None:
+        with trace.over(window, background) as over:
+            return over
+
+    assert covered(a, 1.0) is None, "whatever memory holds at first"
+    assert covered(b, 1.0) == a.union(b)
+    assert covered(b, 1.0) == b
+    assert covered(b, 2.0) is None, "another background"
+    assert covered(None, 2.0) is None
+    assert covered(a, 2.0) is None
+    assert covered(EMPTY, 2.0) == a
+
+
+def test_after_a_run_that_raised_all_is_covered() -> None:
+    a, trace = Window(0, 0, 2, 2), Trace()
+    with trace.over(a):
+        pass
+    with pytest.raises(KeyboardInterrupt), trace.over(a):
+        raise KeyboardInterrupt
+    with trace.over(a) as over:
+        assert over is None
+    with trace.over(a) as over:
+        assert over == a
 
 
 def test_one_pixel_stands_for_all_beyond_a_window(rng: np.random.Generator) -> None:

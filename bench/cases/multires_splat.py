@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.multires_published import MultiresPublished
 from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
@@ -47,28 +48,10 @@ class MultiresByError(Own):
             vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
             light_error=self.light_share * few, coarsest=self.coarsest,
         )
-        maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
         technique = MultiresSplat(context.runtime, context.size, params)
-        pixels = context.size[0] * context.size[1]
-
-        def image() -> NDArray[np.float32]:
-            return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
-
-        off = image() - all_lights(context, maps, params.vpls)
-        share = sum(technique.grid.counts().values()) / pixels
-        truths: dict[str, Callable[[], Truth]] = {
-            "world": context.bounce,
-            "assumption": context.unblocked_bounce,
-        }
-        return Subject(
-            run=image,
-            image=image,
-            quantity="bounce",
-            moved=pixels * PIXEL_BYTES,
-            truths=truths,
-            counted=counted(view),
-            note=f"{params.vpls} lights; {100 * share:.1f} % of the pixels computed; off all "
-            f"lights at all pixels by {relative_rmse(off, image()):.2f} % of the mean (RMSE)",
+        return few_pixels_subject(
+            context, technique, params.vpls, params.refine,
+            lambda: f"{share_of(context, technique.grid.counts().values())} of the pixels computed",
         )
 
 
@@ -103,7 +86,6 @@ class MultiresWalls(Own):
             )
 
         image()
-        share = sum(technique.grid.counts().values()) / pixels
         return Subject(
             run=image,
             image=image,
@@ -111,13 +93,56 @@ class MultiresWalls(Own):
             moved=pixels * PIXEL_BYTES,
             truths={"world": context.bounce},
             counted=counted(view),
-            note=f"{100 * share:.1f} % of the pixels computed",
+            note=f"{share_of(context, technique.grid.counts().values())} of the pixels computed",
         )
 
 
-def all_lights(context: Context, maps: DrawnMaps, count: int) -> NDArray[np.float32]:
+def few_pixels_subject(
+    context: Context, technique: MultiresSplat | MultiresPublished, lights: int, refine: float,
+    computed: Callable[[], str],
+) -> Subject:
+    """Return a technique without visibility that computes few pixels as a subject.
+
+    Args:
+        context: the scene and its view.
+        technique: prepared.
+        lights: how many.
+        refine: of `VplSplatParams`, for the light of all lights at all pixels.
+        computed: says at how many pixels the light was computed, once it was.
+    """
+    maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
+
+    def image() -> NDArray[np.float32]:
+        return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
+
+    found = image()
+    off = relative_rmse(found - all_lights(context, maps, lights, refine), found)
+    truths: dict[str, Callable[[], Truth]] = {
+        "world": context.bounce,
+        "assumption": context.unblocked_bounce,
+    }
+    return Subject(
+        run=image,
+        image=image,
+        quantity="bounce",
+        moved=context.size[0] * context.size[1] * PIXEL_BYTES,
+        truths=truths,
+        counted=counted(view),
+        note=f"{lights} lights; {computed()}; off all lights at all pixels by {off:.2f} % of the "
+        "mean (RMSE)",
+    )
+
+
+def share_of(context: Context, counts: Iterable[int]) -> str:
+    """Return a sum of counts of pixels in per cent of the image."""
+    return f"{100 * sum(counts) / (context.size[0] * context.size[1]):.1f} %"
+
+
+def all_lights(
+    context: Context, maps: DrawnMaps, count: int, refine: float
+) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
-    params = VplSplatParams(vpls=count, cutoff=0.0, refine=0.0)
+    params = VplSplatParams(vpls=count, cutoff=0.0, refine=refine)
     technique = VplSplat(context.runtime, context.size, params)
     return lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
 

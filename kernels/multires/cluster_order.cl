@@ -5,7 +5,7 @@
 // surfaces. Sorted by the axis that is nearest to their normal, and along the curve within one
 // axis, runs of them seldom mix surfaces; in scenes of many small surfaces that is worth a factor of
 // ten in the error of the runs.
-// Reads:   lights   [segments][params.stride][TREE_RECORD], see vpl/vpl_splat.cl
+// Reads:   lights   [segments][params.span][TREE_RECORD], see vpl/vpl_splat.cl
 // Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
 //          bounds   [segments][tree_first_bound(params.stride, 4)] likewise
 // Params:  lights of all segments: total; VplParams of the first segment
@@ -34,7 +34,7 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
         return;
     }
     const int count = min(total - segment * stride, stride);
-    lights += segment * stride * TREE_RECORD;
+    lights += segment * params.span * TREE_RECORD;
     records += segment * tree_first(stride, 4) * TREE_RECORD;
     bounds += segment * tree_first_bound(stride, 4);
     int place[6] = {0, 0, 0, 0, 0, 0};
@@ -58,6 +58,7 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
         for (int j = 0; j < TREE_RECORD; ++j) {
             records[to * TREE_RECORD + j] = i < count ? light[j] : 0.0f;
         }
+        records[to * TREE_RECORD + TREE_NUMBER] = (float)i;
         for (int j = 0; j < 3; ++j) {
             bounds[j * stride + to] = i < count ? light[j] : 0.0f;
             bounds[(3 + j) * stride + to] = i < count ? light[4 + j] : 0.0f;

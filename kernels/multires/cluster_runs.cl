@@ -63,22 +63,25 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
     for (int j = 0; j < 7; ++j) {
         mean[j] *= scale;
     }
-    float spread = 0.0f, turn = 0.0f, least = INFINITY;
-    int nearest = first;
+    float spread = 0.0f, turn = 0.0f;
+    // The light before which a fraction of the run's flux lies: of a golden-ratio sequence, so that
+    // over all runs visibility is sampled in proportion to flux. The light nearest to the mean would
+    // see more than the others where a surface ends.
+    const float golden = ((float)run + 0.5f) * 0.618034f;
+    float left = (golden - floor(golden)) * weight;
+    int target = -1;
     for (int i = first; i < end; ++i) {
         __global const float *light = records + i * TREE_RECORD;
         const float own =
             0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
-        float squared = 0.0f;
         for (int j = 0; j < 3; ++j) {
             const float off = light[j] - mean[j];
             const float bent = light[4 + j] - mean[4 + j];
-            squared += off * off;
             spread += own * off * off;
             turn += own * bent * bent;
         }
-        nearest = squared < least ? i : nearest;
-        least = min(squared, least);
+        target = target < 0 && left < own ? i : target;
+        left -= own;
     }
     bound[TREE_DEVIATION] = sqrt(spread * scale);
     bound[TREE_TURN] = sqrt(turn * scale);
@@ -95,5 +98,5 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
     for (int j = 0; j < TREE_RECORD; ++j) {
         own[j] = j < 7 ? mean[j] : j >= 8 && j < 11 ? flux[j - 8] : 0.0f;
     }
-    own[TREE_NEAREST] = (float)nearest;
+    own[TREE_TARGET] = (float)(target < 0 ? max(end - 1, first) : target);
 }

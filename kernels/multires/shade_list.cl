@@ -6,13 +6,15 @@
 //          samples  as cut_lists keeps them
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
+//          lights   [segments][params.span][TREE_RECORD] of which the parts; with SHADE_PARTS alone
 //          grid, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
 //          shares   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
 //          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
-//          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3)
+//          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3),
+//          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
 // Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, some 20
@@ -25,8 +27,8 @@
 #include "vpl/light.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_SIGHT) ||     \
-    !defined(VPL_GRID) || !defined(SHADE_LINE)
-#error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS and _LINE must be defined"
+    !defined(VPL_GRID) || !defined(SHADE_LINE) || !defined(SHADE_PARTS)
+#error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS, _LINE and _PARTS must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -34,8 +36,8 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_SIGHT
-// Record whose light nearest to the mean a record's shadow ray goes to: the run of 4^SHADE_LINE
-// lights that it belongs to, or itself where it is a longer one.
+// Record whose target a record's shadow ray goes to: the run of 4^SHADE_LINE lights that it belongs
+// to, or itself where it is a longer one.
 static inline int shade_run(const int record, const int stride)
 {
     int level = 0;
@@ -48,21 +50,40 @@ static inline int shade_run(const int record, const int stride)
                                       2 * (SHADE_LINE - level));
 }
 
-// Where a shadow ray to a run ends: at the light nearest to its mean, lifted off its surface. The
-// mean itself may be inside of something.
+// Where a shadow ray to a run ends: at one of its lights, lifted off its surface. The mean of them
+// may be inside of something.
 static inline VplCell shade_end(__global const float *restrict records, const int run,
                                 __global const float *restrict grid_box, const VplParams params)
 {
     __global const float *restrict light =
-        records + (int)records[run * TREE_RECORD + TREE_NEAREST] * TREE_RECORD;
+        records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
     return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                     v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
+}
+#endif
+
+#if SHADE_PARTS
+// Adds a share of the light of 16 parts to `sum`.
+static inline void shade_parts(__global const float *restrict parts, const vfloat share,
+                               const VplReceiver at, const VplParams params, vfloat sum[3])
+{
+    for (int i = 0; i < 16; ++i) {
+        __global const float *restrict light = parts + i * TREE_RECORD;
+        const vfloat w = vpl_weight(light, at, params) * share;
+#pragma unroll
+        for (int j = 0; j < 3; ++j) {
+            sum[j] = v_fma(w, v_splat(light[8 + j]), sum[j]);
+        }
+    }
 }
 #endif
 
 __kernel void shade_list(__global const int *restrict list, __global const float *restrict samples,
                          __global const float *restrict records,
                          __global const int *restrict lists, __global const int *restrict counts,
+#if SHADE_PARTS
+                         __global const float *restrict lights,
+#endif
 #if VPL_SIGHT
                          __global const int *restrict grid, __global const float *restrict grid_box,
 #endif
@@ -72,6 +93,9 @@ __kernel void shade_list(__global const int *restrict list, __global const float
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
     records += params.segment * tree_first(params.stride, 4) * TREE_RECORD;
+#if SHADE_PARTS
+    lights += (params.segment * params.span + params.stride) * TREE_RECORD;
+#endif
     const int pieces = min(cut.groups * SHADE_PIECES,
                            (listed + SHADE_PIECE - 1) / SHADE_PIECE - cut.first * SHADE_PIECES);
     for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
@@ -99,7 +123,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #endif
         cut_ask_values(shares, values, list, start, start + SHADE_PIECE, size);
         const int count = counts[group];
-        __global const int *restrict lights = lists + group * params.room;
+        __global const int *restrict chosen = lists + group * params.room;
         for (int block = 0; block < count; block += SHADE_BLOCK) {
             const int end = min(block + SHADE_BLOCK, count);
             vfloat part[SHADE_ROWS][3];
@@ -108,9 +132,9 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 part[r][0] = part[r][1] = part[r][2] = zero;
             }
             for (int i = block; i < end; ++i) {
-                __global const float *restrict light = records + lights[i] * TREE_RECORD;
+                __global const float *restrict light = records + chosen[i] * TREE_RECORD;
 #if VPL_SIGHT
-                const int run = shade_run(lights[i], params.stride);
+                const int run = shade_run(chosen[i], params.stride);
                 if (run != latest) {
                     latest = run;
                     const VplCell end_cell = shade_end(records, run, grid_box, params);
@@ -123,9 +147,22 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #pragma unroll
                 for (int r = 0; r < SHADE_ROWS; ++r) {
 #if VPL_SIGHT
-                    const vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
+                    vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
 #else
-                    const vfloat w = vpl_weight(light, at[r], params);
+                    vfloat w = vpl_weight(light, at[r], params);
+#endif
+#if SHADE_PARTS
+                    if (chosen[i] < params.stride) {
+                        vfloat near = vpl_parts_share(light, at[r], params);
+#if VPL_SIGHT
+                        near = v_select(zero, near, open[r]);
+#endif
+                        w = v_fma(-near, w, w);
+                        if (v_any(v_gt(near, zero))) {
+                            shade_parts(lights + 16 * (int)light[TREE_NUMBER] * TREE_RECORD, near,
+                                        at[r], params, part[r]);
+                        }
+                    }
 #endif
 #pragma unroll
                     for (int j = 0; j < 3; ++j) {

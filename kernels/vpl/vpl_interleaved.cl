@@ -4,8 +4,8 @@
 //
 // Method:  Keller and Heidrich 2001, "Interleaved Sampling"; Segovia et al. 2006, "Non-interleaved
 //          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours on
-//          the reflective shadow map share a line of sight to one of them, which is followed
-//          through the grid of vpl_occupy.
+//          the reflective shadow map share a shadow ray to one of them, chosen in proportion to
+//          flux, which is followed through the grid of vpl_occupy.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
@@ -35,6 +35,19 @@
 #define VPL_PIECES (16 / SSGI_LANES)
 
 #if VPL_SIGHT
+// In (0, 1), of a subset of a tile and a group of its lights: an additive recurrence (Roberts 2018,
+// the R2 sequence), so that any few neighbours have numbers that are spread evenly.
+static inline float vpl_number(const int x, const int y, const int group)
+{
+    const int number = (x * 12368 + y * 9336 + group * 10125) & 0x3fff; // of 2^14
+    return ((float)number + 0.5f) * (1.0f / 16384.0f);
+}
+
+static inline float vpl_luminous(__global const float *restrict light)
+{
+    return 0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10];
+}
+
 // Whether a light is hidden from lanes that want to know.
 static inline vmask vpl_hidden(__global const int *restrict grid,
                                __global const float *restrict grid_box, const VplCell start,
@@ -48,12 +61,37 @@ static inline vmask vpl_hidden(__global const int *restrict grid,
 }
 #endif
 
-#if VPL_PARTS
+#if VPL_SIGHT || VPL_PARTS
 // Part `subset` of light segment * params.span + number.
 static inline int vpl_part(const int light, const int subset, const VplParams params)
 {
     const int number = light % params.span;
     return light + 15 * number + params.stride + subset;
+}
+#endif
+
+#if VPL_SIGHT
+// The light of a list that a group's shadow ray goes to: each with a probability in proportion to
+// its flux. If all were alike, those would be favoured that have little: where light reaches the
+// image there are many of them. `part` (>= 0): the lights' parts of that number.
+static inline __global const float *vpl_target(__global const float *restrict lights,
+                                               __global const int *restrict list, const int count,
+                                               const float number, const int part,
+                                               const VplParams params)
+{
+    float all = 0.0f;
+    for (int i = 0; i < count; ++i) {
+        const int light = part < 0 ? list[i] : vpl_part(list[i], part, params);
+        all += vpl_luminous(lights + light * VPL_FLOATS);
+    }
+    __global const float *target = lights;
+    float left = all * number;
+    for (int i = 0; i < count && left >= 0.0f; ++i) {
+        const int light = part < 0 ? list[i] : vpl_part(list[i], part, params);
+        target = lights + light * VPL_FLOATS;
+        left -= vpl_luminous(target);
+    }
+    return target;
 }
 #endif
 
@@ -91,6 +129,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
     const vfloat zero = v_splat(0.0f);
 #if VPL_SIGHT
     const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, params);
+    const int pattern_x = tile_x * 4 + (subset & 3), pattern_y = tile_y * 4 + (subset >> 2);
 #endif
     vfloat sum[3] = {zero, zero, zero};
 #if VPL_PARTS
@@ -116,9 +155,9 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
             continue;
         }
 #if VPL_SIGHT
-        const int chosen = near_list[first + (subset * 7 + 3) % 16 * (end - first) / 16];
+        const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
-            all_lights + vpl_part(chosen, subset, params) * VPL_FLOATS;
+            vpl_target(all_lights, near_list + first, end - first, fraction, subset, params);
         const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
 #else
         const vmask open = wanted;
@@ -150,9 +189,9 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         if (!v_any(wanted)) {
             continue;
         }
-        // Another light of each piece for each pixel of 4 x 4.
+        const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
-            lights + list[first + (subset * 7 + 3) % 16 * (end - first) / 16] * VPL_FLOATS;
+            vpl_target(lights, list + first, end - first, fraction, -1, params);
         const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);

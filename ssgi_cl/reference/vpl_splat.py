@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Doubles = NDArray[np.float64]
 
 PARTS = 16
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB (ITU-R BT.709)."""
 """Of a light: as many as tiles of 4 x 4 pixels have subsets."""
 SHARPEST = 1000.0
 """Greatest exponent of a lobe."""
@@ -94,7 +96,8 @@ def vpl_sight_reference(
     Args:
         gbuffer: what the camera sees.
         vpls: the lights.
-        params: of which `share` says how many neighbours of a list share a line of sight.
+        params: of which `share` says how many neighbours of a list share a shadow ray, whose target
+            is one of them with a probability in proportion to its flux.
         lists: [tile rows, tile columns, 16] arrays: which lights a tile's subset looks at.
         hidden: whether something stands between.
     """
@@ -109,14 +112,29 @@ def vpl_sight_reference(
         lights = lists[row, column, s]
         for first in range(0, len(lights), params.share):
             group = lights[first : first + params.share]
-            target = group[(s * 7 + 3) % 16 * len(group) // 16]
+            weights = np.stack(
+                [form_factor(point[own], normal[own], vpls, i, params) for i in group]
+            )
+            flux = vpls.flux[group]
+            before = np.cumsum(flux @ LUMINANCE)
+            x, y = 4 * column + s % 4, 4 * row + s // 4
+            wanted = share_number(x, y, first // params.share) * before[-1]
+            target = group[min(np.searchsorted(before, wanted, side="right"), len(group) - 1)]
             blocked = hidden(point[own], normal[own], vpls.position[target], vpls.normal[target])
-            for light in group:
-                weight = form_factor(point[own], normal[own], vpls, light, params)
-                total[own] += np.where(blocked, 0.0, weight)[:, None] * vpls.flux[light]
+            total[own] += np.where(blocked, 0.0, weights).T @ flux
     result = np.zeros((*seen.shape, 3))
     result[seen] = 16.0 * total
     return result
+
+
+def share_number(x: int, y: int, group: int) -> float:
+    """Return where in (0, 1) of a group's flux the target of its shadow ray is.
+
+    Args:
+        x, y: number of the tile's subset, of 4 a tile along each side.
+        group: number of the group in the subset's list.
+    """
+    return ((x * 12368 + y * 9336 + group * 10125) % 2**14 + 0.5) / 2.0**14
 
 
 def form_factor(

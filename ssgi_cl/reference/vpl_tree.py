@@ -19,6 +19,8 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
+PARTS = 16
+GOLDEN = 0.618034
 AXES = (1.0, 0.94, 1.13)
 """How the axes are weighed in kernels/multires/cluster_order.cl."""
 
@@ -64,6 +66,7 @@ class VplTreeReference:
         axis = np.argmax(np.abs(normal) * AXES, axis=1)
         positive = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] > 0.0
         self.order = order = np.argsort(2 * axis + positive, kind="stable")
+        self._parts, self._to_view = vpls.parts, camera.view
         self.count = count = len(vpls)
         stride = -(-count // 16) * 16
         sizes = (stride, stride // 4, stride // 16, -(-stride // 64))
@@ -71,7 +74,7 @@ class VplTreeReference:
         self.position = np.zeros((sum(sizes), 3))
         self.normal, self.flux = np.zeros((2, sum(sizes), 3))
         self.area, self.deviation, self.turn = np.zeros((3, sum(sizes)))
-        self.nearest = np.zeros(sum(sizes), np.intp)
+        self.target = np.zeros(sum(sizes), np.intp)
         self._low, self._high, self._normal_low, self._normal_high = np.zeros((4, sum(sizes), 3))
         own = (position[order], normal[order], vpls.flux[order], vpls.area[order])
         for level, (start, size) in enumerate(zip(self.first, sizes, strict=True)):
@@ -79,8 +82,10 @@ class VplTreeReference:
                 lights = slice(run * 4**level, min((run + 1) * 4**level, count))
                 if lights.start < lights.stop:
                     self._make(start + run, *(values[lights] for values in own))
-                    off = self.position[lights] - self.position[start + run]
-                    self.nearest[start + run] = lights.start + np.sum(off**2, axis=1).argmin()
+                    flux = np.cumsum(self.flux[lights] @ LUMINANCE)
+                    wanted = (run + 0.5) * GOLDEN % 1.0 * flux[-1]
+                    found = int(np.searchsorted(flux, wanted, side="right"))
+                    self.target[start + run] = lights.start + min(found, len(flux) - 1)
 
     def _make(
         self, record: int, position: Doubles, normal: Doubles, flux: Doubles, area: Doubles
@@ -140,28 +145,52 @@ class VplTreeReference:
 
     def irradiance(
         self, records: Numbers, point: Doubles, normal: Doubles,
-        walls: SightGridReference | None = None, share: int = 16,
+        walls: SightGridReference | None = None, share: int = 16, refine: float = 0.0,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
+        From a distance of sqrt(refine A) to half of that, lights with parts give way to them; runs
+        of lights don't.
         What belongs to a run of `share` lights, 4, 16 or 64, shares a shadow ray to its light
-        nearest to the mean, which itself may be inside of something. A longer run has its own.
+        before which a fraction of its flux lies, of a golden-ratio sequence over the runs. A longer
+        run has its own.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
         received = np.maximum(np.sum(way * normal[:, None], axis=-1), 0.0)
         emitted = np.maximum(-np.sum(way * self.normal[records], axis=-1), 0.0)
         weight = received * emitted / (squared * (math.pi * squared + self.area[records]))
+        visible = np.ones(weight.shape)
         if walls is not None:
             level = np.searchsorted(self.first, records, side="right") - 1
             line = np.maximum(level, round(math.log(share, 4)))
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):
-                end = self.nearest[run]
+                end = self.target[run]
                 hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
-                weight[np.ix_(hidden, runs == run)] = 0.0
-        result: Doubles = weight @ self.flux[records]
+                visible[np.ix_(hidden, runs == run)] = 0.0
+        near = np.zeros(weight.shape)
+        if self._parts is not None and refine > 0.0:
+            lost = 4.0 / 3.0 * (1.0 - squared / (refine * self.area[records]))
+            near = np.where(records < self.count, np.clip(lost, 0.0, 1.0), 0.0) * visible
+        result: Doubles = (weight * (visible - near)) @ self.flux[records]
+        for column in np.flatnonzero(near.any(axis=0)):
+            shining = self._of_parts(int(self.order[records[column]]), point, normal)
+            result += near[:, column, None] * shining
+        return result
+
+    def _of_parts(self, light: int, point: Doubles, normal: Doubles) -> Doubles:
+        """Return irradiance [samples, 3] by the parts of a light."""
+        parts = self._parts
+        assert parts is not None  # noqa: S101  `irradiance` saw to it
+        own, turn = slice(PARTS * light, PARTS * (light + 1)), self._to_view[:3, :3]
+        way = parts.position[own] @ turn.T + self._to_view[:3, 3] - point[:, None]
+        squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
+        received = np.maximum(np.sum(way * normal[:, None], axis=-1), 0.0)
+        emitted = np.maximum(-np.sum(way * (parts.normal[own] @ turn.T), axis=-1), 0.0)
+        weight = received * emitted / (squared * (math.pi * squared + parts.area[own]))
+        result: Doubles = weight @ parts.flux[own]
         return result
 
 

@@ -13,7 +13,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.tiles import TILE, OpenTiles, tile_values
 from ssgi_cl.window import Trace, Window
@@ -138,20 +138,22 @@ class Bilateral:
             for shape in self._shapes:
                 out = self._planes[0] if value is not self._planes[0] else self._planes[1]
                 rows, columns = self.size
-                self._kernels[shape].run(
-                    f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
-                    self.size,
-                    reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
-                    writes=[out],
-                    values=[gbuffer.camera_struct, packed],
-                    grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
-                    window=self._traces[self._planes.index(out)].over(window),
-                    cell=(self._rows[shape], lanes),
-                )
+                with self._traces[self._planes.index(out)].over(window) as over:
+                    self._kernels[shape].run(
+                        f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
+                        self.size,
+                        reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
+                        writes=[out],
+                        values=[gbuffer.camera_struct, packed],
+                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
+                        window=over,
+                        cell=(self._rows[shape], lanes),
+                    )
                 value = out
         return value
 
 
+@serialised
 def bilateral_blur(
     image: ArrayLike,
     gbuffer: GBuffer | DeviceGBuffer,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.params import param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
@@ -108,6 +108,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
         return {"thickness": self.params.thickness, "slack": self.params.slack}
 
 
+@serialised
 def bitmask_ao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: float = 0.5,

@@ -16,7 +16,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.techniques.bent_normals import BentNormals
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 from ssgi_cl.tiles import OpenTiles
@@ -140,6 +140,7 @@ def gtao(
     runtime: Runtime | None = ...,
     **params: Any,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@serialised
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: float = 0.5,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.params import param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, made_for
 
 
@@ -60,6 +60,7 @@ class Hbao(SliceTechnique[HbaoParams]):
         }
 
 
+@serialised
 def hbao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: float = 0.5,

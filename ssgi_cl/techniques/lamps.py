@@ -82,9 +82,9 @@ class Lamps:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
         if not lit:
             return None
-        window = self._trace.over(gbuffer.seen)
-        for number, (light, shadow) in enumerate(lit):
-            self.light(gbuffer, light, shadow, add=number > 0, window=window)
+        with self._trace.over(gbuffer.seen) as window:
+            for number, (light, shadow) in enumerate(lit):
+                self.light(gbuffer, light, shadow, add=number > 0, window=window)
         return self.irradiance
 
     def light(

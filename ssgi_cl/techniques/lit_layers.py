@@ -233,18 +233,19 @@ class LitLayers:
             "open_columns": columns,
             "open_rows": rows,
         }
-        kernel.run(
-            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
-            + (" back" if layer.facing < 0.0 else ""),
-            self.whole,
-            reads=[
-                layer.depth, layer.normal, layer.albedo, layer.emission,
-                lamps or self._nothing, openness or self._nothing, self._ambient.irradiance,
-            ],
-            writes=[to.array if isinstance(to, SenderRecords) else to],
-            values=[LIT.pack(values)],
-            window=self._traces[image, records].over(layer.window),
-        )
+        with self._traces[image, records].over(layer.window) as over:
+            kernel.run(
+                "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
+                + (" back" if layer.facing < 0.0 else ""),
+                self.whole,
+                reads=[
+                    layer.depth, layer.normal, layer.albedo, layer.emission,
+                    lamps or self._nothing, openness or self._nothing, self._ambient.irradiance,
+                ],
+                writes=[to.array if isinstance(to, SenderRecords) else to],
+                values=[LIT.pack(values)],
+                window=over,
+            )
 
 
 def _macros(

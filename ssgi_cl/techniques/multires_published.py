@@ -19,6 +19,7 @@ from ssgi_cl.params import Params, param
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.multires_grid import TILE, Level, int2
+from ssgi_cl.techniques.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.vpl_tree import CPU_ITEMS
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
@@ -96,7 +97,7 @@ class MultiresPublished:
         self._variation = [runtime.plane(IMAGES, own, EMPTY) for own in sizes]
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
-        self._dark: Plane | None = None
+        self._no_light = NoLight(runtime, size, self.name)
         folder = "multires_published/subsplat_"
         self._vary, self._mip = (
             runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip")
@@ -122,16 +123,9 @@ class MultiresPublished:
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        camera = gbuffer.camera
-        if camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera = camera_of(gbuffer, self.size)
         if not (rsms if vpls is None else vpls):
-            self.runtime.skip(self.name, "no light")
-            if self._dark is None:
-                self._dark = self.runtime.plane(3, self.size)
-            return self._dark
+            return self._no_light.skipped()
         self._find_subsplats(gbuffer)  # the device has work while the host packs the lights
         if vpls is None:
             self._chooser.place(rsms, camera, kinds=1)

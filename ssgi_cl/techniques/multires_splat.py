@@ -18,7 +18,7 @@ from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
@@ -27,10 +27,13 @@ from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl_light import (
     NEARS,
+    NoLight,
     VplParams,
+    camera_of,
     cutoff_param,
     importance_param,
     lit_by_maps,
+    refine_param,
 )
 from ssgi_cl.techniques.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl_tree import SHARES, VplTree
@@ -55,6 +58,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         unit="of the mean irradiance", low=0.0, high=1e6,
     )
     cutoff: float = cutoff_param(0.0)
+    refine: float = refine_param()
     visibility: bool = param(
         False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
         "is given, else what the camera and the lights see; an "
@@ -102,7 +106,7 @@ class MultiresSplat:
         self.size = size
         self.params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
-        self._lights = DeviceVpls(runtime, params.vpls)
+        self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,))
         self._walls = (
             SightGrid(runtime, params.grid, size) if params.visibility else None
@@ -115,7 +119,7 @@ class MultiresSplat:
         )
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
-        self._dark: Plane | None = None
+        self._no_light = NoLight(runtime, size, self.name)
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
@@ -134,16 +138,9 @@ class MultiresSplat:
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        camera = gbuffer.camera
-        if camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera = camera_of(gbuffer, self.size)
         if not (rsms if vpls is None else vpls):
-            self.runtime.skip(self.name, "no light")
-            if self._dark is None:
-                self._dark = self.runtime.plane(3, self.size)
-            return self._dark
+            return self._no_light.skipped()
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights
@@ -157,7 +154,7 @@ class MultiresSplat:
                 importance = self._importance.run(gbuffer, curve, self._walls, packed)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance)
         tree.update()
-        values = {"cut": params.cut(self._lights.unit)}
+        values = {"cut": params.cut(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(
@@ -210,6 +207,7 @@ METHODS = {
 """The first is the default."""
 
 
+@serialised
 def multires_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
@@ -224,12 +222,12 @@ def multires_splat(
     """Compute irradiance by one diffuse bounce, from virtual point lights, where it is not smooth.
 
     Pixels in between are interpolated. After Nichols and Wyman 2009, "Multiresolution Splatting for
-    Indirect Illumination"; with `cutoff=0` and `refine=0`, `vpl_splat` gives what it is close to.
+    Indirect Illumination"; with `cutoff=0`, `vpl_splat` gives what it is close to.
 
     Departs, with method "adaptive": where to compute is decided by the light's differences, to an
     error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
-    walls may block light. Method "published" is as published: a min-max mipmap of depth and normals
-    decides, see `MultiresPublishedParams`.
+    lights give way to their parts near by; walls may block light. Method "published" is as
+    published: a min-max mipmap of depth and normals decides, see `MultiresPublishedParams`.
 
     Args:
         gbuffer: what the camera sees.

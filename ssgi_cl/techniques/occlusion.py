@@ -112,7 +112,8 @@ class OcclusionTechnique(ABC):
             self._reduced.update(gbuffer)
             source = self._reduced
         window = gbuffer.seen_every(self._step)
-        self._occlude(gbuffer, source, tiles, layers, self._trace.over(window))
+        with self._trace.over(window) as over:
+            self._occlude(gbuffer, source, tiles, layers, over)
         result = self._openness
         if self._blur_first:
             result = self._blur.run(

@@ -16,7 +16,7 @@ from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.rsm_maps import MapSampling
@@ -131,6 +131,7 @@ METHODS = {
 """The first is the default."""
 
 
+@serialised
 def rsm_gather(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],

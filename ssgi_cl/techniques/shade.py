@@ -12,7 +12,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import DeviceArray, Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.ambient import Ambient
 from ssgi_cl.techniques.lamps import BRIGHTEST, Lamps, ShadowMap
@@ -124,18 +124,19 @@ class Shade:
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
         }
-        kernel.run(
-            "combine",
-            self.size,
-            reads=[
-                gbuffer.linear, gbuffer.normal, gbuffer.albedo, gbuffer.emission,
-                lit or self._nothing, openness or self._nothing, indirect or self._nothing,
-                self._ambient.irradiance, self._sky,
-            ],
-            writes=[self._radiance],
-            values=[gbuffer.camera_struct, COMBINE.pack(values)],
-            window=self._trace.over(self.seen(gbuffer), self._background),
-        )
+        with self._trace.over(self.seen(gbuffer), self._background) as over:
+            kernel.run(
+                "combine",
+                self.size,
+                reads=[
+                    gbuffer.linear, gbuffer.normal, gbuffer.albedo, gbuffer.emission,
+                    lit or self._nothing, openness or self._nothing, indirect or self._nothing,
+                    self._ambient.irradiance, self._sky,
+                ],
+                writes=[self._radiance],
+                values=[gbuffer.camera_struct, COMBINE.pack(values)],
+                window=over,
+            )
         return self._radiance
 
     def seen(self, gbuffer: DeviceGBuffer) -> Window | None:
@@ -152,6 +153,7 @@ class Shade:
         self._background = tuple(sky.ravel().tolist()) if sky.size == 3 else None
 
 
+@serialised
 def shade(
     gbuffer: GBuffer | DeviceGBuffer,
     lights: Sequence[Light],

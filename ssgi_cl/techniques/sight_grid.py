@@ -126,7 +126,7 @@ class SightGrid:
         """Queue the pass that marks the triangles of a scene."""
         # In float64: origin and camera may be far from the world's and near each other.
         turn, shift = camera.view[:3, :3], camera.view[:3, 3]
-        from_scene = per_unit * np.column_stack([turn, turn @ scene.scene.origin + shift])
+        from_scene = per_unit * np.column_stack([turn, turn @ scene.origin + shift])
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
         self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(

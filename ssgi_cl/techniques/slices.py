@@ -244,18 +244,19 @@ class SliceScan:
                 count + thick, self.sorted_size, 0.0 if perspective else math.inf
             )
         near = self._near[key]
-        kernel.run(
-            "near",
-            near.size,
-            reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
-            writes=[near],
-            values=[
-                *self._places(gbuffer.depth),
-                np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
-                gbuffer.camera_struct,
-            ],
-            window=self._traces[key].over(self._rows_of(gbuffer.window)),
-        )
+        with self._traces[key].over(self._rows_of(gbuffer.window)) as over:
+            kernel.run(
+                "near",
+                near.size,
+                reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
+                writes=[near],
+                values=[
+                    *self._places(gbuffer.depth),
+                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                    gbuffer.camera_struct,
+                ],
+                window=over,
+            )
         return near
 
     def _rows_of(self, window: Window | None) -> Window | None:
@@ -278,11 +279,12 @@ class SliceScan:
         if count not in self._sorted:
             self._sorted[count] = self._array(count)
         kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
-        kernel.run(
-            name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
-            values=self._places(images),
-            window=self._traces["sorted", count].over(self._rows_of(window)),
-        )
+        with self._traces["sorted", count].over(self._rows_of(window)) as over:
+            kernel.run(
+                name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
+                values=self._places(images),
+                window=over,
+            )
         return self._sorted[count]
 
     def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
@@ -294,16 +296,17 @@ class SliceScan:
             {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
             (CAMERA,),
         )
-        kernel.run(
-            "slopes", self.sorted_size, reads=[gbuffer.depth, gbuffer.normal],
-            writes=[self._slopes],
-            values=[
-                *self._places(gbuffer.depth),
-                np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
-                gbuffer.camera_struct,
-            ],
-            window=self._traces["slopes"].over(self._rows_of(gbuffer.window)),
-        )
+        with self._traces["slopes"].over(self._rows_of(gbuffer.window)) as over:
+            kernel.run(
+                "slopes", self.sorted_size, reads=[gbuffer.depth, gbuffer.normal],
+                writes=[self._slopes],
+                values=[
+                    *self._places(gbuffer.depth),
+                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                    gbuffer.camera_struct,
+                ],
+                window=over,
+            )
         return self._slopes
 
     def _array(self, count: int) -> DeviceArray:

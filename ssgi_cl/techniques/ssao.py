@@ -16,7 +16,7 @@ from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Size
 from ssgi_cl.params import param
 from ssgi_cl.presets.choose import params_for
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.tiles import OpenTiles, Reach, tile_values
@@ -273,6 +273,7 @@ class Ssao(OcclusionTechnique):
         )
 
 
+@serialised
 def ssao(
     gbuffer: GBuffer | DeviceGBuffer,
     radius: ArrayLike = 0.5,

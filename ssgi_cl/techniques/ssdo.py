@@ -14,7 +14,7 @@ from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import Struct, floats
 from ssgi_cl.techniques.bent_normals import BentNormals
 from ssgi_cl.techniques.lamps import Lamps, ShadowMap
@@ -257,16 +257,18 @@ class Ssdo:
             "lamps_columns": lamps_margin[1],
             "lamps_rows": lamps_margin[0],
         }
-        kernel.run(
-            "ssdo split",
-            self.size,
-            reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
-            writes=[self._direct, self._bounce],
-            values=[SPLIT.pack(values)],
-            window=self._trace.over(gbuffer.seen, bounces),
-        )
+        with self._trace.over(gbuffer.seen, bounces) as over:
+            kernel.run(
+                "ssdo split",
+                self.size,
+                reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
+                writes=[self._direct, self._bounce],
+                values=[SPLIT.pack(values)],
+                window=over,
+            )
 
 
+@serialised
 def ssdo(
     gbuffer: GBuffer | DeviceGBuffer,
     lights: Sequence[Light],

@@ -172,19 +172,20 @@ class SsdoBitmask:
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
-        for strip in scan.strips(self._trace.over(window, light.count)):
-            kernel.run(
-                "ssdo_bitmask",
-                self.size,
-                reads=[
-                    near, source.normal, scan.table, slopes, lookup or self._nothing,
-                    sent or self._nothing, sides or self._nothing,
-                    self._no_tiles if tiles is None else tiles.bits,
-                ],
-                writes=[light, self.masks or self._nothing],
-                values=[source.camera_struct, *packed],
-                grid=scan.grid, window=strip, cell=(1, 1),
-            )
+        with self._trace.over(window, light.count) as over:
+            for strip in scan.strips(over):
+                kernel.run(
+                    "ssdo_bitmask",
+                    self.size,
+                    reads=[
+                        near, source.normal, scan.table, slopes, lookup or self._nothing,
+                        sent or self._nothing, sides or self._nothing,
+                        self._no_tiles if tiles is None else tiles.bits,
+                    ],
+                    writes=[light, self.masks or self._nothing],
+                    values=[source.camera_struct, *packed],
+                    grid=scan.grid, window=strip, cell=(1, 1),
+                )
         return light
 
     def reach(self, gbuffer: DeviceGBuffer, coarsest: int = 1) -> Reach | None:

@@ -269,11 +269,12 @@ class SsdoPoints:
     def _prepare(self, turn: NDArray[np.float64], image: NDArray[np.float64] | None) -> None:
         """Bring the directions to the device, unless those of this sky and camera are there."""
         if self._sets is None or image is not self._lit:
+            self._turn = None
             equal = self.params.method == "published"
             self._sets = direction_sets(self.params.samples, image, equal=equal)
             self._lit = image
-            self._turn = None
         if self._turn is None or not np.array_equal(turn, self._turn):
+            self._turn = None
             table = direction_table(self._sets, turn)
             self._directions.upload(table)
             if self.wide_directions is not None:

@@ -42,12 +42,13 @@ class Sides:
         kernel = self.runtime.kernel(
             "ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,)
         )
-        kernel.run(
-            "ssdo sides",
-            gbuffer.whole,
-            reads=[gbuffer.depth, gbuffer.normal, gbuffer.normal_world],
-            writes=[self._sides],
-            values=[VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
-            window=self._trace.over(gbuffer.window),
-        )
+        with self._trace.over(gbuffer.window) as over:
+            kernel.run(
+                "ssdo sides",
+                gbuffer.whole,
+                reads=[gbuffer.depth, gbuffer.normal, gbuffer.normal_world],
+                writes=[self._sides],
+                values=[VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
+                window=over,
+            )
         return self._sides

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
 from ssgi_cl.memory import Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.window import Window, copy_window
 
 CURVES = ("clip", "filmic")
@@ -88,6 +88,7 @@ def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
         return np.log(luminance)
 
 
+@serialised
 def tonemap(
     radiance: ArrayLike,
     *,

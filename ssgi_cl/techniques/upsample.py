@@ -14,7 +14,7 @@ from ssgi_cl import check
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import DeviceArray, Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.bilateral import BilateralParams
 from ssgi_cl.window import Trace, Window
@@ -96,12 +96,13 @@ class ReducedGBuffer:
         if window is not None:
             whole = self.whole[0] * self.step, self.whole[1] * self.step
             window = window.inside(whole, self.first).reduced(self.step)
-        self._kernels[coarse.count].run(
-            f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
-            values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
-                    np.float32(coarse.outside)],
-            window=self._traces[name].over(window),
-        )
+        with self._traces[name].over(window) as over:
+            self._kernels[coarse.count].run(
+                f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
+                values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
+                        np.float32(coarse.outside)],
+                window=over,
+            )
 
 
 class Upsample:
@@ -138,15 +139,16 @@ class Upsample:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         lanes = self.runtime.form.lanes
-        self._kernel.run(
-            "upsample",
-            self.size,
-            reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
-            writes=[self._fine],
-            values=[gbuffer.camera_struct, packed],
-            grid=(self.size[0], -(-coarse.size[1] // lanes)),
-            window=self._trace.over(gbuffer.seen), cell=(1, lanes * self.step),
-        )
+        with self._trace.over(gbuffer.seen) as over:
+            self._kernel.run(
+                "upsample",
+                self.size,
+                reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
+                writes=[self._fine],
+                values=[gbuffer.camera_struct, packed],
+                grid=(self.size[0], -(-coarse.size[1] // lanes)),
+                window=over, cell=(1, lanes * self.step),
+            )
         return self._fine
 
 
@@ -208,25 +210,27 @@ class UpsampleBlur:
         if seen is not None:
             coarse_rows = seen.reduced(self.step)
             wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
-        along_rows.run(
-            "blur rows",
-            self._rows.size,
-            reads=guides,
-            writes=[self._rows],
-            values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
-                    packed],
-            grid=(rows, -(-columns // self._lanes)),
-            window=self._traces[0].over(wide), cell=(1, self._lanes * self.step),
-        )
-        along_columns.run(
-            "blur columns",
-            self.size,
-            reads=[self._rows, *guides],
-            writes=[self._fine],
-            values=[gbuffer.camera_struct, packed],
-            grid=(rows, -(-self.size[1] // self._lanes)),
-            window=self._traces[1].over(seen), cell=(self.step, self._lanes),
-        )
+        with self._traces[0].over(wide) as over:
+            along_rows.run(
+                "blur rows",
+                self._rows.size,
+                reads=guides,
+                writes=[self._rows],
+                values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
+                        packed],
+                grid=(rows, -(-columns // self._lanes)),
+                window=over, cell=(1, self._lanes * self.step),
+            )
+        with self._traces[1].over(seen) as over:
+            along_columns.run(
+                "blur columns",
+                self.size,
+                reads=[self._rows, *guides],
+                writes=[self._fine],
+                values=[gbuffer.camera_struct, packed],
+                grid=(rows, -(-self.size[1] // self._lanes)),
+                window=over, cell=(self.step, self._lanes),
+            )
         return self._fine
 
 
@@ -244,6 +248,7 @@ def _packed(
     )
 
 
+@serialised
 def upsample(
     image: ArrayLike,
     gbuffer: GBuffer | DeviceGBuffer,

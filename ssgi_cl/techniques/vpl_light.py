@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device_rsm import DeviceRsm
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.memory import Plane, Size
 from ssgi_cl.params import Params, param
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import device_scene
@@ -41,6 +43,15 @@ def importance_param() -> Any:
     )
 
 
+def refine_param(more: str = "") -> Any:
+    """Declare the parameter `refine`; `more`: what else there is to say of it."""
+    about = (
+        "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that it "
+        f"is made of {more}"
+    )
+    return param(4.0, about.strip(), low=0.0, high=1e6)
+
+
 @dataclass(frozen=True, kw_only=True)
 class VplParams(Params):
     """Parameters of the lights, and of how far and how near they shine."""
@@ -59,6 +70,42 @@ class VplParams(Params):
         """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
         own = self.cutoff / (math.pi * self.unit_distance**2) * unit**2
         return min(max(own, LEAST_CUT), MOST_CUT) if own > 0.0 else 0.0
+
+
+def camera_of(gbuffer: DeviceGBuffer, size: Size) -> Camera:
+    """Return the camera of a G-buffer.
+
+    Raises:
+        ValueError: its size is not (rows, columns) `size`, or it is empty.
+    """
+    if gbuffer.size != size:
+        raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {size}")
+    if gbuffer.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    return gbuffer.camera
+
+
+class NoLight:
+    """The result of a technique to which no light is given: black, with a skipped pass.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns).
+        name: of the pass.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size, name: str) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.name = name
+        self._black: Plane | None = None
+
+    def skipped(self) -> Plane:
+        """Note that the pass is skipped; return a plane of 3 images that is 0, always the same."""
+        self.runtime.skip(self.name, "no light")
+        if self._black is None:
+            self._black = self.runtime.plane(3, self.size)
+        return self._black
 
 
 def lit_by_maps(

@@ -13,18 +13,25 @@ from numpy.typing import NDArray
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.device_vpls import NEAR_ROOM, VPL, DeviceVpls, VplChooser
+from ssgi_cl.device_vpls import NEAR_ROOM, ROOM, VPL, DeviceVpls, VplChooser
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.params import param
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.runtime import Runtime, serialised
 from ssgi_cl.structs import CAMERA
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sight_grid import SightGrid, check_grid, grid_param
 from ssgi_cl.techniques.view_importance import ViewImportance
-from ssgi_cl.techniques.vpl_light import NEARS, VplParams, importance_param, lit_by_maps
+from ssgi_cl.techniques.vpl_light import (
+    NEARS,
+    VplParams,
+    camera_of,
+    importance_param,
+    lit_by_maps,
+    refine_param,
+)
 from ssgi_cl.vpls import MOST_VPLS, Vpls
 
 TILE = 16
@@ -45,11 +52,7 @@ class VplSplatParams(VplParams):
     restore: bool = param(
         True, "put back what the cutoff leaves out, computed with a sixteenth of the lights"
     )
-    refine: float = param(
-        4.0, "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that "
-        "it is made of (of which an interleaved pixel takes one); only with `cull`",
-        low=0.0, high=1e6,
-    )
+    refine: float = refine_param("(of which an interleaved pixel takes one); only with `cull`")
     interleave: bool = param(
         False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out"
     )
@@ -103,7 +106,10 @@ class VplSplat:
         self.params = params = params or VplSplatParams()
         self._irradiance = runtime.plane(3, size)
         subsets = 16 if params.interleave else 1
-        self._lights = DeviceVpls(runtime, params.vpls, subsets, parts=params.parted)
+        listed = ROOM if params.parted and not params.interleave else 1
+        self._lights = DeviceVpls(
+            runtime, params.vpls, subsets, parts=params.parted, listed=listed
+        )
         self._coarse = DeviceVpls(runtime, -(-params.vpls // COARSER), subsets)
         self._chooser = VplChooser(runtime, (self._lights, self._coarse))
         self._glossy: tuple[DeviceVpls, ...] = ()
@@ -224,11 +230,7 @@ class VplSplat:
         coarse: bool,
     ) -> dict[str, float]:
         """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        camera = gbuffer.camera
-        if camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera = camera_of(gbuffer, self.size)
         params, lights = self.params, self._lights
         self._bring(camera, vpls, rsms, coarse=coarse)
         values = {
@@ -348,6 +350,7 @@ class VplSplat:
         )
 
 
+@serialised
 def vpl_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],

@@ -49,7 +49,8 @@ class VplTree:
 
     Args:
         runtime: the device.
-        lights: what the tree is made of; without parts and subsets.
+        lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
+            near by, they shine in place of a light that is listed.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
         walls: what blocks light; filled before `shine` is called.
         share: lights that share a shadow ray, one of `SHARES`.
@@ -91,7 +92,7 @@ class VplTree:
         }
         # Without walls the kernel does not look at the grid.
         macros |= walls.macros if walls else {"VPL_GRID": 32}
-        self._shade = runtime.kernel("multires/shade_list.cl", macros, (CAMERA, VPL, CUT))
+        self._macros = macros
 
     def reserve(self, most: int) -> None:
         """Make room for the lists of `most` samples, or of as many as a pass takes."""
@@ -157,6 +158,12 @@ class VplTree:
         groups = -(-most // GROUP)
         scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
         pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
+        parted = self.lights.parted and values.get("refine", 0.0) > 0.0
+        shade = self.runtime.kernel(
+            "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)},
+            (CAMERA, VPL, CUT),
+        )
+        parts = [self.lights.lights] if parted else []
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale})
@@ -169,10 +176,10 @@ class VplTree:
                     values=[source.camera_struct, *shared],
                     grid=(1, min(here, items)), local=local,
                 )
-                self._shade.run(
+                shade.run(
                     "light samples", source.size,
                     reads=[samples, self._kept, self._records, self._lists, self._counts,
-                           *self._sight, shares],
+                           *parts, *self._sight, shares],
                     writes=[result],
                     values=shared, grid=(1, min(here * pieces, items)), local=local,
                 )

@@ -15,7 +15,7 @@ from ssgi_cl.bench import document, figure_tables, figure_text, figures, front, 
 from ssgi_cl.bench.case import Case
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.verdict import verdict
-from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, cornell_box
 
 from .documents import entry, spread, whole
 from .test_verdict import check
@@ -69,6 +69,15 @@ def test_all_documents_are_of_one_revision_and_machine() -> None:
     assert {one["revision"].partition(",")[0] for one in rest} == {found[0]["revision"]}
 
 
+def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> None:
+    scenes = figures.PLANS["indirect"].cases
+    assert set(scenes) == {*BUILTIN_SCENES, *figures.VIEWS}
+    for patterns in scenes.values():
+        cases = suite.select(patterns, ["cornell_box"], [(8, 6)])
+        names = {f"{case.family}.{case.setting}" for case in cases}
+        assert names >= set(figure_tables.VISIBILITY)
+
+
 # ---- how it is made
 
 
@@ -110,6 +119,16 @@ def test_compact_json_can_be_read_again_and_is_small(tmp_path: Path) -> None:
     assert sum('"name": "a.1.hall.8x6"' in line for line in lines) == 1
 
 
+def test_biases_are_per_cent_of_the_mean_with_their_sign() -> None:
+    rows = [
+        entry("vpl-walls.4096.hall.8x6", rmse=0.1, quantity="bounce"),
+        entry("gtao.2x9.hall.8x6", rmse=0.1),
+    ]
+    rows[0]["errors"]["world"] |= {"mean": 0.5, "bias": -0.02}
+    lines = figure_tables.biases(rows, figure_tables.VISIBILITY).splitlines()
+    assert lines[2:] == ["| hall | -4 % | 20 % | - | - |"]
+
+
 def test_speed_ups_name_the_best_alternative_and_the_plain_way() -> None:
     def light(name: str, ms: float, rmse: float) -> dict[str, Any]:
         result = entry(f"{name}.hall.8x6", rmse=rmse, quantity="bounce", wall_ms=spread(ms))
@@ -147,7 +166,7 @@ def test_every_case_that_is_shown_is_planned() -> None:
 
 
 def test_every_occlusion_table_has_its_peers_blurred_denoised_and_at_their_best() -> None:
-    for scene in (*figures.BUILT_IN, *figures.VIEWS):
+    for scene in ("cornell_box", "hall", *figures.VIEWS):
         plan = figures.PLANS["benchmark"]
         cases = figures.chosen(plan, plan.size, {scene: cornell_box()})
         found = {f"{case.family}.{case.setting}" for case in cases}

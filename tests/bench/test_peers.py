@@ -196,11 +196,11 @@ def test_peers_share_no_random_numbers_with_the_reference(
     # References of few rays, whose errors those of a peer would share with its seed: as many rays
     # a pass as the peer casts, or one pass of the peer's rays among two.
     few = Context(context.runtime, context.view, context.size, TruthSettings(rays=8, paths=8))
-    fine = Context(context.runtime, context.view, context.size, TruthSettings(rays=512, paths=512))
+    fine = Context(context.runtime, context.view, context.size, TruthSettings(rays=256, paths=256))
     best, reference = (getattr(of, quantity)().mean for of in (fine, few))
     peer = result(family.prepare(few, "4"))
-    # Of 3072 pixels independent errors correlate by .02 at random, and by as much again through
-    # the error of `best`; the same rays by .7.
+    # Of 3072 pixels independent errors correlate by .02 at random, and by .03 through the error of
+    # `best`; the same rays by .7.
     assert abs(likeness_of_errors(peer, reference, best, context.seen)) < 0.15
     if quantity == "occlusion":  # what the same seed would do: the second pass of the reference
         same = ray_ao(

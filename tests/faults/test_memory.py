@@ -28,7 +28,7 @@ def tight(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime
     """The device with nothing kept and a limit of 64 MiB beyond what is in use."""
     runtime._prepared.clear()
     gc.collect()
-    monkeypatch.setattr(runtime.room, "limit", runtime.room.taken + 64 * MEBI)
+    monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + 64 * MEBI)
     yield runtime
     runtime._prepared.clear()
 
@@ -36,7 +36,7 @@ def tight(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime
 def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs(
     tight: Runtime,
 ) -> None:
-    before = tight.room.taken
+    before = tight.memory.used
     with (
         tight.frame(),
         pytest.raises(DeviceMemoryError, match=r"no room(.|\n)*MiB are needed in all") as refused,
@@ -49,7 +49,7 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
     del refused
     gc.collect()
     # The scene itself stays; nothing of the frame does.
-    assert tight.room.taken - before < 4 * MEBI
+    assert tight.memory.used - before < 4 * MEBI
 
 
 def test_after_a_refusal_a_smaller_frame_is_rendered(tight: Runtime) -> None:
@@ -69,20 +69,20 @@ def test_what_is_counted_is_what_is_taken(runtime: Runtime) -> None:
     def make() -> Renderer:
         return Renderer(runtime, (48, 64), ao=GtaoParams(), layers=2, margin=(8, 8))
 
-    needed = runtime.room.needed(make)
+    needed = runtime.memory.needed(make)
     gc.collect()
-    before = runtime.room.taken
+    before = runtime.memory.used
     made = make()
-    assert runtime.room.taken - before == needed > 0
+    assert runtime.memory.used - before == needed > 0
     del made
     gc.collect()
-    assert runtime.room.taken == before
+    assert runtime.memory.used == before
 
 
 def test_a_piece_that_is_too_large_is_refused(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runtime.room, "largest", MEBI)
+    monkeypatch.setattr(runtime.memory, "largest", MEBI)
     with pytest.raises(DeviceMemoryError, match=r"no room for 4\.\d MiB in one piece"):
         runtime.plane(1, (1024, 1024))
 
@@ -96,12 +96,12 @@ def test_a_driver_without_memory_is_reported(
         raise cl.MemoryError("clCreateBuffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
 
     gc.collect()
-    before = runtime.room.taken
+    before = runtime.memory.used
     monkeypatch.setattr(cl, "Buffer", refuse)
     with pytest.raises(DeviceMemoryError, match=r"the driver has no room for 1\.0 MiB more"):
         runtime.array(np.zeros(MEBI, np.uint8))
     gc.collect()
-    assert runtime.room.taken == before
+    assert runtime.memory.used == before
 
 
 def resident() -> float:
@@ -121,10 +121,10 @@ def test_memory_stays_flat_frame_after_frame(runtime: Runtime, frames: int) -> N
     for number in range(20):  # what is made once is made
         draw(number)
     gc.collect()
-    before, taken = resident(), runtime.room.taken
+    before, taken = resident(), runtime.memory.used
     for number in range(frames):
         draw(number)
     gc.collect()
-    assert runtime.room.taken == taken
+    assert runtime.memory.used == taken
     # The allocator keeps a few pages; 1 KiB a frame would be a leak.
     assert resident() - before < 4.0 + frames / 1024

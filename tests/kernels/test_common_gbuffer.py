@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ssgi_cl.memory import GUARD, Plane, Size
 from ssgi_cl.runtime import Runtime
 
-from .expression import run_expression
+from .expression import run_expression, run_expressions
 
 PLANES = "common/gbuffer.clh"
 SIZES = [(1, 1), (3, 15), (2, 16), (2, 17), (17, 31), (5, 64)]
@@ -90,12 +90,13 @@ def test_gathers_read_any_pixel_of_any_image(
     plane, values = filled(every_form, 3, size)
     x = rng.integers(0, size[1], 100).astype(np.int32)
     y = rng.integers(0, size[0], 100).astype(np.int32)
+    read = run_expressions(
+        every_form, PLANES,
+        {str(image): f"ssgi_gather(plane, size, {image}, x, y)" for image in range(3)},
+        planes={"plane": plane}, x=x, y=y,
+    )
     for image in range(3):
-        read = run_expression(
-            every_form, PLANES, f"ssgi_gather(plane, size, {image}, x, y)",
-            planes={"plane": plane}, x=x, y=y,
-        )
-        np.testing.assert_array_equal(read, values[image, y, x])
+        np.testing.assert_array_equal(read[str(image)], values[image, y, x])
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
+from ssgi_cl.image_limits import VARIABLE
 from ssgi_cl.kernel import Kernel
 from ssgi_cl.runtime import Runtime
 
@@ -34,8 +35,13 @@ np.savez(sys.argv[1], **results(inputs(runtime, (30, 40), 16), runtime))
 
 @pytest.fixture(scope="module")
 def scalar() -> Runtime:
-    """The form that is quickest to compile anew for each size of work-group."""
-    return Runtime.open(lanes=1, storage="image")
+    """The form that is quickest to compile anew for each size of work-group.
+
+    Its images have 64 rows, so that planes lie in several columns of them.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(VARIABLE, "64x8192")
+        return Runtime.open(lanes=1, storage="image")
 
 
 @pytest.fixture(scope="module")

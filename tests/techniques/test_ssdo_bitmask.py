@@ -132,13 +132,13 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 
 
 def test_every_kernel_form_gives_the_same_bits(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, sky = with_layers(rng), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
     (one, first), (other, second) = (
         gathered(device, gbuffer, radiance, (sky,), radius=0.6, back=0.7)
-        for device in (runtime, form_runtime)
+        for device in (runtime, other_form)
     )
     np.testing.assert_array_equal(one, other)
     assert first.masks is not None

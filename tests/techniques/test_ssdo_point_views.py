@@ -128,10 +128,10 @@ def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime, variant
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime
+    runtime: Runtime, other_form: Runtime
 ) -> None:
     results = []
-    for one in (runtime, form_runtime):
+    for one in (runtime, other_form):
         rng = np.random.default_rng(5)
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         case = Case(one, gbuffer, own=rng.random((1, *SIZE, 3)), sky=rng.random((8, 16, 3)))

@@ -135,12 +135,12 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = two_layers(rng, normals=True)
     sent = senders(gbuffer, rng)
     a = gathered(runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
-    b = gathered(form_runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
+    b = gathered(other_form, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
     # Contraction is off and light is added in the order of the taps: the same bits.
     np.testing.assert_array_equal(a.openness, b.openness)
     np.testing.assert_array_equal(a.bounce, b.bounce)

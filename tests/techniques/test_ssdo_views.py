@@ -136,10 +136,10 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
 
 
 def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime
+    runtime: Runtime, other_form: Runtime
 ) -> None:
     results = []
-    for one in (runtime, form_runtime):
+    for one in (runtime, other_form):
         rng = np.random.default_rng(5)
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         device, further = uploaded(one, gbuffer), uploaded(one, layered(aside("perspective"), 3))

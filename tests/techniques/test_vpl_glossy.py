@@ -168,10 +168,10 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 
 
 def test_forms_give_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(45, 61)), rng), lobes(rng)
-    one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, form_runtime))
+    one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, other_form))
     # Contraction is off, so forms differ only where a device's division is not exact; powers of up
     # to 1000 make more of that.
     np.testing.assert_allclose(one, other, rtol=1e-4)

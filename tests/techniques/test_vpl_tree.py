@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ class Lit:
         self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float, **values: float
     ) -> None:
         self.seen, self.point, self.normal = receivers(gbuffer)
-        device = DeviceVpls(runtime, max(len(vpls), 1))
+        device = DeviceVpls(runtime, max(len(vpls), 1), parts=vpls.parts is not None)
         device.upload(vpls, gbuffer.camera)
         self.tree = VplTree(runtime, device, 0, int("cut" in values))
         source, samples = uploaded(runtime, gbuffer), every_pixel(runtime, self.seen)
@@ -128,6 +129,32 @@ def test_cuts_and_their_light_are_those_of_the_twin(
         np.testing.assert_allclose(found[own], light, rtol=1e-3, atol=1e-5 * found.mean())
     # An error next to the tolerance, or a light next to a horizon, may round to either side.
     assert other < 0.01 * total
+
+
+@pytest.mark.parametrize("light_error", [0.0, 3e-3])
+def test_near_lights_give_way_to_their_parts_as_in_the_reference(
+    form_runtime: Runtime, rng: np.random.Generator, light_error: float
+) -> None:
+    gbuffer, whole = scene("bumpy", camera(size=(24, 32)), rng), lights(rng)
+    each = [np.repeat(v, 16, axis=0) for v in (whole.position, whole.normal, whole.flux)]
+    spread = 0.05 * rng.standard_normal(each[0].shape)
+    # Parts of different flux, so that none stands for another.
+    flux = each[2] * rng.uniform(0.0, 2.0 / 16.0, (len(each[2]), 1))
+    parts = Vpls(each[0] + spread, each[1], flux, np.repeat(whole.area, 16) / 16.0)
+    vpls, refine = replace(whole, parts=parts), 300.0
+    lit = Lit(form_runtime, gbuffer, vpls, light_error, refine=refine)
+    reference = VplTreeReference(vpls, gbuffer.camera)
+    point, normal = lit.in_view(gbuffer)
+    found, wanted, unrefined = lit.irradiance[lit.seen], [], []
+    groups = range(0, len(point), GROUP)
+    for start, records in zip(groups, lit.tree.cuts(len(groups)), strict=True):
+        own = slice(start, start + GROUP)
+        wanted.append(reference.irradiance(records, point[own], normal[own], refine=refine))
+        unrefined.append(reference.irradiance(records, point[own], normal[own]))
+    # Grazing light is a difference of float32 positions.
+    light = np.concatenate(wanted)
+    np.testing.assert_allclose(found, light, rtol=1e-3, atol=1e-4 * found.mean())
+    assert np.mean(np.abs(found - np.concatenate(unrefined)) > 0.05 * found.mean()) > 0.05
 
 
 @pytest.mark.parametrize("light_error", [0.0, 0.005])

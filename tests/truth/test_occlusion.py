@@ -5,6 +5,7 @@ Rays are drawn by a fixed rule, so that every test gives the same numbers in eve
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 from collections.abc import Callable
@@ -78,6 +79,12 @@ def sphere(lift: float, weighting: str) -> Case:
     return Case(scene, camera, math.inf, 1.0 - hidden_by_sphere(camera, lift, weighting), 2e-4)
 
 
+@functools.cache
+def fine_ball() -> Scene:
+    mesh = ball(6)
+    return made(mesh.vertices, mesh.faces)
+
+
 def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
     """A furnace with attenuation: from a sphere's inside at angle t, the wall is at 2 cos t.
 
@@ -95,12 +102,11 @@ def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
         hidden = (
             2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
         )
-    mesh = ball(6)
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.7, -0.5, 0.2), yfov=0.9, width=48, height=48)
     # A facet is 0.02 wide: below that angle rays meet the next facet at a distance that is off
     # by up to its size, 0.02 / reach, which 0.02 of all directions do ("uniform").
     other = 5e-4
-    return Case(made(mesh.vertices, mesh.faces), camera, reach, 1.0 - hidden, other, attenuation)
+    return Case(fine_ball(), camera, reach, 1.0 - hidden, other, attenuation)
 
 
 CASES: dict[str, Callable[[str], Case]] = {

@@ -1,0 +1,217 @@
+"""Several threads on one device, and processes that were forked from one that uses it."""
+
+from __future__ import annotations
+
+import gc
+import os
+import subprocess
+import sys
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl import host_memory
+from ssgi_cl.errors import DeviceError, DeviceMemoryError
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.render import Renderer
+from ssgi_cl.runtime import Runtime, check_not_forked
+
+BOX = BUILTIN_SCENES["cornell_box"]()
+CAMERAS = [
+    gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)
+]
+
+
+@pytest.mark.parametrize("calls", [400, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
+    gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
+
+    def occlusion(number: int) -> Any:
+        return gi.gtao(gbuffers[number % 8], radius=0.3, runtime=runtime)
+
+    expected = [occlusion(number) for number in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+        for number, found in enumerate(pool.map(occlusion, range(calls))):
+            np.testing.assert_array_equal(found, expected[number % 8])
+
+
+def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
+    modes: list[dict[str, Any]] = [
+        {"indirect": "multires", "vpls": 64}, {"ao": "ssao"}, {"indirect": "ssdo"},
+        {"indirect": "gather"},
+    ]
+
+    def frame(number: int) -> gi.Frame:
+        return gi.render(
+            BOX.scene, CAMERAS[number % 2], BOX.lights, shadow_size=32, rsm_size=32,
+            skips=False, runtime=runtime, **modes[number % 4],
+        )
+
+    expected = [frame(number) for number in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        for number, found in enumerate(pool.map(frame, range(40))):
+            right = expected[number % 4]
+            np.testing.assert_array_equal(found.radiance, right.radiance)
+            assert [p.name for p in found.passes] == [p.name for p in right.passes]
+
+
+def test_threads_with_renderers_of_their_own(runtime: Runtime) -> None:
+    def pictures(number: int) -> list[Any]:
+        renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=32)
+        return [renderer(BOX.scene, camera, BOX.lights).image for camera in CAMERAS[number:][:3]]
+
+    expected = [pictures(number) for number in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        for found, right in zip(pool.map(pictures, range(4)), expected, strict=True):
+            np.testing.assert_array_equal(found, right)
+
+
+def test_a_forked_process_is_told_at_once(runtime: Runtime) -> None:
+    gbuffer = gi.rasterize.gbuffer(BOX.scene, CAMERAS[0], runtime=runtime)
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        answers = []
+        for call in (
+            lambda: gi.gtao(gbuffer, radius=0.3), Runtime.open, lambda: runtime.plane(1, (4, 4)),
+            lambda: runtime.exclusively(lambda: None),
+        ):
+            try:
+                call()
+                answers.append("nothing")
+            except DeviceError as error:
+                answers.append(str(error))
+        os.write(writing, "\n".join(answers).encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as answers:
+        lines = answers.read().splitlines()
+    assert os.waitpid(child, 0)[1] == 0
+    assert len(lines) == 4
+    assert all("was forked" in line and '"spawn"' in line for line in lines), lines
+    check_not_forked()  # the parent goes on
+    assert gi.gtao(gbuffer, radius=0.3, runtime=runtime).shape == gbuffer.size
+
+
+def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
+    code = (
+        "import os, ssgi_cl\n"
+        "if os.fork() == 0: ssgi_cl.Runtime.open(); print('opened', flush=True); os._exit(0)\n"
+        "os.wait()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.strip() == "opened", done.stderr
+
+
+def test_a_new_radius_a_frame_keeps_memory_within_its_bound(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
+    for number in range(100):
+        gi.render(
+            BOX.scene, CAMERAS[0], BOX.lights, ao_radius=0.2 + 0.001 * number, indirect="multires",
+            vpls=64, shadow_size=64, rsm_size=64, runtime=runtime,
+        )
+        assert runtime.memory.kept <= 24 << 20
+
+
+def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
+    gc.collect()
+    gi.render(BOX.scene, CAMERAS[0], BOX.lights, shadow_size=32, runtime=runtime)
+    before = runtime.memory.used
+    for _ in range(3):
+        scene = BUILTIN_SCENES["cornell_box"]().scene
+        gone = weakref.ref(scene)
+        for outputs in ("ao",), ("image",):
+            gi.render(
+                scene, CAMERAS[0], BOX.lights, outputs=outputs, shadow_size=32, runtime=runtime
+            )
+        del scene
+        assert gone() is None
+        assert runtime.memory.used == before
+
+
+def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runtime._prepared.clear()
+    gc.collect()
+    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(60)]
+    renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=256)
+    first = renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance
+    monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))
+    used = runtime.memory.used
+    with pytest.raises(DeviceMemoryError, match=r"for 360 shadow maps .* of 256 x 256 texels"):
+        renderer(BOX.scene, CAMERAS[0], lights)
+    assert runtime.memory.used <= used
+    np.testing.assert_array_equal(renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance, first)
+
+
+def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
+    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(8)]
+    renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=64)
+    renderer(BOX.scene, CAMERAS[0], lights[:1])
+    before = runtime.memory.used
+    renderer(BOX.scene, CAMERAS[0], lights)
+    assert runtime.memory.used > before + 7 * 6 * 64 * 64 * 4
+    renderer(BOX.scene, CAMERAS[0], lights[:1])
+    gc.collect()
+    assert runtime.memory.used == before
+
+
+def test_old_techniques_give_way_to_what_a_frame_needs(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runtime._prepared.clear()
+    gc.collect()
+    lights = [gi.PointLight((0.0, 1.0, 0.1 * i), (1.0, 1.0, 1.0)) for i in range(3)]
+
+    def draw(count: int) -> None:
+        gi.render(
+            BOX.scene, CAMERAS[0], lights[:count], shadow_size=256, ao=False, runtime=runtime
+        )
+
+    base = runtime.memory.used
+    draw(3)
+    needed = runtime.memory.used - base
+    runtime._prepared.clear()
+    gc.collect()
+    monkeypatch.setattr(runtime.memory, "limit", base + needed + (2 << 20))
+    for number in range(4):
+        runtime.prepared(("old", number), lambda: runtime.plane(1, (400, 1024)))
+    draw(3)
+
+
+@pytest.mark.skipif(host_memory.spare(1 << 30) < 1 << 30, reason="needs 1 GiB")
+def test_a_device_on_the_host_leaves_it_room(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not runtime.shares_memory:
+        pytest.skip("the device has memory of its own")
+    assert runtime.memory.limit <= host_memory.share()
+    monkeypatch.setattr(host_memory, "spare", lambda size=0: 3 << 20)
+    plane = runtime.plane(1, (256, 1024))
+    with pytest.raises(DeviceMemoryError, match=r"the host can spare 3\.0 MiB"):
+        runtime.plane(4, (256, 1024))
+    monkeypatch.setattr(host_memory, "spare", lambda size=0: 1 << 19)
+    with pytest.raises(DeviceMemoryError, match=r"a result of 1\.0 MiB"):
+        plane.download()
+
+
+def test_limits_of_the_process_are_obeyed() -> None:
+    code = (
+        "import resource; resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))\n"
+        "from ssgi_cl import host_memory; print(host_memory.share(), host_memory.spare(1 << 30))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    share, spare = map(int, done.stdout.split())
+    assert share <= 6 << 30
+    assert spare < 6 << 30

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -62,3 +64,16 @@ def test_no_lamp_that_lights_a_point_is_left_out(rng: np.random.Generator, count
         left_out += np.count_nonzero(~found)
     # Some are: of a single box nearly all that turn away.
     assert left_out > (1000 if count == 1 else 0)
+
+
+def test_a_lamp_behind_a_slanted_plane_is_left_out_though_its_box_is_large() -> None:
+    normal = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
+    box = Boxes(
+        np.array([[-1.0, -1.0, -6.0]]), np.array([[1.0, 1.0, -5.0]]), normal[None], normal[None],
+        np.array([0.0]),
+    )
+    camera = Camera(view=np.eye(4), projection=np.diag([1.0, 1.0, -1.0, 1.0]), width=4, height=4)
+    behind, before = (PointLight(way * normal + (0.0, 0.0, -5.5), 1.0) for way in (-0.1, 0.1))
+    sun = DirectionalLight(-normal, 1.0)
+    assert reaching([behind, before, sun], box, camera).tolist() == [False, True, True]
+    assert reaching([behind, before], box, camera).tolist() == [False, True]

@@ -40,6 +40,16 @@ def offsets(u: Doubles, block: Doubles, row: int, column: int) -> Doubles:
     return result
 
 
+def slopes(u: Doubles, row: int, column: int) -> list[float]:
+    """Return the lesser slope of both halves of a block's span, along rows and along columns."""
+    part = u[BLOCK * row :, BLOCK * column :][:SPAN, :SPAN]
+    found = []
+    for line in (part[(len(part) - 1) // 2], part[:, (part.shape[1] - 1) // 2]):
+        half = (len(line) - 1) // 2
+        found.append(min(np.diff(line[: 2 * half + 1 : half]) / half, key=abs))
+    return found
+
+
 @pytest.mark.parametrize("perspective", [True, False])
 def test_blocks_of_a_plane_have_its_slopes(form_runtime: Runtime, perspective: bool) -> None:
     rows, columns = np.indices((SIZE, SIZE))
@@ -63,6 +73,10 @@ def test_all_texels_of_a_block_lie_between_its_planes(
     blocks = found(form_runtime, depth, perspective)
     for face, row, column in np.ndindex(2, *blocks.shape[2:]):
         block = blocks[face, :, row, column]
+        if not face:
+            np.testing.assert_allclose(
+                block[2:], slopes(measured(depth[0], perspective), row, column), atol=1e-5
+            )
         off = offsets(measured(depth[face], perspective), block, row, column)
         assert block[0] == pytest.approx(off.max(), abs=1e-5)
         assert block[1] == pytest.approx(off.min(), abs=1e-5)

@@ -147,10 +147,12 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
 def test_an_image_of_more_than_a_strip_agrees_with_numpy_twin(
     runtime: Runtime, rng: np.random.Generator, subject: Subject
 ) -> None:
-    gbuffer = scene("bumpy", camera(size=(9, STRIP + 20)), rng)
+    gbuffer = scene("noisy", camera("intrinsics", size=(9, 2 * STRIP)), rng)
     a = subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
     wanted = subject.reference(gbuffer, subject.params(radius=RADIUS, blur_radius=0))
-    assert share_off(a, wanted, ROUNDING) <= FLIPS
+    assert (wanted[:, STRIP:] < 0.8).mean() > 0.1
+    # Slices are some 100 px long, and roundings of a place grow with that.
+    assert share_off(a, wanted, 10.0 * ROUNDING) <= 20 * FLIPS
 
 
 @pytest.mark.parametrize("margin", [(0, 0), (1, 2), (2, 7)])

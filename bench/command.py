@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ssgi_cl.errors import SsgiError
+from ssgi_cl.cli_common import is_expected, one_line, printable
 from ssgi_cl.memory import Size
 from ssgi_cl.rasterize.scenes import REPORTED
 from ssgi_cl.runtime import Runtime
@@ -147,6 +147,10 @@ def bench_command(
         click.echo(document.text(doc))
     else:
         table.show(doc, Console())
+    if not found.results:
+        reasons = sorted({entry["reason"] for entry in found.skipped})
+        click.echo(f"Error: nothing was measured: {'; '.join(reasons)}", err=True)
+        sys.exit(1)
     for path in (output, html, markdown):
         if path is not None:
             click.echo(f"wrote {path}", err=True)
@@ -254,8 +258,12 @@ def _human_errors() -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.showwarning = show
             yield
-    except (SsgiError, ValueError, OSError) as error:
-        raise click.ClickException(" ".join(str(error).split())) from error
+    except (click.exceptions.Exit, click.Abort, click.ClickException):
+        raise
+    except Exception as error:
+        if not is_expected(error):
+            raise
+        raise click.ClickException(printable(" ".join(one_line(error).split()))) from error
 
 
 @contextmanager

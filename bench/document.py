@@ -101,7 +101,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         document = json.loads(
             Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant
         )
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{os.fspath(path)} is not JSON: {error}") from error
     try:
         _check(document)

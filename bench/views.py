@@ -15,6 +15,7 @@ from ssgi_cl import check
 from ssgi_cl.camera import Camera
 from ssgi_cl.errors import SceneError
 from ssgi_cl.rasterize import load_scene
+from ssgi_cl.rasterize.load import READERS
 from ssgi_cl.rasterize.scenes import SCENE_NAMES, BuiltinScene, is_scene, make_scene
 from ssgi_cl.render import AO_RADIUS_SHARE
 from ssgi_cl.runtime import Runtime
@@ -53,7 +54,7 @@ def views_of(
     for name in names:
         if is_scene(name):
             view = make_scene(name)
-        elif Path(name).suffix:
+        elif Path(name).is_file() or Path(name).suffix.lower() in (*READERS, ".json"):
             view = _from_file(Path(name), runtime, meshes)
         else:
             raise ValueError(f"scene is {name!r}: expected a file or one of {SCENE_NAMES}")

@@ -117,8 +117,6 @@ def _mip_mapped(
         offset += sum(level.shape[0] * level.shape[1] for level in levels)
     if not textures:
         return np.zeros((1, 4), np.int32), np.zeros((1, 4), np.uint8)
-    if offset * 4 > 2**31 - 1:
-        raise ValueError(f"the scene's textures have {offset} texels: expected at most {2**29}")
     return np.array(table, np.int32), np.concatenate(texels)
 
 

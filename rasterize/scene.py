@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
+
+MOST_TEXELS = 2**29 - 1
+"""Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,7 +26,7 @@ class Material:
         alpha_cutoff: where the texture's alpha times `alpha` is below it, there is a hole;
             0 for an opaque surface.
         alpha: opacity factor in [0, 1], used for the cut-out only.
-        emission: [3] radiance in W m^-2 sr^-1, >= 0.
+        emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
         specular: [3] reflectance of the Phong lobe in [0, 1].
         gloss: exponent of the Phong lobe, >= 1.
     """
@@ -37,10 +41,9 @@ class Material:
     gloss: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, high in (("albedo", 1.0), ("emission", math.inf), ("specular", 1.0)):
-            values = check.rgb(name, getattr(self, name), "")
-            if (values > high).any():
-                raise ValueError(f"{name} is {values.tolist()}: expected numbers in [0, {high:g}]")
+        for name, high in (("albedo", 1.0), ("emission", check.MOST_LIGHT), ("specular", 1.0)):
+            unit = "W m^-2 sr^-1" if name == "emission" else ""
+            values = check.rgb(name, getattr(self, name), unit, high=high)
             object.__setattr__(self, name, tuple(float(v) for v in values))
         check.number("alpha_cutoff", self.alpha_cutoff, low=0, high=1)
         check.number("alpha", self.alpha, low=0, high=1)
@@ -48,8 +51,11 @@ class Material:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Immutable):
     """Triangles in world space with what is needed to shade them.
+
+    Arrays are read-only, since devices and ray casters keep what they made of them: a changed scene
+    is another one, such as `dataclasses.replace(scene, positions=scene.positions * 2)`.
 
     Attributes:
         origin: [3] float64, world space; `positions` count from here, so that a scene far from
@@ -62,7 +68,7 @@ class Scene:
         material_ids: [triangles] int32 indices into `materials`.
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
-            top.
+            top. With their mip levels at most 2^29 - 1 texels in all.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -77,15 +83,16 @@ class Scene:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "origin", check.vector("origin", self.origin, 3, "scene units"))
+        set_(self, "origin", frozen(check.point("origin", self.origin)))
         for name, width in (("positions", 3), ("normals", 3), ("uvs", 2), ("colors", 3)):
-            set_(self, name, check.plane_list(name, getattr(self, name), width))
+            given = getattr(self, name)
+            set_(self, name, frozen(check.plane_list(name, given, width), given))
             if len(getattr(self, name)) != len(self.positions):
                 raise ValueError(
                     f"{name} has {len(getattr(self, name))} rows: expected {len(self.positions)}, "
                     "one for each vertex"
                 )
-        triangles = np.ascontiguousarray(self.triangles)
+        triangles = np.ascontiguousarray(check.as_array("triangles", self.triangles))
         if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
             raise ValueError(
                 f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape "
@@ -98,8 +105,8 @@ class Scene:
                 f"triangles refers to vertices {triangles.min()} to {triangles.max()}: expected "
                 f"0 to {len(self.positions) - 1}"
             )
-        set_(self, "triangles", triangles.astype(np.int32))
-        ids = np.ascontiguousarray(self.material_ids)
+        set_(self, "triangles", frozen(triangles.astype(np.int32), triangles))
+        ids = np.ascontiguousarray(check.as_array("material_ids", self.material_ids))
         if ids.shape != (len(triangles),) or ids.dtype.kind not in "iu":
             raise ValueError(
                 f"material_ids is {ids.dtype} {ids.shape}: expected {len(triangles)} integers"
@@ -111,16 +118,11 @@ class Scene:
                 f"material_ids runs from {ids.min()} to {ids.max()}: expected 0 to "
                 f"{len(self.materials) - 1}"
             )
-        set_(self, "material_ids", ids.astype(np.int32))
+        set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
+        set_(self, "materials", tuple(self.materials))
+        set_(self, "textures", _textures(self.textures))
         for material in self.materials:
             check.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
-        for index, texture in enumerate(self.textures):
-            fits = texture.dtype == np.uint8 and texture.ndim == 3 and texture.shape[2] == 4
-            if not fits or texture.size == 0:
-                raise ValueError(
-                    f"textures[{index}] is {texture.dtype} {texture.shape}: expected uint8 "
-                    "(rows, columns, 4)"
-                )
 
     @cached_property
     def key(self) -> object:
@@ -136,3 +138,28 @@ class Scene:
         box = np.stack([corners.min(axis=0), corners.max(axis=0)]) + self.origin
         box.flags.writeable = False
         return box
+
+
+def _textures(given: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ...]:
+    arrays = [check.as_array(f"textures[{index}]", one) for index, one in enumerate(given)]
+    for index, array in enumerate(arrays):
+        if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 4 or not array.size:
+            raise ValueError(
+                f"textures[{index}] is {array.dtype} {array.shape}: expected uint8 "
+                "(rows, columns, 4)"
+            )
+    texels = sum(mip_texels(*array.shape[:2]) for array in arrays)
+    if texels > MOST_TEXELS:
+        raise ValueError(
+            f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}"
+        )
+    return tuple(map(frozen, arrays, given))
+
+
+def mip_texels(rows: int, columns: int) -> int:
+    """Return the number of texels of all mip levels of a texture."""
+    count = rows * columns
+    while max(rows, columns) > 1:
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        count += rows * columns
+    return count

@@ -212,9 +212,10 @@ def rsm(
                 mirrored = np.moveaxis(renderer.specular_flux.download(), 0, -1)
                 face += [mirrored, renderer.gloss.download()[0]]
             faces.append(face)
-    depth, position, normal, power, *lobes = (
-        np.concatenate(parts) for parts in zip(*faces, strict=True)
-    )
+    arrays = [np.concatenate(parts) for parts in zip(*faces, strict=True)]
+    for array in arrays:
+        array.flags.writeable = False  # the map takes them over without a copy
+    depth, position, normal, power, *lobes = arrays
     return ReflectiveShadowMap(
         light=light,
         camera=cameras if len(cameras) > 1 else cameras[0],

@@ -40,12 +40,15 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
         reason = f"no file can be made in the folder {target.parent} ({error.strerror})"
         raise _error(type(error), error.errno or 0, reason, path) from error
     try:
-        yield temporary
         try:
+            yield temporary
             temporary.replace(target)
         except OSError as error:
+            # A full disk is told without a name, or with that of the temporary file.
+            if error.errno is None or error.filename not in (None, os.fspath(temporary)):
+                raise
             reason = f"{error.strerror}"
-            raise _error(type(error), error.errno or 0, reason, path) from error
+            raise _error(type(error), error.errno, reason, path) from error
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()

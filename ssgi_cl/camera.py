@@ -10,18 +10,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
 
 DepthRange = Literal["-1..1", "0..1"]
 LARGEST_SIZE = 16384
 """Columns or rows of the largest image, in pixels (the rasteriser's fixed point allows it)."""
 
+LEAST_SCALE, MOST_SCALE = 1e-28, 1e28
+"""Heights of an orthographic view in scene units, and scales of a projection: float32 holds their
+reciprocals divided by the size of an image in pixels."""
+
+MOST_SHIFT = 1e9
+"""Half images by which a projection may be off-centre."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Camera:
+class Camera(Immutable):
     """A pinhole or orthographic camera, given by two matrices.
 
     View space is right-handed: +x right, +y up, the camera looks down -z. Pixel centres lie at
-    +0.5 and row 0 is the top row.
+    +0.5 and row 0 is the top row. The matrices are read-only.
 
     Attributes:
         view: [4, 4] float64, world to view, a rigid motion (rotation and translation only).
@@ -52,8 +60,9 @@ class Camera:
                 f"view is {view.tolist()}: expected a rotation and a translation without scale or "
                 "mirroring, last row 0 0 0 1"
             )
-        set_(self, "view", _frozen(view))
-        set_(self, "projection", _frozen(self._normalised_projection()))
+        check.point("translation of view", view[:3, 3])
+        set_(self, "view", frozen(view))
+        set_(self, "projection", frozen(self._normalised_projection()))
         near, far = self.near, self.far
         if not (near < far and (self.is_orthographic or near > 0)):
             raise ValueError(
@@ -85,6 +94,18 @@ class Camera:
             raise ValueError(
                 f"projection's scales are {matrix[0, 0]:g} and {matrix[1, 1]:g}: expected both > 0 "
                 "and a third row that depends on depth"
+            )
+        scales = np.diag(matrix)[:2]
+        shifts = matrix[:2, 3 if matrix[3, 3] else 2]
+        if (scales < LEAST_SCALE).any() or (scales > MOST_SCALE).any():
+            raise ValueError(
+                f"projection's scales are {scales[0]:g} and {scales[1]:g}: expected "
+                f"{LEAST_SCALE:g} to {MOST_SCALE:g}"
+            )
+        if (np.abs(shifts) > MOST_SHIFT).any():
+            raise ValueError(
+                f"projection shifts the image by {shifts[0]:g} and {shifts[1]:g} of half its size: "
+                f"expected at most {MOST_SHIFT:g}"
             )
         return matrix
 
@@ -151,7 +172,7 @@ class Camera:
         """
         view = look_at_matrix(eye, target, up)
         view_height = check.number(
-            "view_height", view_height, low=0, above=True, unit="scene units"
+            "view_height", view_height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units"
         )
         distance = float(np.linalg.norm(check.vector("target", target, 3) - np.asarray(eye)))
         far = 1e3 * distance if far is None else far
@@ -279,10 +300,19 @@ class Camera:
     def with_margin(self, margin: tuple[int, int]) -> Camera:
         """Return this camera with `margin` = (rows, columns) more pixels on every side."""
         rows, columns = margin
-        width, height = self.width + 2 * columns, self.height + 2 * rows
-        matrix = self.projection.copy()
-        matrix[0] *= self.width / width
-        matrix[1] *= self.height / height
+        return self.cropped(-columns, -rows, self.width + 2 * columns, self.height + 2 * rows)
+
+    def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
+        """Return the camera of a rectangle of this camera's image plane.
+
+        Args:
+            left, top: pixels from the image's top left corner; negative outside of the image.
+            width, height: pixels, 1 to 16384; the rectangle may exceed the image on any side.
+        """
+        # A column c of the image is c - left of the rectangle: x' = a x + b in NDC.
+        matrix, across, down = self.projection.copy(), self.width / width, self.height / height
+        matrix[0] = across * matrix[0] + ((self.width - 2 * left) / width - 1.0) * matrix[3]
+        matrix[1] = down * matrix[1] + (1.0 - (self.height - 2 * top) / height) * matrix[3]
         return Camera(
             view=self.view,
             projection=matrix,
@@ -294,8 +324,7 @@ class Camera:
 
 def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
     """Return the [4, 4] float64 world-to-view matrix of an eye that looks at a target."""
-    position = check.vector("eye", eye, 3, "scene units")
-    aim = check.vector("target", target, 3, "scene units")
+    position, aim = check.point("eye", eye), check.point("target", target)
     if np.array_equal(position, aim):
         raise ValueError(f"eye and target are both {position.tolist()}: expected two points")
     backward = check.direction("eye - target", position - aim)
@@ -336,9 +365,3 @@ def perspective_matrix(
     else:
         matrix[2, 2], matrix[2, 3] = -(1.0 + ratio) / (1.0 - ratio), -2.0 * near / (1.0 - ratio)
     return matrix
-
-
-def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    copy = array.copy()
-    copy.flags.writeable = False
-    return copy

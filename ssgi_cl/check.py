@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssgi_cl.errors import shown
+
 
 def number(
     name: str,
@@ -23,11 +25,14 @@ def number(
     """Return `value` as a float within [low, high] ((low, high] with `above`), else raise."""
     allowed = _range(low, high, unit, above)
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} is {value!r}: expected a number {allowed}")
-    result = float(value)
+        raise TypeError(f"{name} is {shown(value)}: expected a number {allowed}")
+    try:
+        result = float(value)
+    except OverflowError:  # an integer of more than 308 digits
+        result = math.inf if value > 0 else -math.inf
     inside = low < result <= high if above else low <= result <= high
     if math.isnan(result) or not inside or (math.isinf(result) and not infinite):
-        raise ValueError(f"{name} is {value!r}: expected a number {allowed}")
+        raise ValueError(f"{name} is {shown(value)}: expected a number {allowed}")
     return result
 
 
@@ -35,38 +40,54 @@ def integer(name: str, value: object, *, low: int, high: int, unit: str = "") ->
     """Return `value` as an int within [low, high], else raise."""
     allowed = _range(low, high, unit, False)
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is {value!r}: expected an integer {allowed}")
+        raise TypeError(f"{name} is {shown(value)}: expected an integer {allowed}")
     if not low <= int(value) <= high:
-        raise ValueError(f"{name} is {value}: expected an integer {allowed}")
+        raise ValueError(f"{name} is {shown(int(value))}: expected an integer {allowed}")
     return int(value)
 
 
 def switch(name: str, value: object) -> None:
     """Raise TypeError unless `value` is True or False."""
     if not isinstance(value, bool):
-        raise TypeError(f"{name} is {value!r}: expected True or False")
+        raise TypeError(f"{name} is {shown(value)}: expected True or False")
 
 
 def choice(name: str, value: object, allowed: Sequence[str]) -> str:
     """Return `value` if it is one of `allowed`, else raise."""
     if value not in allowed:
         options = ", ".join(repr(option) for option in allowed)
-        raise ValueError(f"{name} is {value!r}: expected one of {options}")
+        raise ValueError(f"{name} is {shown(value)}: expected one of {options}")
     return str(value)
 
 
 def vector(name: str, value: ArrayLike, size: int, unit: str = "") -> NDArray[np.float64]:
     """Return `value` as `size` finite float64 numbers; a scalar is repeated. Else raise."""
+    value = unmasked(name, value)
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} is {value!r}: expected {size} numbers{_of(unit)}") from error
+        raise TypeError(f"{name} is {shown(value)}: expected {size} numbers{_of(unit)}") from error
     if array.ndim == 0:
         array = np.repeat(array, size)
     if array.shape != (size,):
         raise ValueError(f"{name} has shape {array.shape}: expected {size} numbers{_of(unit)}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} is {array.tolist()}: expected {size} finite numbers{_of(unit)}")
+    return array
+
+
+MOST_OFFSET = 1e30
+"""Scene units from the world's origin, along each axis, of what has a place."""
+
+
+def point(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a position within `MOST_OFFSET` of the world's origin, else raise."""
+    array = vector(name, value, 3, "scene units")
+    if (np.abs(array) > MOST_OFFSET).any():
+        raise ValueError(
+            f"{name} is {array.tolist()}: expected numbers of at most {limit(MOST_OFFSET)} "
+            "(scene units)"
+        )
     return array
 
 
@@ -80,11 +101,18 @@ def direction(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return scaled / float(np.linalg.norm(scaled))
 
 
-def rgb(name: str, value: ArrayLike, unit: str) -> NDArray[np.float64]:
-    """Return `value` as three finite numbers >= 0 (a scalar is repeated), else raise."""
+MOST_LIGHT = 1e30
+"""W and what is counted by it: float32 holds its products with areas and solid angles."""
+
+
+def rgb(
+    name: str, value: ArrayLike, unit: str, *, high: float = MOST_LIGHT
+) -> NDArray[np.float64]:
+    """Return `value` as three numbers within [0, high] (a scalar is repeated), else raise."""
     array = vector(name, value, 3, unit)
-    if (array < 0).any():
-        raise ValueError(f"{name} is {array.tolist()}: expected numbers >= 0{_of(unit)}")
+    if (array < 0).any() or (array > high).any():
+        allowed = _range(0.0, high, unit, False)
+        raise ValueError(f"{name} is {array.tolist()}: expected numbers {allowed}")
     return array
 
 
@@ -163,15 +191,31 @@ def values_in_range(
     raise ValueError(f"{name}[{place}] is {array[where]}: expected numbers {allowed}")
 
 
+def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Return `value` as an array; raise ValueError for a masked array, as `unmasked`."""
+    return np.asarray(unmasked(name, value))
+
+
+def unmasked(name: str, value: ArrayLike) -> ArrayLike:
+    """Return `value`; raise ValueError if it is a masked array with elements that are masked."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        count = int(np.sum(np.ma.getmaskarray(value)))
+        raise ValueError(
+            f"{name} is a masked array with {count} masked elements: expected an array without a "
+            "mask; fill it first, such as depth.filled(numpy.inf) where nothing is"
+        )
+    return value
+
+
 def floats(
     name: str, value: ArrayLike, dtype: type[np.floating[Any]] = np.float32
 ) -> NDArray[Any]:
     """Return `value` in C order as `dtype`; raise TypeError unless it holds real numbers."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name} has dtype {array.dtype}: expected a real floating-point array")
+    given = as_array(name, value)
+    if given.dtype.kind not in "fiu":
+        raise TypeError(f"{name} has dtype {given.dtype}: expected a real floating-point array")
     with np.errstate(over="ignore"):
-        return np.ascontiguousarray(array, dtype=dtype)
+        return np.ascontiguousarray(given, dtype=dtype)
 
 
 def limit(value: float) -> str:

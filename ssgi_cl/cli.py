@@ -28,9 +28,15 @@ for _command in (render_command, apply_command, bench_command, truth_command):
 
 @main.command("devices")
 @json_option
+@click.option("--refresh", is_flag=True, help="Time all devices anew, whatever is recorded.")
 @human_errors
-def devices_command(as_json: bool) -> None:
-    """List OpenCL devices, and the build of the kernels that each gets and why."""
+def devices_command(as_json: bool, refresh: bool) -> None:
+    """List OpenCL devices, and the build of the kernels that each gets and why.
+
+    What was found is recorded in the cache folder (SSGI_CL_CACHE, or ssgi_cl in the user's caches).
+    """
+    if refresh:
+        drivers.look_again()
     with progress(as_json) as step:
         step("timing devices not seen before")
         found = drivers.devices()
@@ -42,13 +48,17 @@ def devices_command(as_json: bool) -> None:
         ], indent=1))
         return
     if not found:
-        raise click.ClickException(
-            "no OpenCL device found. Install a driver, for example: pip install 'ssgi-cl[pocl]'"
-        )
+        reasons = "".join(f"\n{wrapped(reason, '  ')}" for reason in drivers.problems())
+        raise click.ClickException(f"no OpenCL device found. {drivers.INSTALL}.{reasons}")
     usable = [info for info in found if info.best is not None]
     chosen = max(usable, key=lambda info: info.speed, default=None)
     for info in found:
         _list_device(info, default=info == chosen)
+    for reason in drivers.problems():
+        click.echo(wrapped(f"Without a device: {reason}", "") + "\n")
+    if chosen is None:
+        click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
+        return
     click.echo(wrapped(
         "Numbers are million scattered reads a second with each form of the kernels. In use (*) is "
         "the widest form within 15 % of the fastest.", ""
@@ -64,7 +74,9 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
         mark = "*" if form == info.best else " "
         if isinstance(speed, str):
             click.echo(f"  {mark} {form!s:17} does not run:")
-            click.echo(wrapped(speed, " " * 8))
+            for line in speed.splitlines():
+                if line.strip():
+                    click.echo(wrapped(line, " " * 8))
         else:
             why = ""
             if form == info.best:
@@ -73,6 +85,8 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
             click.echo(f"  {mark} {form!s:17} {speed:7.0f}{why}")
     if info.best is None:
         click.echo("  no form of the kernels runs on it, so it is not used")
+    if info.failures and info.driver:
+        click.echo(wrapped(drivers.standing(info), "  "))
     click.echo()
 
 

@@ -27,7 +27,9 @@ from ssgi_cl.cli_common import (
     wrapped,
     yfov_of,
 )
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.errors import shown
+from ssgi_cl.exr_header import ExrHeader, read_header
+from ssgi_cl.gbuffer import NAN, GBuffer
 from ssgi_cl.lights import DirectionalLight, Environment, Light
 from ssgi_cl.params import Params, describe
 from ssgi_cl.runtime import Runtime
@@ -40,12 +42,14 @@ from ssgi_cl.techniques.ssdo_params import SsdoParams
 @click.argument("technique", type=click.Choice(sorted([*TECHNIQUES, "ssdo"])))
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
-@click.option("--fov", type=float, help="Vertical field of view of the camera in degrees; "
-              "50 by default.")
+@click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is "
+              "added to its channels.")
+@click.option("--fov", type=float, help="Vertical field of view of the file's display window in "
+              "degrees; 50 by default.")
 @click.option("--ortho", type=float, metavar="HEIGHT",
-              help="Orthographic camera whose view is this high, in scene units.")
+              help="Orthographic camera whose display window is this high, in scene units.")
 @click.option("--intrinsics", nargs=4, type=float, metavar="FX FY CX CY",
-              help="Calibrated camera, in pixels.")
+              help="Calibrated camera, in pixels; CX CY from the display window's corner.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
               help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
               "lists them with their units.")
@@ -63,23 +67,27 @@ from ssgi_cl.techniques.ssdo_params import SsdoParams
               "travels along X Y Z in camera space, with irradiance E in W/m^2.")
 @click.option("--lit", is_flag=True, help="ssdo: the file's R, G and B are the light that surfaces "
               "send, W m^-2 sr^-1.")
+@click.option("--nan", type=click.Choice(NAN), default="refuse", show_default=True,
+              help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and "
+              "other NaN for 0.")
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
               "are used.")
 @device_option
 @json_option
 @human_errors
 def apply_command(
-    technique: str, source: Path | None, output: Path | None, fov: float | None,
+    technique: str, source: Path | None, output: Path | None, overwrite: bool, fov: float | None,
     ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
     method: str | None, preset: str | None, error: float | None, budget_ms: float | None,
-    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, no_normals: bool,
-    device: str | None, as_json: bool,
+    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, nan: str,
+    no_normals: bool, device: str | None, as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
     Depth is linear along the line of sight, in scene units; 1e10 and more is where nothing is.
     Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
-    the file's are in world space, as those of `ssgi render` and of Blender are.
+    the file's are in world space, as those of `ssgi render` and of Blender are. The result covers
+    the file's data window, overscan included.
 
     ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
     radiance 1.
@@ -93,6 +101,11 @@ def apply_command(
     if output is None:
         raise click.UsageError("Missing option '-o' / '--output'.")
     checked_output(output, (".exr",))
+    adds = _is_same_file(source, output)
+    if adds and not overwrite:
+        raise click.UsageError(
+            f"--output is {output}: that is the input; --overwrite adds the result to its channels"
+        )
     if method is not None:
         settings = (*settings, f"method={method}")
     parameters = dict(_setting(text, technique, params) for text in settings)
@@ -105,13 +118,15 @@ def apply_command(
         step("opening the device")
         runtime = Runtime.open(device)
         step(f"reading {source}")
+        header = read_header(source)
+        camera = _apply_camera(header, fov, ortho, intrinsics)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
             arrays = exr.read_gbuffer(source)
-        if no_normals:
-            arrays.pop("normal", None)
-        rows, columns = arrays["depth"].shape
-        camera = _apply_camera(rows, columns, fov, ortho, intrinsics)
-        gbuffer = GBuffer(camera=camera, **arrays)
+        # Ambient occlusion needs neither albedo nor emission, so they may hold anything.
+        unused = () if technique == "ssdo" else ("albedo", "emission")
+        for name in (*unused, "normal") if no_normals else unused:
+            arrays.pop(name, None)
+        gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
         step(f"computing {technique}")
         if technique == "ssdo":
             parameters["radiance"] = _image(source) if lit else None
@@ -122,8 +137,16 @@ def apply_command(
             channels = _channels(TECHNIQUES[technique], gbuffer, runtime, parameters)
         passes = runtime.times()
         step("writing the file")
-        exr.write(output, channels)
-    report(as_json, runtime, passes, [output], {"width": columns, "height": rows})
+        if adds:
+            exr.add(output, channels)
+        else:
+            exr.write(output, channels, data=header.data, display=header.display)
+    report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height})
+
+
+def _is_same_file(source: Path, output: Path) -> bool:
+    """Return whether both paths lead to one file, by links too."""
+    return source.exists() and output.exists() and source.samefile(output)
 
 
 def _channels(
@@ -179,27 +202,32 @@ def _image(path: Path) -> NDArray[np.float32]:
 
 
 def _apply_camera(
-    rows: int, columns: int, fov: float | None, ortho: float | None,
+    header: ExrHeader, fov: float | None, ortho: float | None,
     intrinsics: tuple[float, ...] | None,
 ) -> Camera:
-    if intrinsics is not None:
-        fx, fy, cx, cy = intrinsics
-        return Camera.from_intrinsics(fx, fy, cx, cy, width=columns, height=rows)
+    """Return the camera of the data window, from the options, which are of the display window."""
+    left, top, right, bottom = header.display
+    size: dict[str, Any] = {"width": right - left + 1, "height": bottom - top + 1}
     eye, target = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)
-    if ortho is not None:
-        return Camera.orthographic(eye, target, view_height=ortho, width=columns, height=rows)
-    yfov = yfov_of({"fov": fov}, math.radians(DEFAULT_FOV))
-    return Camera.look_at(eye, target, yfov=yfov, width=columns, height=rows)
+    if intrinsics is not None:
+        camera = Camera.from_intrinsics(*intrinsics, **size)
+    elif ortho is not None:
+        camera = Camera.orthographic(eye, target, view_height=ortho, **size)
+    else:
+        yfov = yfov_of({"fov": fov}, math.radians(DEFAULT_FOV))
+        camera = Camera.look_at(eye, target, yfov=yfov, **size)
+    rows, columns = header.size
+    return camera.cropped(header.data[0] - left, header.data[1] - top, columns, rows)
 
 
 def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
-        raise click.UsageError(f"--set {text}: expected NAME=VALUE")
+        raise click.UsageError(f"--set {shown(text)}: expected NAME=VALUE")
     names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
     if name not in names:
         raise click.UsageError(
-            f"--set {text}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
+            f"--set {shown(text)}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
         )
     special = {"true": True, "false": False, "inf": math.inf}
     if value.lower() in special:
@@ -208,6 +236,8 @@ def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]
         return name, json.loads(value)
     except ValueError:
         return name, value
+    except RecursionError:
+        raise click.UsageError(f"--set {name}: the value is nested too deeply") from None
 
 
 def _list_parameters(params: type[Params], as_json: bool) -> None:

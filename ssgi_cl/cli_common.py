@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import resource
 import shutil
+import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +17,7 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -41,19 +45,50 @@ def human_errors(command: Callable[..., None]) -> Callable[..., None]:
             command(*args, **kwargs)
         except BrokenPipeError:
             raise  # whoever reads the output has gone, such as `head`
-        except (SsgiError, ValueError, TypeError, OSError) as error:
-            raise click.ClickException(_one_line(error)) from error
+        except (click.exceptions.Exit, click.Abort, click.ClickException):
+            raise
+        except Exception as error:
+            if not is_expected(error):
+                raise
+            raise click.ClickException(printable(one_line(error))) from error
 
     return run
 
 
-def _one_line(error: Exception) -> str:
+def is_expected(error: Exception) -> bool:
+    """Return whether a command may meet the error; any other is a fault of the program."""
+    kinds = (SsgiError, ValueError, TypeError, OSError, MemoryError, RecursionError)
+    return isinstance(error, kinds) or _is_opencl(error)
+
+
+def _is_opencl(error: Exception) -> bool:
+    module = sys.modules.get("pyopencl")  # imported with the first device
+    return module is not None and isinstance(error, module.Error)
+
+
+def one_line(error: Exception) -> str:
+    """Return what is said of an error: one line, but for a compiler's log."""
     if isinstance(error, KernelBuildError):
         return str(error)
     if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
+        return f"{os.fsdecode(error.filename)}: {error.strerror}"
     first, *rest = str(error).splitlines() or [type(error).__name__]
-    return " ".join([first, "; ".join(line.strip() for line in rest)]).strip()
+    text = " ".join([first, "; ".join(line.strip() for line in rest)]).strip()
+    if _is_opencl(error):
+        text = f"the OpenCL driver failed: {text}"
+    elif isinstance(error, MemoryError):
+        text = f"out of memory: {text}"
+    elif isinstance(error, RecursionError):
+        text = f"nested too deeply: {text}"
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if (_is_opencl(error) or isinstance(error, MemoryError)) and most != resource.RLIM_INFINITY:
+        text += f" (ulimit -v allows the process {most / 2**20:.0f} MiB)"
+    return text
+
+
+def printable(text: str) -> str:
+    """Return text with bytes of file names that are not UTF-8 as \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @contextmanager
@@ -65,7 +100,7 @@ def progress(silent: bool) -> Iterator[Callable[[str], None]]:
         console=console, transient=True, disable=silent or not console.is_terminal,
     ) as progress:
         task = progress.add_task("", total=None)
-        yield lambda text: progress.update(task, description=text)
+        yield lambda text: progress.update(task, description=escape(printable(text)))
 
 
 def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
@@ -105,7 +140,7 @@ def report(
             "form": str(runtime.form),
             "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None,
                         "saved_ms": round(p.saved, 4)} for p in passes],
-            "files": [str(path) for path in files],
+            "files": [printable(str(path)) for path in files],
         }, indent=1))
         return
     click.echo(f"{runtime.info.label}, {runtime.form}")
@@ -121,7 +156,7 @@ def report(
     if explain:
         console.print(_explanation(passes))
     for path in files:
-        console.print(f"wrote {path}", highlight=False)
+        console.print(printable(f"wrote {path}"), highlight=False, markup=False)
 
 
 def _explanation(passes: list[PassTime] | tuple[PassTime, ...]) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from ssgi_cl.cli_common import (
 )
 from ssgi_cl.lights import Environment, Light
 from ssgi_cl.plan import SKIPS
+from ssgi_cl.rasterize.load import READERS
 from ssgi_cl.render import Frame, render
 from ssgi_cl.render_params import AO_DEFAULT, BOUNCES
 from ssgi_cl.runtime import Runtime
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 @click.option("--height", type=int, help="Pixels; 600 by default.")
 @click.option("--eye", help="Where the camera is: world space, scene units.", **VECTOR)
 @click.option("--target", help="What it looks at: world space, scene units.", **VECTOR)
+@click.option("--up", help="Which way is up in the picture: world space; y by default.", **VECTOR)
 @click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
 @click.option("--camera", "camera_file", type=click.Path(path_type=Path),
               help="JSON file with origin, forward, up (world space) and fov_deg (horizontal). "
@@ -98,10 +101,8 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
     _check_view_options(options)
-    if not (is_scene(scene) or Path(scene).suffix or Path(scene).exists()):
-        raise ValueError(
-            f"scene is {scene!r}: there is no such file; expected one or {SCENE_NAMES}"
-        )
+    if not is_scene(scene):
+        _check_file(Path(scene), SCENE_NAMES)
     with progress(as_json) as step:
         step("opening the device")
         runtime = Runtime.open(options["device"])
@@ -146,9 +147,18 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
 
 
 def _check_view_options(options: dict[str, Any]) -> None:
-    given = [f"--{name}" for name in ("eye", "target", "fov") if options[name] is not None]
+    given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
     if options["camera_file"] is not None and given:
         raise click.UsageError(f"--camera and {given[0]} exclude each other")
+
+
+def _check_file(path: Path, scenes: str) -> None:
+    """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
+    name = os.fspath(path)
+    if path.is_dir():
+        raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
+    if not path.exists() and path.suffix.lower() not in READERS:
+        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}")
 
 
 def _size(options: dict[str, Any]) -> tuple[int, int]:
@@ -167,7 +177,8 @@ def _builtin(
         camera = Camera.look_at(
             builtin.eye if options["eye"] is None else options["eye"],
             builtin.target if options["target"] is None else options["target"],
-            builtin.up, yfov=yfov_of(options, builtin.yfov), width=width, height=height,
+            builtin.up if options["up"] is None else options["up"],
+            yfov=yfov_of(options, builtin.yfov), width=width, height=height,
         )
     return builtin.scene, camera, builtin.lights, builtin.ao_radius
 
@@ -180,14 +191,18 @@ def _from_file(
 
     if (options["eye"] is None) != (options["target"] is None):
         raise click.UsageError("--eye and --target go together")
+    if options["up"] is not None and options["eye"] is None:
+        raise click.UsageError("--up needs --eye and --target")
     width, height = _size(options)
     yfov = yfov_of(options, math.radians(DEFAULT_FOV))
     # The camera's size and the rest of it are checked before a large scene is loaded.
     camera = Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
     beside = path.with_name(path.stem + ".scene.json")
     if options["eye"] is not None:
-        camera = Camera.look_at(options["eye"], options["target"], yfov=yfov, width=width,
-                                height=height)
+        camera = Camera.look_at(
+            options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov,
+            width=width, height=height,
+        )
     elif options["camera_file"] is not None:
         camera = _camera_file(options["camera_file"], options)
     scene = load_scene(path)

@@ -82,6 +82,8 @@ class DeviceRsm:
         light, cameras: of the current contents (the first light); None and () before there are any.
         version: grows with every change of the contents.
         reach: how far surfaces are from `origin` along each axis, at most; scene units.
+        scales: (least, greatest) distance from `origin`, or width of a texel there if that is more,
+            of any surface; scene units.
         brightest: flux of a texel, at most; W.
     """
 
@@ -105,6 +107,7 @@ class DeviceRsm:
         self.cameras: tuple[Camera, ...] = ()
         self.version = 0
         self.reach = math.inf
+        self.scales = (0.0, math.inf)
         self.brightest = BRIGHTEST
         # A face is lit where the device has what it was stamped with when it was written.
         self._lit = runtime.array(np.zeros(faces, np.int32))
@@ -134,6 +137,9 @@ class DeviceRsm:
             rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
             brightest=max(float(flux.max()), float(mirrored.max())),
         )
+        lengths = np.maximum(np.abs(position).max(axis=-1), np.sqrt(area))[area > 0.0]
+        if lengths.size:
+            self.scales = float(lengths.min()), float(lengths.max())
         self.position.upload(np.moveaxis(position, -1, 0))
         self.normal.upload(np.moveaxis(normal, -1, 0))
         self.area.upload(area[None])
@@ -165,9 +171,25 @@ class DeviceRsm:
                 f"expected {self.faces} of {self.face_size} (rows, columns)"
             )
         self.reach, self.brightest = reach, brightest
+        self.scales = (reach, reach)
         self.light, self.cameras, self.origin = light, cameras, cameras[0].position
         self.version += 1
         self._uploaded = None
+
+    def check_scale(self, technique: str, least: float, most: float) -> None:
+        """Raise ValueError if all surfaces are so near or so far that float32 fails a technique.
+
+        Args:
+            technique: its name, for the message.
+            least, most: scene units; not all of `scales` may be below the one or above the other.
+        """
+        nearest, farthest = self.scales
+        if 0.0 < farthest < least or most < nearest < math.inf:
+            distance = farthest if farthest < least else nearest
+            raise ValueError(
+                f"rsm shows surfaces {distance:.3g} from its light's camera: {technique} expects "
+                f"{least:g} to {most:g} (scene units); scale the scene"
+            )
 
     def write_face(self, face: int, depth: Plane, normal: Plane, flux: Plane) -> None:
         """Queue the pass that fills one face from planes of `face_size`; nothing is read back.

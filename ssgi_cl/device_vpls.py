@@ -51,6 +51,9 @@ LEAST_AREA = 1e-12
 """Of a light, in squares of the lights' distance from the eye: float32 holds its products."""
 BRIGHTEST = 1e30
 """W, or W per square unit: more counts as this."""
+LEAST_REACH, MOST_REACH = 1e-15, 1e14
+"""Scene units: distances of a scene from its light. Squares of 1e-3 of the one, and areas of texels
+at the other, are float32 numbers."""
 
 
 class DeviceVpls:
@@ -156,6 +159,8 @@ class DeviceVpls:
         if chosen.count > self.most:
             raise ValueError(f"vpls has {chosen.count} lights: expected at most {self.most}")
         maps = chosen.curve.maps
+        for rsm in maps:
+            rsm.check_scale("light from VPLs", LEAST_REACH, MOST_REACH)
         self.count = chosen.count
         self.parted = chosen.part_places is not None and self.span > self.stride
         to_view = maps[0].to_view(camera)

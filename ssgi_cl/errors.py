@@ -11,7 +11,10 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 120
 
 def shown(value: Any) -> str:
     """Return `value` as in Python code, cut short, for a message about what others wrote."""
-    return _SHORT.repr(value)
+    try:
+        return _SHORT.repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        return f"an integer of {value.bit_length()} bits"
 
 
 class SsgiError(Exception):

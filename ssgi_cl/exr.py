@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import atomic, check
-from ssgi_cl.exr_header import ExrHeader, read_header
+from ssgi_cl.exr_header import Window, read_header
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
@@ -33,7 +34,13 @@ _STEMS_OF = {
 }
 
 
-def write(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
+def write(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, ArrayLike],
+    *,
+    data: Window | None = None,
+    display: Window | None = None,
+) -> None:
     """Write arrays as float32 channels of one OpenEXR file (ZIP, lossless), whole or not at all.
 
     Args:
@@ -42,12 +49,86 @@ def write(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None
             "image" (or "") becomes the channels R, G, B (Y with one channel), "depth" Z, "normal"
             N.X, N.Y, N.Z; any other name stands for itself, with .R, .G, .B if it has 3 channels.
             Infinities and NaN are kept.
+        data: (first column, first row, last column, last row) of the arrays' pixels, in pixels;
+            by default the first are 0.
+        display: likewise of the image; by default the same as `data`.
 
     Raises:
         TypeError: an array is not of real numbers.
-        ValueError: no array, a wrong shape, sizes that differ, or a channel that is there twice.
+        ValueError: no array, a wrong shape, sizes that differ, a window of another size, or a
+            channel that is there twice.
         OSError: the file can't be written; the message names it.
     """
+    channels = _planes(arrays)
+    rows, columns = next(iter(channels.values())).shape
+    data = (0, 0, columns - 1, rows - 1) if data is None else data
+    if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
+        raise ValueError(
+            f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays"
+        )
+    _save(path, {"dataWindow": _box(data), "displayWindow": _box(display or data)}, channels)
+
+
+def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
+    """Add arrays to an OpenEXR file, in place of channels of the same names.
+
+    The file keeps its windows, its other attributes and the values of its other channels, in their
+    own types. It is written anew with ZIP compression, whole or not at all.
+
+    Args:
+        path: a file as for `read`.
+        arrays: as of `write`, of the size of the file's data window.
+
+    Raises:
+        FileNotFoundError, ValueError, OSError: as `read` and `write`.
+        TypeError: as `write`.
+    """
+    new, size = _planes(arrays), read_header(Path(path)).size
+    for name, plane in new.items():
+        if plane.shape != size:
+            raise ValueError(
+                f"{name} has {plane.shape[0]} rows and {plane.shape[1]} columns: expected "
+                f"{size[0]} x {size[1]} as the file's data window"
+            )
+    header, present = _decoded(os.fspath(path), size)
+    own = {"channels", "compression", "type", "tiles", "lineOrder", "chunkCount", "version"}
+    kept = {name: value for name, value in header.items() if name not in own}
+    _save(path, kept, {**present, **new})
+
+
+def _save(path: str | os.PathLike[str], header: dict[str, Any], channels: dict[str, Any]) -> None:
+    """Write a file of scan lines, whole or not at all."""
+    header = {**header, "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with atomic.replacement(path) as temporary:
+        try:
+            with _utf8(os.fspath(temporary), os.O_WRONLY) as writable:
+                OpenEXR.File(header, channels).write(writable)
+        except RuntimeError as error:
+            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
+            raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
+
+
+@contextmanager
+def _utf8(name: str, flags: int) -> Iterator[str]:
+    """Give another name of a file if its own is not UTF-8, which OpenEXR does not take."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        opened = os.open(name, flags)
+        try:
+            yield f"/dev/fd/{opened}"
+        finally:
+            os.close(opened)
+    else:
+        yield name
+
+
+def _box(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    return np.array(window[:2], np.int32), np.array(window[2:], np.int32)
+
+
+def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
+    """Return channel -> [rows, columns], all of one size."""
     channels: dict[str, NDArray[np.float32]] = {}
     size: tuple[int, ...] = ()
     for name, value in arrays.items():
@@ -68,13 +149,7 @@ def write(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None
             channels[channel] = plane
     if not channels:
         raise ValueError("arrays is empty: expected at least one array")
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with atomic.replacement(path) as temporary:
-        try:
-            OpenEXR.File(header, channels).write(os.fspath(temporary))
-        except RuntimeError as error:
-            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
-            raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
+    return channels
 
 
 def _split(name: str, array: NDArray[np.float32]) -> Iterator[tuple[str, NDArray[np.float32]]]:
@@ -93,12 +168,11 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the channels of an OpenEXR file by name.
 
     Args:
-        path: a file with one part of flat pixels (scan lines or tiles) without subsampling, whose
-            data window is its display window or exceeds it equally on opposite sides (overscan).
+        path: a file with one part of flat pixels (scan lines or tiles) without subsampling.
 
     Returns:
-        [rows, columns] each, row 0 on top: float32 for half and float, uint32 for integers. With
-        overscan the arrays have the size of the data window.
+        [rows, columns] of the data window each, row 0 on top: float32 for half and float, uint32
+        for integers. See `exr_header.read_header` for where the image (the display window) lies.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -107,39 +181,38 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """
     name = os.fspath(path)
     header = read_header(Path(name))
-    size = _size(name, header)
+    size = header.size
     for channel in header.channels:
         if channel.sampling != (1, 1):
             raise ValueError(
                 f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
                 f"{channel.sampling[1]}: expected one value for each pixel"
             )
-    try:
-        channels = OpenEXR.File(name, separate_channels=True).channels()
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
     arrays: dict[str, NDArray[Any]] = {}
-    for key, channel in channels.items():
-        pixels = channel.pixels
-        if pixels is None or pixels.shape != size:
-            raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
+    for key, pixels in _decoded(name, size)[1].items():
         kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
         arrays[key] = np.ascontiguousarray(pixels, dtype=kind)
     return arrays
 
 
-def _size(name: str, header: ExrHeader) -> tuple[int, int]:
-    """Return (rows, columns) of the data window."""
-    data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
-    before, after = display[0] - data[0], data[1] - display[1]
-    if (before != after).any() or (before < 0).any():
+def _decoded(
+    name: str, size: tuple[int, int]
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the attributes of a file and its channels, of the size of the data window."""
+    try:
+        with _utf8(name, os.O_RDONLY) as readable:
+            file = OpenEXR.File(readable, separate_channels=True)
+            header, channels = file.header(), file.channels()
+    except MemoryError as error:
         raise ValueError(
-            f"{name} has the data window {data.tolist()} and the display window "
-            f"{display.tolist()}: expected the same window, or a margin of equal size on opposite "
-            "sides"
-        )
-    columns, rows = data[1] - data[0] + 1
-    return int(rows), int(columns)
+            f"{name}: {size[1]} x {size[0]} pixels need more memory than there is"
+        ) from error
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
+    for key, channel in channels.items():
+        if channel.pixels is None or channel.pixels.shape != size:
+            raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
+    return header, {key: channel.pixels for key, channel in channels.items()}
 
 
 def read_gbuffer(

@@ -24,7 +24,11 @@ _LARGEST_SIDE = 1 << 24
 _FREE_BYTES = 256 << 20
 _MOST_RATIO = 2000
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}  # unsigned, half, float
-_LINES_OF_CHUNK = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)  # by the number of the compression
+# By the number of the compression: its name, and the lines of a chunk.
+_COMPRESSIONS = (
+    ("none", 1), ("RLE", 1), ("ZIPS", 1), ("ZIP", 16), ("PIZ", 32), ("PXR24", 16), ("B44", 32),
+    ("B44A", 32), ("DWAA", 32), ("DWAB", 256), ("HTJ2K256", 256), ("HTJ2K32", 32),
+)
 
 
 @dataclass(frozen=True)
@@ -43,11 +47,19 @@ class ExrHeader:
     Attributes:
         data, display: the windows of the pixels in the file and of the image.
         channels: all of them.
+        compression: its name.
     """
 
     data: Window
     display: Window
     channels: tuple[Channel, ...]
+    compression: str
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(rows, columns) of the data window."""
+        left, top, right, bottom = self.data
+        return bottom - top + 1, right - left + 1
 
 
 def read_header(path: Path) -> ExrHeader:
@@ -55,8 +67,8 @@ def read_header(path: Path) -> ExrHeader:
 
     Raises:
         FileNotFoundError, OSError: there is no such file, or it can't be read.
-        ValueError: not an OpenEXR file, damaged, cut short, in several parts or deep, or it claims
-            far more pixels than can be packed into its length.
+        ValueError: not an OpenEXR file, damaged, cut short, in several parts, deep, of an unknown
+            compression, or it claims far more pixels than can be packed into its length.
     """
     with open(path, "rb") as file:  # says precisely why a file can't be opened
         head = file.read(_MOST_HEADER)
@@ -84,14 +96,21 @@ def _parsed(head: bytes, length: int, path: Path) -> ExrHeader:
         raise ValueError(
             f"{path} holds {shown(kind or 'deep pixels')}: expected flat pixels"
         )
+    compression = attributes["compression"][0]
+    if compression >= len(_COMPRESSIONS):
+        raise ValueError(
+            f"{path} has the compression number {compression}: expected one of "
+            f"{', '.join(name for name, _ in _COMPRESSIONS)} (0 to {len(_COMPRESSIONS) - 1})"
+        )
     header = ExrHeader(
         data=_window(attributes["dataWindow"], path),
         display=_window(attributes["displayWindow"], path),
         channels=_channels(attributes["channels"], path),
+        compression=_COMPRESSIONS[compression][0],
     )
     tiled = "tiles" in attributes and kind != "scanlineimage"
     tile = struct.unpack_from("<2I", attributes["tiles"]) if tiled else None
-    _check_size(header, tile, attributes["compression"][0], length - place, path)
+    _check_size(header, tile, _COMPRESSIONS[compression][1], length - place, path)
     return header
 
 
@@ -145,15 +164,14 @@ def _channels(value: bytes, path: Path) -> tuple[Channel, ...]:
 
 
 def _check_size(
-    header: ExrHeader, tile: tuple[int, ...] | None, compression: int, left: int, path: Path
+    header: ExrHeader, tile: tuple[int, ...] | None, lines: int, left: int, path: Path
 ) -> None:
-    """Raise unless `left` bytes of data may hold the pixels that the header claims."""
-    columns = header.data[2] - header.data[0] + 1
-    rows = header.data[3] - header.data[1] + 1
+    """Raise unless `left` bytes of data, in chunks of `lines`, may hold the claimed pixels."""
+    rows, columns = header.size
     pixel = sum(channel.bytes for channel in header.channels)
     most = _FREE_BYTES + _MOST_RATIO * left
     if tile is None:
-        chunks = math.ceil(rows / _LINES_OF_CHUNK[compression])
+        chunks = math.ceil(rows / lines)
     else:
         if not 0 < tile[0] * tile[1] * pixel <= most:
             raise ValueError(f"{path} is damaged: its tiles have {tile[0]} x {tile[1]} pixels")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from pathlib import Path
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check, exr
 from ssgi_cl.camera import Camera
+from ssgi_cl.exr_header import read_header
+from ssgi_cl.immutable import Immutable, frozen
 from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
 
 Floats = NDArray[np.float32]
@@ -19,6 +22,9 @@ Floats = NDArray[np.float32]
 LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
 """Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
 holds at any angle."""
+
+NAN = ("refuse", "hole")
+"""What NaN in a G-buffer's arrays may mean."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,11 +44,14 @@ class GBuffer:
             [layers, rows, columns, 3] gives the deeper layers' normals too.
         albedo: [rows, columns, 3] (or with layers) float32, linear reflectance in [0, 1]; None
             stands for 0.8 everywhere.
-        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, >= 0, or None.
+        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, in [0, 1e30], or None.
         specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
             seen of them along the line of sight, scene units, >= 0 (+inf: without end), or None.
+        nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
+            (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
+            are reconstructed from depth.
 
     Raises:
         TypeError: an array is not of real numbers.
@@ -58,12 +67,15 @@ class GBuffer:
     specular: ArrayLike | None = None
     gloss: ArrayLike | None = None
     thickness: ArrayLike | None = None
+    nan: Literal["refuse", "hole"] = "refuse"
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
+        if check.choice("nan", self.nan, NAN) == "hole":
+            self._fill_nan()
         depth = _layered(
             "depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True,
             infinite=True,
@@ -80,7 +92,7 @@ class GBuffer:
         object.__setattr__(self, "margin", (int(margin[0]) // 2, int(margin[1]) // 2))
         if self.normal is not None:
             self._set("normal", _unit(self._attribute("normal", self.normal, low=-np.inf)))
-        for name, high in (("albedo", 1.0), ("emission", np.inf), ("specular", 1.0)):
+        for name, high in (("albedo", 1.0), ("emission", check.MOST_LIGHT), ("specular", 1.0)):
             value = getattr(self, name)
             if value is not None:
                 self._set(name, self._attribute(name, value, low=0.0, high=high))
@@ -98,6 +110,19 @@ class GBuffer:
                     "depth"
                 )
             self._set("thickness", thickness)
+
+    def _fill_nan(self) -> None:
+        """Replace the arrays that hold NaN."""
+        for name in ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"):
+            value = getattr(self, name)
+            array = None if value is None else check.as_array(name, value)
+            if array is None or array.dtype.kind != "f":
+                continue
+            missing = np.isnan(array)
+            if name == "depth" and array.ndim == 3:
+                missing = np.logical_or.accumulate(missing)
+            if missing.any():
+                self._set(name, np.where(missing, np.inf if name == "depth" else 0.0, array))
 
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
@@ -146,20 +171,34 @@ class GBuffer:
         *,
         camera: Camera,
         channels: Mapping[str, str | tuple[str, ...]] | None = None,
+        nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
         """Read a G-buffer from an OpenEXR file.
 
         Args:
             path: the file.
-            camera: the camera that saw it.
+            camera: the camera that saw it, of the file's display window or of its data window
+                (`Camera.cropped`).
             channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
                 given.
+            nan: as the attribute.
 
         Raises:
-            ValueError: not an EXR file, damaged, without depth, or of another size than `camera`.
+            ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
+                with a camera of the display window, the data window does not exceed that equally
+                on opposite sides (overscan).
         """
-        return cls(camera=camera, **exr.read_gbuffer(path, channels))
+        header = read_header(Path(path))
+        data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
+        before, after = display[0] - data[0], data[1] - display[1]
+        if camera.size != header.size and ((before != after).any() or (before < 0).any()):
+            raise ValueError(
+                f"{os.fspath(path)} has the data window {data.tolist()} and the display window "
+                f"{display.tolist()}: expected the same window, or a margin of equal size on "
+                "opposite sides, or camera.cropped(...) to the data window"
+            )
+        return cls(camera=camera, nan=nan, **exr.read_gbuffer(path, channels))
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:
         """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""
@@ -169,8 +208,8 @@ class GBuffer:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReflectiveShadowMap:
-    """What a light sees, and how much of its light every texel reflects.
+class ReflectiveShadowMap(Immutable):
+    """What a light sees, and how much of its light every texel reflects. Its arrays are read-only.
 
     Attributes:
         light: the light whose map this is.
@@ -205,18 +244,19 @@ class ReflectiveShadowMap:
                 f"depth has shape {depth.shape}: expected {(heights, self.cameras[0].width)} "
                 "as the light's cameras, stacked"
             )
-        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "depth", frozen(depth, self.depth))
         kinds = [("position", 3, -np.inf), ("normal", 3, -np.inf), ("flux", 3, 0.0)]
         if (self.specular_flux is None) != (self.gloss is None):
             raise ValueError("expected both of specular_flux and gloss, or neither")
         if self.gloss is not None:
             kinds += [("specular_flux", 3, 0.0), ("gloss", 0, 0.0)]
         for name, channels, low in kinds:
-            array = check.plane(name, getattr(self, name), channels=channels, low=low)
+            given = getattr(self, name)
+            array = check.plane(name, given, channels=channels, low=low)
             shape = (*depth.shape, channels) if channels else depth.shape
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, frozen(array, given))
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -235,7 +275,7 @@ def _layered(
     infinite: bool = False,
     above: bool = False,
 ) -> Floats:
-    array = np.asarray(value)
+    array = check.as_array(name, value)
     flat = 3 if channels else 2
     if array.ndim == flat + 1 and array.shape[0] > 0:
         array = check.floats(name, array)
@@ -271,7 +311,7 @@ def _limited(depth: ArrayLike) -> NDArray[Any]:
 
     What is infinite, NaN or not above 0 stays as it is. Float64 is limited before it is rounded.
     """
-    array = np.asarray(depth)
+    array = check.as_array("depth", depth)
     if array.dtype.kind != "f" or array.size == 0:
         return array
     least, most = np.float32(LEAST_DEPTH), np.float32(MOST_DEPTH)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssgi_cl.errors import KernelBuildError
+from ssgi_cl.errors import DeviceError, KernelBuildError
 from ssgi_cl.memory import DeviceArray, Plane, Size
 from ssgi_cl.opencl import opencl
 from ssgi_cl.window import Window
@@ -19,6 +19,19 @@ if TYPE_CHECKING:
 CPU_WIDTH = 32
 """Work-items of a work-group on CPUs. PoCL compiles a kernel for each width; frames of 320 x 240 to
 1600 x 1200 take the same time within 3 % with 16, 32 and 64."""
+
+LEAST_GROUP = 64
+"""Work-items that a device must take in a work-group."""
+
+
+def check_groups(label: str, device: Any) -> None:
+    """Raise DeviceError if a device takes no work-groups of `LEAST_GROUP` work-items."""
+    most = device.max_work_group_size
+    if most < LEAST_GROUP:
+        raise DeviceError(
+            f"{label} takes work-groups of at most {most} work-items: expected {LEAST_GROUP} or "
+            "more (a variable such as POCL_MAX_WORK_GROUP_SIZE may limit it)"
+        )
 
 
 class Kernel:

@@ -1,4 +1,4 @@
-"""Light sources, in world space and radiometric units."""
+"""Light sources, in world space and radiometric units. Their arrays are read-only."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl import check
+from ssgi_cl.immutable import Immutable, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class SpotLight:
+class SpotLight(Immutable):
     """A point that shines into a cone.
 
     Attributes:
-        position: [3], world space, scene units.
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
         direction: [3], world space, the axis of the cone; any length but zero.
         cone_angle: half-angle of the cone in radians, in (0, 1.5].
-        intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside.
+        intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside;
+            in [0, 1e30].
         radius: of the sphere round `position` that shines, scene units, >= 0; screen-space
             shadows soften by it, shadow maps and reflected light take a point.
     """
@@ -30,7 +32,7 @@ class SpotLight:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        _set(self, "position", check.vector("position", self.position, 3, "scene units"))
+        _set(self, "position", check.point("position", self.position))
         _set(self, "direction", check.direction("direction", self.direction))
         angle = check.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians")
         object.__setattr__(self, "cone_angle", angle)
@@ -40,12 +42,12 @@ class SpotLight:
 
 
 @dataclass(frozen=True, eq=False)
-class PointLight:
+class PointLight(Immutable):
     """A point that shines into all directions.
 
     Attributes:
-        position: [3], world space, scene units.
-        intensity: [3] or a number, RGB radiant intensity in W/sr.
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
+        intensity: [3] or a number, RGB radiant intensity in W/sr, in [0, 1e30].
         radius: of the sphere that shines, scene units, as a spot light's.
     """
 
@@ -54,19 +56,20 @@ class PointLight:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        _set(self, "position", check.vector("position", self.position, 3, "scene units"))
+        _set(self, "position", check.point("position", self.position))
         _set(self, "intensity", check.rgb("intensity", self.intensity, "W/sr"))
         radius = check.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
         object.__setattr__(self, "radius", radius)
 
 
 @dataclass(frozen=True, eq=False)
-class DirectionalLight:
+class DirectionalLight(Immutable):
     """Parallel light from infinitely far away.
 
     Attributes:
         direction: [3], world space, the way the light travels; any length but zero.
-        irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light.
+        irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light, in
+            [0, 1e30].
         angle: between the centre of its disc and the rim, radians, in [0, 0.5]; the sun's is
             0.00465. Screen-space shadows soften by it, shadow maps take a point.
     """
@@ -83,34 +86,36 @@ class DirectionalLight:
 
 
 @dataclass(frozen=True, eq=False)
-class Environment:
+class Environment(Immutable):
     """Light from all around, infinitely far away; no shadow map, ambient occlusion dims it.
 
     Attributes:
         radiance: [3] or a number for the same RGB radiance everywhere, or [rows, columns, 3] as a
             latitude-longitude image (row 0 looks up +y, the middle column down -z, columns run to
-            +x); W m^-2 sr^-1, >= 0.
+            +x); W m^-2 sr^-1, in [0, 1e38].
     """
 
     radiance: ArrayLike
 
     def __post_init__(self) -> None:
-        radiance = np.asarray(self.radiance)
+        radiance = check.as_array("radiance", self.radiance)
         if radiance.ndim == 3:
             image = check.plane(
-                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0
+                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0, high=MOST_RADIANCE
             ).astype(np.float64)
             if image.size == 0:
                 raise ValueError(f"radiance has shape {image.shape}: expected at least one texel")
             _set(self, "radiance", image)
         else:
-            _set(self, "radiance", check.rgb("radiance", radiance, "W m^-2 sr^-1"))
+            constant = check.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
+            _set(self, "radiance", constant)
 
+
+MOST_RADIANCE = 1e38
+"""W m^-2 sr^-1 of an environment: times pi it is a float32."""
 
 Light = SpotLight | PointLight | DirectionalLight | Environment
 
 
 def _set(light: object, name: str, value: NDArray[np.float64]) -> None:
-    own = value.copy()  # the caller's array stays writable
-    own.flags.writeable = False
-    object.__setattr__(light, name, own)
+    object.__setattr__(light, name, frozen(value))

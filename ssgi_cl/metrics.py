@@ -210,7 +210,7 @@ def _images(
         raise ValueError(
             f"image has shape {np.shape(image)}: expected {np.shape(truth)} as the truth"
         )
-    where = np.ones(value.shape[:2], np.bool_) if mask is None else np.asarray(mask)
+    where = np.ones(value.shape[:2], np.bool_) if mask is None else check.as_array("mask", mask)
     if where.dtype != np.bool_:
         raise TypeError(f"mask has dtype {where.dtype}: expected bool")
     if where.shape != value.shape[:2]:

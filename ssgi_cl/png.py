@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ssgi_cl import atomic
+from ssgi_cl import atomic, check
 
 
 def write(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
@@ -24,7 +24,7 @@ def write(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
         ValueError: a wrong shape.
         OSError: the file can't be written; the message names it.
     """
-    image = np.asarray(image)
+    image = check.as_array("image", image)
     if image.dtype != np.uint8:
         raise TypeError(f"image has dtype {image.dtype}: expected uint8")
     if image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)) or image.size == 0:

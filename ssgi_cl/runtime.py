@@ -6,26 +6,28 @@ import gc
 import hashlib
 import os
 import threading
+import time
 import warnings
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import drivers, image_limits, sources
+from ssgi_cl import drivers, image_limits, pocl_cache, sources
 from ssgi_cl.device_memory import DeviceMemory, outline
 from ssgi_cl.driver_caches import replaced_caches
 from ssgi_cl.drivers import DeviceInfo, Form
 from ssgi_cl.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.image_limits import ImageLimits
-from ssgi_cl.kernel import Kernel
+from ssgi_cl.kernel import Kernel, check_groups
 from ssgi_cl.memory import DeviceArray, Plane, Size, plane_shape
-from ssgi_cl.opencl import opencl
+from ssgi_cl.opencl import listed_device, opencl
 from ssgi_cl.structs import Struct
 
 
@@ -97,7 +99,12 @@ class Runtime:
         self.form = form
         self.allocated_bytes = 0
         self.builds = 0
-        device = cl.get_platforms()[info.platform].get_devices()[info.device]
+        device = listed_device(info)
+        if device is None:
+            raise DeviceError(
+                f"{info.label}: the driver does not list this device as it is set up now; "
+                "`ssgi devices --refresh` looks again"
+            )
         if form.storage == "image" and not device.image_support:
             raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
         self.context = cl.Context([device])
@@ -105,6 +112,7 @@ class Runtime:
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
+        check_groups(info.label, device)
         self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
         self.memory = DeviceMemory(
             info.label, device.global_mem_size, device.max_mem_alloc_size,
@@ -145,19 +153,17 @@ class Runtime:
     @classmethod
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
         name = name or os.environ.get("SSGI_CL_DEVICE") or None
-        info = drivers.choose(name)
-        form = info.best
-        assert form is not None  # noqa: S101  choose() returns usable devices only
-        if lanes is not None or storage is not None:
-            form = Form(form.lanes if lanes is None else lanes, storage or "buffer")
-            reason = info.speeds.get(str(form))
-            if isinstance(reason, str):
-                raise DeviceError(f"{info.label} cannot run {form}: {reason}")
+        info, form = _chosen(name, lanes, storage)
         key = (info.driver, info.platform, info.device, form, os.environ.get(image_limits.VARIABLE))
         runtime = _OPENED.get(key)
         if runtime is None:
             _load_driver(info)
+            if listed_device(info) is None:  # the record is of another configuration
+                drivers.look_again(Path(info.driver))
+                info, form = _chosen(name, lanes, storage)
+                _load_driver(info)
             runtime = _OPENED[key] = cls(info, form)
+            drivers.confirm(info, form)
         return runtime
 
     def __repr__(self) -> str:
@@ -435,6 +441,13 @@ class Runtime:
         program = self._programs.get(key)
         if program is None:
             program = self._programs[key] = self._build(source, text, options)
+        try:
+            return Kernel(self, program, name, source)
+        except KernelBuildError:
+            # PoCL 3.0 takes an empty file of its cache for a program without kernels.
+            if program.num_kernels or not pocl_cache.clear_damaged(since=time.time()):
+                raise
+        program = self._programs[key] = self._build(source, text, options)
         return Kernel(self, program, name, source)
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
@@ -544,6 +557,19 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
+def _chosen(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, Form]:
+    """Return the device and the form of the kernels that `Runtime.open` is asked for."""
+    info = drivers.choose(name)
+    form = info.best
+    assert form is not None  # noqa: S101  choose() returns usable devices only
+    if lanes is not None or storage is not None:
+        form = Form(form.lanes if lanes is None else lanes, storage or "buffer")
+        reason = info.speeds.get(str(form))
+        if isinstance(reason, str):
+            raise DeviceError(f"{info.label} cannot run {form}: {reason}")
+    return info, form
+
+
 _NO_HEADER = "-D_OPENCL_H_"
 """The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
 
@@ -582,6 +608,8 @@ def _load_driver(info: DeviceInfo) -> None:
         asked = os.environ.get("OCL_ICD_VENDORS")
         os.environ["OCL_ICD_VENDORS"] = info.driver
         os.environ |= replaced_caches()
+        if "pocl" in info.label.lower():
+            pocl_cache.guard()
         try:
             cl = opencl()
 

@@ -365,7 +365,7 @@ def camera_from_json(path: Path, width: int | None, height: int | None) -> Camer
         fields = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"the camera file {path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"the camera file {path} is not JSON: {error}") from error
     fields = fields.get("camera", fields) if isinstance(fields, dict) else {}
     fields = fields if isinstance(fields, dict) else {}

@@ -250,6 +250,7 @@ def test_bad_cameras_are_refused(changes: dict[str, Any], message: str) -> None:
         ({"far": math.nan}, "far is nan"),
         ({"width": 0}, "width is 0"),
         ({"eye": (0, 0, math.inf)}, "eye is .*finite"),
+        ({"eye": (0, 0, 1e31)}, r"eye is .*at most 1e\+30 \(scene units\)"),
     ],
 )
 def test_bad_views_are_refused(changes: dict[str, Any], message: str) -> None:
@@ -261,7 +262,8 @@ def test_bad_views_are_refused(changes: dict[str, Any], message: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"view_height": 0.0}, "view_height is 0.0: expected a number > 0"),
+        ({"view_height": 0.0}, "view_height is 0.0: expected a number >= 1e-28"),
+        ({"view_height": 1e300}, r"view_height is 1e\+300: .* <= 1e\+28 \(scene units\)"),
         ({"near": 2.0, "far": 1.0}, "far is 1.0: expected a number > 2"),
         ({"far": math.inf}, "far is inf"),
         ({"height": 0}, "height is 0"),
@@ -273,6 +275,43 @@ def test_bad_orthographic_views_are_refused(changes: dict[str, Any], message: st
     }
     with pytest.raises(ValueError, match=message):
         Camera.orthographic(**{**values, **changes})
+
+
+def test_a_view_beyond_float32_is_refused() -> None:
+    view = np.eye(4)
+    view[1, 3] = -1e31
+    with pytest.raises(ValueError, match=r"translation of view is .*at most 1e\+30 \(scene units"):
+        Camera.from_intrinsics(1.0, 1.0, 0.0, 0.0, width=W, height=H, view=view)
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "message"),
+    [
+        ((1e300, 1.0, 0.0, 0.0), r"scales are .*: expected 1e-28 to 1e\+28"),
+        ((1.0, 1e-40, 0.0, 0.0), "scales are"),
+        ((1.0, 1.0, 1e300, 0.0), r"shifts the image by .* of half its size: expected at most 1e"),
+    ],
+)
+def test_intrinsics_that_float32_does_not_hold_are_refused(
+    intrinsics: tuple[float, float, float, float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Camera.from_intrinsics(*intrinsics, width=W, height=H)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_cropped_camera_sees_the_same_through_each_pixel(name: str) -> None:
+    camera = CAMERAS[name]
+    depth = np.full(camera.size, 2.5, np.float32)
+    whole = camera.with_margin((7, 9))
+    expected = whole.unproject(np.full(whole.size, 2.5, np.float32))
+    for left, top, width, height in ((2, 1, 5, 6), (-9, -7, 11, 4), (3, -2, camera.width, 8)):
+        seen = camera.cropped(left, top, width, height)
+        points = seen.unproject(np.full(seen.size, 2.5, np.float32))
+        part = expected[7 + top : 7 + top + height, 9 + left : 9 + left + width]
+        np.testing.assert_allclose(points, part, rtol=0, atol=1e-12)
+    same = camera.cropped(0, 0, camera.width, camera.height).unproject(depth)
+    np.testing.assert_array_equal(same, camera.unproject(depth))
 
 
 def test_an_orthographic_camera_may_see_behind_its_plane() -> None:

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+import ssgi_cl as gi
+import ssgi_cl_command
 from ssgi_cl import drivers, exr
+from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.camera import Camera
 from ssgi_cl.cli import main
 from ssgi_cl.drivers import DeviceInfo
+from ssgi_cl.exr_header import read_header
 from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.gtao import gtao
 from ssgi_cl.techniques.ssao import ssao
@@ -330,6 +340,94 @@ def test_normals_in_the_file_are_used_unless_told_otherwise(
     np.testing.assert_array_equal(applied(both, "--no-normals"), plain)
 
 
+WINDOWS = {
+    "overscan": ((-8, -4, 71, 51), (0, 0, 63, 47)),
+    "moved overscan": ((92, 46, 171, 101), (100, 50, 163, 97)),
+    "moved": ((100, 50, 163, 97), (100, 50, 163, 97)),
+    "negative": ((-64, -48, -1, -1), (-64, -48, -1, -1)),
+    "one side": ((0, -8, 75, 47), (0, 0, 63, 47)),
+    "crop": ((8, 12, 55, 43), (0, 0, 63, 47)),
+}
+
+
+@pytest.mark.parametrize("options", ["--fov 40", "--ortho 3", "--intrinsics 70 72 30 25"])
+@pytest.mark.parametrize("name", WINDOWS)
+def test_the_camera_is_that_of_the_display_window(
+    tmp_path: Path, rng: np.random.Generator, name: str, options: str, runtime: Runtime
+) -> None:
+    (left, top, right, bottom), display = WINDOWS[name]
+    depth = np.kron(rng.uniform(2.0, 2.4, (14, 20)), np.ones((4, 4))).astype(np.float32)
+    depth = np.ascontiguousarray(depth[: bottom - top + 1, : right - left + 1])
+    source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
+    exr.write(source, {"depth": depth}, data=(left, top, right, bottom), display=display)
+    succeeds("apply", "gtao", source, *options.split(), "-o", output)
+    header = read_header(output)
+    assert (header.data, header.display) == ((left, top, right, bottom), display)
+    whole = CAMERAS[options]
+    seen = whole.cropped(left - display[0], top - display[1], depth.shape[1], depth.shape[0])
+    # The point that a pixel of the data window shows is the one that the whole image's camera sees.
+    at = (display[0] - left, display[1] - top)
+    sx, sy, ox, oy = whole.pixel_to_view
+    np.testing.assert_allclose(
+        seen.pixel_to_view, (sx, sy, ox - sx * at[0], oy - sy * at[1]), rtol=1e-12, atol=1e-15
+    )
+    expected = gtao(GBuffer(camera=seen, depth=depth), runtime=runtime)
+    np.testing.assert_array_equal(exr.read(output)["ao"], expected)
+
+
+def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(
+    tmp_path: Path, runtime: Runtime
+) -> None:
+    builtin = make_scene("hall")
+    camera = Camera.look_at(builtin.eye, builtin.target, yfov=0.7, width=320, height=240)
+    gbuffer = gi.rasterize.gbuffer(builtin.scene, camera, overscan=0.2, runtime=runtime)
+    rows, columns = gbuffer.margin
+    assert columns % 64 == 0  # so that the same pixels share the length of their slices
+    source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
+    window = (-columns, -rows, 319 + columns, 239 + rows)
+    depth = np.asarray(gbuffer.depth)
+    exr.write(source, {"depth": depth}, data=window, display=(0, 0, 319, 239))
+    succeeds("apply", "gtao", source, "--fov", np.degrees(0.7), "-o", output)
+    expected = gtao(GBuffer(camera=camera, depth=depth), runtime=runtime)
+    error = exr.read(output)["ao"][rows:-rows, columns:-columns] - expected
+    # float32 roundings of the camera; at the border the groups of pixels are other ones.
+    assert np.abs(error[60:-60, 80:-80]).max() < 1e-5
+    assert np.sqrt(np.mean(error**2)) < 0.005
+    # The same angle taken for that of the data window gives .034.
+
+
+@pytest.mark.parametrize("link", [None, "symbolic", "hard"])
+def test_apply_does_not_replace_its_input_unless_told(
+    tmp_path: Path, rng: np.random.Generator, link: str | None
+) -> None:
+    source = output = tmp_path / "in.exr"
+    shape = (12, 16)
+    half = rng.uniform(0, 1, shape).astype(np.float16)
+    ids = rng.integers(2**24, 2**32, shape, np.uint32)
+    depth = rng.uniform(1, 2, shape).astype(np.float32)
+    header = {"dataWindow": (np.int32([-2, -1]), np.int32([13, 10])),
+              "displayWindow": (np.int32([0, 0]), np.int32([11, 9])), "owner": "me"}
+    OpenEXR.File(header, {"Z": depth, "h": half, "id": ids, "ao": depth}).write(str(source))
+    if link is not None:
+        output = tmp_path / "other.exr"
+        output.symlink_to(source) if link == "symbolic" else output.hardlink_to(source)
+    before = source.read_bytes()
+    message = fails(tmp_path, "apply", "gtao", source, "-o", output)
+    assert "that is the input; --overwrite adds" in message
+    assert source.read_bytes() == before
+    succeeds("apply", "gtao", source, "-o", output, "--overwrite")
+    file = OpenEXR.File(str(output), separate_channels=True)
+    channels = {name: channel.pixels for name, channel in file.channels().items()}
+    assert set(channels) == {"Z", "h", "id", "ao"}
+    for name, old in (("Z", depth), ("h", half), ("id", ids)):
+        assert channels[name].dtype == old.dtype
+        np.testing.assert_array_equal(channels[name], old)
+    assert channels["ao"].max() <= 1.0  # it was a depth
+    assert file.header()["owner"] == "me"
+    assert read_header(output).data == (-2, -1, 13, 10)
+    assert read_header(output).display == (0, 0, 11, 9)
+
+
 def test_apply_reports_passes_and_files_as_json(depth_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "ao.exr"
     facts = answer("apply", "ssao", depth_file, "-o", output)
@@ -533,13 +631,16 @@ def test_a_failed_render_keeps_the_picture_that_was_there(tmp_path: Path) -> Non
         (["--set", "samples=1.5"], "samples is 1.5: expected an integer"),
         (["--set", "hemisphere=3"], "hemisphere is 3: expected True or False"),
         (["--set", "resolution=[1]"], "resolution is [1]"),
-        (["--set", "radius"], "--set radius: expected NAME=VALUE"),
+        (["--set", "radius"], "--set 'radius': expected NAME=VALUE"),
         (["--set", "radus=1"], "ssao has no parameter 'radus'; it has "),
         (["--set", "runtime=1"], "ssao has no parameter 'runtime'"),
         (["--set", "=1"], "ssao has no parameter ''"),
         (["--fov", 40, "--ortho", 2], "--fov, --ortho and --intrinsics exclude each other"),
         (["--fov", 0], "--fov is 0.0"),
         (["--ortho", 0], "view_height is 0.0"),
+        (["--ortho", 1e300], "view_height is 1e+300: expected a number >= 1e-28 and <= 1e+28 (sc"),
+        (["--intrinsics", 1e300, 1e300, 0, 0], "scales are"),
+        (["--intrinsics", 1, 1, 1e300, 0], "shifts the image by"),
         (["--intrinsics", 0, 1, 2, 3], "fx is 0.0"),
         (["--device", "no such thing"], "no such OpenCL device"),
     ],
@@ -619,3 +720,214 @@ def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> No
     assert done.stdout == ""
     assert done.stderr == "Error: nothing.obj: there is no such file\n"
     assert list(tmp_path.iterdir()) == []
+
+
+# ---- hostile values, names and limits
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("radius=1" + "0" * 400, "radius is 1000"),
+        ("radius=1" + "0" * 5000, "radius is "),
+        ("radius=-1" + "0" * 400, "radius is -1000"),
+        ("radius=" + "[" * 100_000, "--set radius: the value is nested too deeply"),
+        ("taps=1" + "0" * 400, "taps is 1000"),
+        ("x" * 10_000, "expected NAME=VALUE"),
+    ],
+)
+def test_hostile_settings_are_refused_in_a_line(
+    depth_file: Path, tmp_path: Path, setting: str, message: str
+) -> None:
+    text = fails(tmp_path, "apply", "gtao", depth_file, "--set", setting, "-o", tmp_path / "a.exr")
+    assert message in text
+    assert len(text) < 400
+
+
+def test_deeply_nested_json_is_refused(corner: Path, tmp_path: Path) -> None:
+    deep = tmp_path / "deep.json"
+    deep.write_text('{"camera": ' * 100_000)
+    assert "deep.json is not JSON" in fails(
+        tmp_path, "render", corner, "--camera", deep, "-o", tmp_path / "a.png"
+    )
+    assert "deep.json is not JSON" in fails(tmp_path, "bench", "--compare", deep, deep)
+    assert "deep.json is not JSON" in fails(tmp_path, "bench", "gtao", "--scene", deep, "--list")
+
+
+@pytest.mark.parametrize("name", [".", "nothing", "nothing.xyz"])
+def test_a_name_that_is_no_scene_is_answered_with_those_that_are(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bench = ("bench", "gtao", "--scene", name, "--list")
+    for arguments in (("render", name, "-o", "a.png"), bench):
+        message = fails(tmp_path, *arguments)
+        assert f"scene is '{name}'" in message
+        assert "cornell_box, hall" in message
+        assert "KIND-SEED" in message
+    assert ("it is a folder" in fails(tmp_path, "render", name, "-o", "a.png")) == (name == ".")
+
+
+def test_up_turns_the_picture(corner: Path, tmp_path: Path) -> None:
+    aim = ("--eye", 0.2, 6, 0.1, "--target", 0.2, 0, 0.1)
+    message = fails(tmp_path, "render", corner, *SMALL, *aim, "-o", tmp_path / "a.exr")
+    assert "up is [0.0, 1.0, 0.0]: expected a direction not parallel" in message
+    square = ("--width", 48, "--height", 48)
+    for name, up in (("a", (0, 0, -1)), ("b", (0, 0, 1))):
+        succeeds("render", corner, *square, *aim, "--up", *up, "-o", tmp_path / f"{name}.exr")
+    one, other = (exr.read(tmp_path / f"{name}.exr")["Z"] for name in "ab")
+    # A quarter turn twice; float32 roundings of depth.
+    np.testing.assert_allclose(one, other[::-1, ::-1], rtol=1e-5)
+    assert not np.allclose(one, other)
+    box = ("render", "cornell_box", *SMALL, "--up", 1, 0, 0, "-o", tmp_path / "box.exr")
+    succeeds(*box)
+    assert "--up needs --eye" in fails(
+        tmp_path, "render", corner, "--up", 0, 0, 1, "-o", tmp_path / "c.exr"
+    )
+
+
+def test_a_full_disk_is_told_with_the_name_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Image.Image, "save", full)
+    output = tmp_path / "a.png"
+    message = fails(tmp_path, "render", "cornell_box", *SMALL, "-o", output)
+    assert message == f"{output}: cannot write the file: No space left on device"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")
+def test_names_that_are_not_utf8_work_and_are_shown(
+    depth_file: Path, corner: Path, tmp_path: Path
+) -> None:
+    odd = tmp_path / os.fsdecode(b"\xff")
+    odd.mkdir()
+    source, output = odd / os.fsdecode(b"in\xfe.exr"), odd / os.fsdecode(b"out\xfe.exr")
+    depth_file.rename(source)
+    result = succeeds("apply", "gtao", source, "-o", output)
+    assert r"out\xfe.exr" in "".join(result.stdout.split())
+    assert set(exr.read(output)) == {"ao"}
+    succeeds("apply", "gtao", source, "-o", source, "--overwrite")
+    assert set(exr.read(source)) == {"Z", "ao"}
+    answer("render", corner.rename(odd / "a.obj"), *SMALL, "-o", odd / "a.png")
+    message = fails(tmp_path, "render", odd / os.fsdecode(b"c\xfe.obj"), "-o", odd / "c.png")
+    assert r"\xff/c\xfe.obj: there is no such file" in message
+
+
+def test_ambient_occlusion_needs_neither_albedo_nor_emission(
+    depth_file: Path, tmp_path: Path
+) -> None:
+    depth = exr.read(depth_file)["Z"]
+    colours = {"albedo": np.full((*SHAPE, 3), 1.5), "emission": np.full((*SHAPE, 3), np.inf)}
+    both = tmp_path / "both.exr"
+    exr.write(both, {"depth": depth, **colours})
+    np.testing.assert_array_equal(applied(both), applied(depth_file))
+    message = fails(tmp_path, "apply", "ssdo", both, "-o", tmp_path / "gi.exr")
+    assert "albedo[0, 0, 0] is 1.5: expected numbers >= 0 and <= 1" in message
+
+
+def test_nan_may_stand_for_holes(depth_file: Path, tmp_path: Path) -> None:
+    depth = exr.read(depth_file)["Z"]
+    normal = np.tile(np.float32([0.6, 0.0, 0.8]), (*SHAPE, 1))
+    holes, broken = tmp_path / "holes.exr", tmp_path / "broken.exr"
+    open_, wrong, zero = depth.copy(), depth.copy(), normal.copy()
+    open_[20:23, 30], wrong[20:23, 30] = np.inf, np.nan
+    normal[30, 30], zero[30, 30] = np.nan, 0.0
+    exr.write(holes, {"depth": open_, "normal": zero})
+    exr.write(broken, {"depth": wrong, "normal": normal})
+    assert "depth[20, 30] is nan" in fails(
+        tmp_path, "apply", "ssao", broken, "-o", tmp_path / "ao.exr"
+    )
+    np.testing.assert_array_equal(applied(broken, "--nan", "hole"), applied(holes))
+
+
+def test_what_lacks_memory_is_told_in_a_line(
+    depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lacking(*_: object) -> None:
+        raise MemoryError("Unable to allocate 9.9 GiB")
+
+    monkeypatch.setattr(exr, "read_gbuffer", lacking)
+    output = tmp_path / "a.exr"
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", output)
+    assert message.startswith("out of memory: Unable to allocate 9.9 GiB")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (3 << 30, 3 << 30))
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", output)
+    assert message.endswith("(ulimit -v allows the process 3072 MiB)")
+
+
+def test_a_driver_that_fails_is_told_in_a_line(
+    depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyopencl as cl
+
+    def failing(*_: object, **__: object) -> None:
+        raise cl.LogicError("clSomething failed", -54, "INVALID_WORK_GROUP_SIZE")
+
+    monkeypatch.setattr(exr, "read_gbuffer", failing)
+    message = fails(tmp_path, "apply", "gtao", depth_file, "-o", tmp_path / "a.exr")
+    assert message.startswith("the OpenCL driver failed: ")
+
+
+def test_a_bench_that_measures_nothing_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(FAMILIES["ssao"]), "missing", lambda _: "it is not installed")
+    result = ssgi("bench", "ssao.16.cornell_box", "--size", "64x48", "--seconds", 0.01)
+    assert result.exit_code == 1
+    assert "Error: nothing was measured: it is not installed" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (KeyboardInterrupt(), "Aborted!"),
+        (MemoryError(), "Error: ssgi can't start: out of memory (see ulimit -v)"),
+        (ImportError("x.so: failed to map segment from shared object"),
+         "Error: ssgi can't start: out of memory (see ulimit -v)"),
+        (ImportError("No module named 'rich'"), "Error: ssgi can't start: No module named 'rich'"),
+    ],
+)
+def test_an_import_that_is_interrupted_ends_without_a_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    error: BaseException, line: str,
+) -> None:
+    class Interrupted:
+        @staticmethod
+        def find_spec(name: str, *_: object) -> None:
+            if name == "ssgi_cl.cli":
+                raise error
+
+    monkeypatch.delitem(sys.modules, "ssgi_cl.cli")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted, *sys.meta_path])
+    assert ssgi_cl_command.main() == 1
+    assert capsys.readouterr().err == f"{line}\n"
+
+
+@pytest.mark.slow
+def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*COMMAND, "apply", "gtao", depth_file, "--device", "pocl", "-o", tmp_path / "a.exr"],
+        capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "POCL_MAX_WORK_GROUP_SIZE": "8"},
+    )
+    assert done.returncode == 1
+    assert "work-groups of at most 8 work-items: expected 64 or more" in done.stderr
+    assert "POCL_MAX_WORK_GROUP_SIZE" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_a_process_that_is_interrupted_as_it_starts_says_so(tmp_path: Path) -> None:
+    started = subprocess.Popen(
+        [sys.executable, "-c", "import ssgi_cl_command as c, sys; print(flush=True); "
+         "sys.exit(c.main())", "devices"],
+        cwd=Path(__file__).parent.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )
+    assert started.stdout is not None
+    started.stdout.readline()
+    time.sleep(0.3)
+    started.send_signal(signal.SIGINT)
+    _, errors = started.communicate(timeout=60)
+    assert started.returncode == 1
+    assert errors == "Aborted!\n"

@@ -8,6 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl import exr
+from ssgi_cl.camera import Camera
+from ssgi_cl.exr_header import read_header
+from ssgi_cl.gbuffer import GBuffer
 
 Arrays = dict[str, NDArray[np.float32]]
 
@@ -202,7 +205,7 @@ def test_a_file_with_several_parts_is_refused(tmp_path: Path) -> None:
 
 def windowed(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     """Write 4 x 6 pixels whose display window exceeds the data window by the given pixels."""
-    exr.write(path, {"depth": np.arange(24).reshape(4, 6)})
+    exr.write(path, {"depth": np.arange(24).reshape(4, 6) + 1})
     content = bytearray(path.read_bytes())
     place = content.index(b"displayWindow\0box2i\0") + len("displayWindow\0box2i\0") + 4
     window = np.array([-left, -top, 5 + right, 3 + bottom], np.int32)
@@ -238,15 +241,58 @@ def test_a_small_file_that_claims_to_be_very_wide_is_refused(tmp_path: Path) -> 
 def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
     windowed(tmp_path / "a.exr", -2, -1, -2, -1)
     np.testing.assert_array_equal(
-        exr.read(tmp_path / "a.exr")["Z"], np.arange(24, dtype=np.float32).reshape(4, 6)
+        exr.read(tmp_path / "a.exr")["Z"], np.arange(24, dtype=np.float32).reshape(4, 6) + 1.0
     )
 
 
 @pytest.mark.parametrize("window", [(1, 0, 0, 0), (0, 0, 0, 2), (-1, 0, 0, 0), (1, 1, 1, 1)])
-def test_a_cropped_window_is_refused(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
-    windowed(tmp_path / "a.exr", *window)
+def test_other_windows_need_a_camera_of_the_data_window(
+    tmp_path: Path, window: tuple[int, int, int, int]
+) -> None:
+    path = tmp_path / "a.exr"
+    windowed(path, *window)
+    header = read_header(path)
+    left, top, right, bottom = header.display
+    whole = Camera.look_at((0, 0, 0), (0, 0, -1), width=right - left + 1, height=bottom - top + 1)
     with pytest.raises(ValueError, match=r"data window .* and the display window"):
-        exr.read(tmp_path / "a.exr")
+        GBuffer.from_exr(path, camera=whole)
+    depth = exr.read(path)["Z"]
+    np.testing.assert_array_equal(depth, np.arange(24, dtype=np.float32).reshape(4, 6) + 1.0)
+    seen = whole.cropped(header.data[0] - left, header.data[1] - top, 6, 4)
+    np.testing.assert_array_equal(GBuffer.from_exr(path, camera=seen).depth, depth)
+
+
+def test_windows_are_written_and_read_back(tmp_path: Path) -> None:
+    data, display = (-3, 5, 2, 8), (-1, 6, 10, 20)
+    exr.write(tmp_path / "a.exr", {"depth": np.ones((4, 6))}, data=data, display=display)
+    header = read_header(tmp_path / "a.exr")
+    assert (header.data, header.display, header.size) == (data, display, (4, 6))
+    with pytest.raises(ValueError, match="expected a window of 6 columns and 4 rows"):
+        exr.write(tmp_path / "a.exr", {"depth": np.ones((4, 6))}, data=(0, 0, 6, 3))
+
+
+def test_an_array_of_another_size_is_not_added(damaged: Path) -> None:
+    with pytest.raises(ValueError, match=r"ao has 4 rows and 6 columns: expected 64 x 48"):
+        exr.add(damaged, {"ao": np.ones((4, 6))})
+
+
+@pytest.mark.parametrize("kind", [name for name in dir(OpenEXR) if name.startswith("HTJ2K")])
+def test_htj2k_is_read(tmp_path: Path, kind: str) -> None:
+    depth = np.arange(300 * 7, dtype=np.float32).reshape(300, 7) / 3
+    OpenEXR.File({"compression": getattr(OpenEXR, kind)}, {"Z": depth}).write(
+        str(tmp_path / "a.exr")
+    )
+    np.testing.assert_array_equal(exr.read(tmp_path / "a.exr")["Z"], depth)
+    assert read_header(tmp_path / "a.exr").compression == kind.removesuffix("_COMPRESSION")
+
+
+def test_an_unknown_compression_is_named(damaged: Path) -> None:
+    content = bytearray(damaged.read_bytes())
+    mark = b"compression\0compression\0\1\0\0\0"
+    content[content.index(mark) + len(mark)] = 77
+    damaged.write_bytes(content)
+    with pytest.raises(ValueError, match=r"a\.exr has the compression number 77: expected .*ZIP"):
+        exr.read(damaged)
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from ssgi_cl import exr
 from ssgi_cl.camera import Camera
 from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import PointLight, SpotLight
+from ssgi_cl.lights import Environment, PointLight, SpotLight
+from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.bilateral import bilateral_blur
 
 ROWS, COLUMNS = 5, 7
 CAMERA = Camera.look_at((0, 0, 0), (0, 0, -1), width=COLUMNS, height=ROWS)
@@ -210,3 +214,58 @@ def test_the_six_faces_of_a_point_light_are_stacked() -> None:
     assert len(made.cameras) == 6
     with pytest.raises(ValueError, match=r"expected \(30, 7\)"):
         shadow_map(light=light, camera=(CAMERA,) * 6)
+
+
+def masked(shape: tuple[int, ...]) -> Any:
+    """An array of ones, the first of which is masked."""
+    array = np.ma.ones(shape, np.float32)
+    array[(0,) * len(shape)] = np.ma.masked
+    return array
+
+
+def test_masked_elements_are_refused_wherever_arrays_are_taken(runtime: Runtime) -> None:
+    depth = np.ones((ROWS, COLUMNS), np.float32)
+    gbuffer = GBuffer(camera=CAMERA, depth=depth)
+    calls: dict[str, Callable[[], object]] = {
+        "depth": lambda: GBuffer(camera=CAMERA, depth=masked((ROWS, COLUMNS))),
+        "albedo": lambda: GBuffer(camera=CAMERA, depth=depth, albedo=masked((ROWS, COLUMNS, 3))),
+        "normal": lambda: GBuffer(camera=CAMERA, depth=depth, normal=masked((ROWS, COLUMNS, 3))),
+        "thickness": lambda: GBuffer(camera=CAMERA, depth=depth, thickness=masked((ROWS, COLUMNS))),
+        "radiance": lambda: Environment(masked((2, 4, 3))),
+        "position": lambda: PointLight(masked((3,)), 1.0),
+        "image": lambda: bilateral_blur(masked((ROWS, COLUMNS)), gbuffer, runtime=runtime),
+        "a": lambda: exr.write("nowhere/a.exr", {"a": masked((ROWS, COLUMNS))}),
+        "view": lambda: Camera(view=masked((4, 4)), projection=np.eye(4), width=1, height=1),
+    }
+    for name, call in calls.items():
+        with pytest.raises(ValueError, match=f"^{name} is a masked array with 1 masked element"):
+            call()
+    unmasked = np.ma.ones((ROWS, COLUMNS), np.float32)
+    np.testing.assert_array_equal(GBuffer(camera=CAMERA, depth=unmasked).depth, depth)
+
+
+def test_nan_is_refused_unless_it_stands_for_a_hole() -> None:
+    depth, normal, colour = np.stack([DEPTH, DEPTH + 1]), NORMAL.copy(), COLOUR.copy()
+    depth[0, 1, 2] = depth[1, 3, 4] = normal[2, 2, 1] = colour[4, 5, 0] = np.nan
+    before = depth.copy()
+    with pytest.raises(ValueError, match=r"depth\[0, 1, 2\] is nan"):
+        GBuffer(camera=CAMERA, depth=depth)
+    made = GBuffer(camera=CAMERA, depth=depth, normal=normal, albedo=colour, nan="hole")
+    np.testing.assert_array_equal(depth, before)  # the caller's array stays
+    expected = np.stack([DEPTH, DEPTH + 1])
+    expected[:, 1, 2] = expected[1, 3, 4] = np.inf
+    np.testing.assert_array_equal(made.depth, expected)
+    assert isinstance(made.normal, np.ndarray)
+    np.testing.assert_allclose(made.normal[2, 2], NORMAL[2, 2] * [1, 0, 1])
+    assert np.asarray(made.albedo)[4, 5].tolist() == [0.0, 0.5, 0.5]
+    assert GBuffer(camera=CAMERA, depth=DEPTH, nan="hole").depth is DEPTH
+    with pytest.raises(ValueError, match="nan is 'zero': expected one of 'refuse', 'hole'"):
+        GBuffer(camera=CAMERA, depth=DEPTH, nan="zero")  # type: ignore[arg-type]
+
+
+def test_nan_in_a_file_may_stand_for_a_hole(tmp_path: Path) -> None:
+    depth = DEPTH.copy()
+    depth[1, 2] = np.nan
+    exr.write(tmp_path / "a.exr", {"depth": depth})
+    made = GBuffer.from_exr(tmp_path / "a.exr", camera=CAMERA, nan="hole")
+    assert np.flatnonzero(np.isinf(made.depth)).tolist() == [1 * COLUMNS + 2]

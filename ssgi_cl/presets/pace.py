@@ -16,7 +16,7 @@ from ssgi_cl import presets, sources
 from ssgi_cl.atomic import replacement
 from ssgi_cl.camera import Camera
 from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.drivers import cache_folder
+from ssgi_cl.driver_caches import cache_folder
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.memory import Size
 from ssgi_cl.runtime import Runtime

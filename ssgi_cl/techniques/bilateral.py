@@ -180,7 +180,7 @@ def bilateral_blur(
     Raises:
         TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
     """
-    values = np.asarray(image)
+    values = check.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
     values = check.plane("image", values, channels=channels)
     chosen = BilateralParams(**params)  # type: ignore[arg-type]

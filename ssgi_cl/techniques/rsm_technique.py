@@ -18,6 +18,10 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.rsm_maps import MapSampling, RsmMaps
 from ssgi_cl.vpls import on_device_rsms
 
+LEAST_REACH, MOST_REACH = 1e-7, 1e9
+"""Scene units: distances of a scene from its light. The fourth powers of 1e-2 of the one, and of
+the other, are float32 numbers."""
+
 
 class RsmTechnique(ABC):
     """Gathering from maps, prepared for images of one size.
@@ -57,8 +61,8 @@ class RsmTechnique(ABC):
             rsms: a map, or several, whose light is summed; without any the result is 0.
 
         Raises:
-            ValueError: a G-buffer of another size or margin, an empty one, or a map whose faces do
-                not suit the pattern.
+            ValueError: a G-buffer of another size or margin, an empty one, a map whose faces do
+                not suit the pattern, or surfaces beyond `LEAST_REACH` and `MOST_REACH`.
         """
         if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
             raise ValueError(
@@ -72,6 +76,8 @@ class RsmTechnique(ABC):
             self.runtime.skip(self.name, "no light")
             self._dark = self._dark or self.runtime.plane(3, self.size)
             return self._dark
+        for rsm in maps:
+            rsm.check_scale("gathering", LEAST_REACH, MOST_REACH)
         self._maps.prepare(maps)
         return self._gathered(gbuffer, gbuffer.camera)
 

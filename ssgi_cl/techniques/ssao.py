@@ -309,7 +309,7 @@ def ssao(
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    radii = np.asarray(radius)
+    radii = check.as_array("radius", radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
     chosen: SsaoParams = params_for(

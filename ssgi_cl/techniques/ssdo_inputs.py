@@ -25,7 +25,7 @@ def view_on_device(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime)
 
 def uploaded_radiance(radiance: ArrayLike, device: DeviceGBuffer) -> Plane:
     """Return the plane of what surfaces send; layers that the array lacks send nothing."""
-    given = np.asarray(radiance)
+    given = check.as_array("radiance", radiance)
     flat = given.reshape(-1, *given.shape[-2:]) if given.ndim == 4 else given
     values = check.plane("radiance", flat, channels=3, low=0.0, unit="W m^-2 sr^-1")
     shape = given.shape if given.ndim == 4 else (1, *given.shape)

@@ -284,7 +284,7 @@ def upsample(
     step = check.integer("step", step, low=1, high=4)
     if step == 3:
         raise ValueError("step is 3: expected 1, 2 or 4")
-    values = np.asarray(image)
+    values = check.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
     values = check.plane("image", values, channels=channels)
     if values.shape[:2] != coarse_size(gbuffer.size, step):

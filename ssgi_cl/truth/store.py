@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import check
-from ssgi_cl.drivers import cache_folder
+from ssgi_cl.driver_caches import cache_folder
 from ssgi_cl.errors import TruthError
 from ssgi_cl.truth.digests import canonical, digest
 from ssgi_cl.truth.files import TruthFiles, read

@@ -12,16 +12,14 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ssgi_cl import atomic, cli, drivers, exr, probe, sources
-from ssgi_cl.driver_caches import replaced_caches
-from ssgi_cl.drivers import DeviceInfo
+from ssgi_cl import atomic, cli, drivers, exr, probe, probing, sources
+from ssgi_cl.device_info import DeviceInfo, Found
 from ssgi_cl.errors import DeviceError
 from ssgi_cl.runtime import Runtime
 
@@ -105,11 +103,11 @@ def test_records_of_devices_are_whole_whoever_writes_them(
 ) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     info = DeviceInfo("x", 0, 0, "x" * 10**5, "cpu", 2, {"1 lane, buffer": 1.0})
-    monkeypatch.setattr(drivers, "_probe", lambda driver: [info])
+    monkeypatch.setattr(probing, "probe", lambda driver: Found([info]))
     driver = tmp_path / "x.icd"
     driver.write_text("x")
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda _: drivers._devices_of(driver), range(64)))
+        found = list(pool.map(lambda _: drivers._looked_at(driver).devices, range(64)))
     assert all(one == [info] for one in found)
     assert len(list(tmp_path.glob("*.tmp"))) == 0
 
@@ -182,16 +180,6 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
         Runtime.open("test", lanes=16)
     result = CliRunner().invoke(cli.main, ["devices"])
     assert " ".join(result.output.split()).count("does not compile") == 1
-
-
-def test_folders_that_cannot_be_written_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Any = replaced_caches.__wrapped__
-    assert found() == {}
-    monkeypatch.setenv("XDG_CACHE_HOME", NOWHERE)
-    monkeypatch.delenv("POCL_CACHE_DIR", raising=False)
-    replaced = found()
-    assert replaced["PYOPENCL_NO_CACHE"] == "1"
-    assert Path(replaced["POCL_CACHE_DIR"]).is_dir()
 
 
 @pytest.mark.slow

@@ -20,8 +20,11 @@ TEXELS = 16
 GROUPS = ((1, 1), (8, 8))
 """(rows, columns) of work-items, the second as on GPUs."""
 
-ALIKE = ("hbao", "gtao, bent normals", "ssdo, points", "ssdo, published", "light maps")
-"""What others run nearly all functions of."""
+ALIKE = (
+    "hbao", "gtao, bent normals", "bitmask ao", "ssdo, bitmask", "ssdo, points", "ssdo, published",
+    "light maps", "vpl splatting", "rsm gathering", "multiresolution splatting",
+)
+"""What others run nearly all functions of, or takes seconds to compile a second time."""
 
 WRITE = """
 import sys

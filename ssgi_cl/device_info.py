@@ -1,0 +1,93 @@
+"""What is known of a device: its kernel variants and how fast each runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Form:
+    """One build of the kernels.
+
+    Attributes:
+        lanes: pixels per work-item, 1, 8 or 16.
+        storage: what kernels read, "buffer" or "image".
+    """
+
+    lanes: int
+    storage: str
+
+    def __post_init__(self) -> None:
+        if (self.lanes, self.storage) not in (
+            (1, "buffer"), (1, "image"), (8, "buffer"), (16, "buffer")
+        ):
+            raise ValueError(
+                f"the kernels' form is {self.lanes} lanes on {self.storage!r}: expected 1, 8 or 16 "
+                "lanes on 'buffer', or 1 lane on 'image'"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.lanes} lane{'s' if self.lanes > 1 else ''}, {self.storage}"
+
+
+FORMS = (Form(1, "image"), Form(1, "buffer"), Form(8, "buffer"), Form(16, "buffer"))
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """A device and how fast it runs each form of the kernels.
+
+    Attributes:
+        driver: path of the driver's .icd file.
+        platform, device: indices among what that driver lists when loaded alone.
+        label: what names are matched against, such as "PoCL 3.1+debian: pthread-...".
+        kind: "cpu", "gpu" or "accelerator".
+        units: compute units.
+        speeds: form as text -> million reads per second if nothing else runs, or the reason why
+            it does not run.
+    """
+
+    driver: str
+    platform: int
+    device: int
+    label: str
+    kind: str
+    units: int
+    speeds: dict[str, float | str] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Form | None:
+        """The fastest form, or None if none runs; the wider of two within 15 % of each other.
+
+        Kernels compute more for each read than the probe does, which favours wide vectors.
+        """
+        timed = [form for form in FORMS if isinstance(self.speeds.get(str(form)), float)]
+        fastest = max((float(self.speeds[str(form)]) for form in timed), default=0.0)
+        close = [form for form in timed if float(self.speeds[str(form)]) >= 0.85 * fastest]
+        return max(close, key=lambda form: (form.lanes, form.storage == "buffer"), default=None)
+
+    @property
+    def speed(self) -> float:
+        """Million reads a second of the fastest form; 0 if none runs."""
+        numbers = (speed for speed in self.speeds.values() if isinstance(speed, float))
+        return max(numbers, default=0.0)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Form as text -> why it does not run, for those that don't."""
+        return {form: why for form, why in self.speeds.items() if isinstance(why, str)}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the probe of a driver found.
+
+    Attributes:
+        devices: what the driver lists; empty if it lists none or could not be asked.
+        lasting: whether the next process would find the same, as far as can be told.
+        reason: why there is no device; empty if there are some.
+    """
+
+    devices: list[DeviceInfo]
+    lasting: bool = True
+    reason: str = ""

@@ -1,0 +1,28 @@
+"""The program `ssgi`: starts the command line, whose modules take seconds to import.
+
+It is no module of the package, whose import an interrupt would end with a traceback.
+"""
+
+from __future__ import annotations
+
+import sys
+
+
+def main() -> int:
+    """Run the command line; return the exit status where it can't even start."""
+    try:
+        from ssgi_cl.cli import main as command
+    except KeyboardInterrupt:
+        print("Aborted!", file=sys.stderr)  # as click says it
+        return 1
+    except (MemoryError, ImportError, OSError) as error:
+        memory = isinstance(error, MemoryError) or "map segment" in str(error)
+        reason = "out of memory (see ulimit -v)" if memory else f"{error}"
+        print(f"Error: ssgi can't start: {reason}", file=sys.stderr)
+        return 1
+    command()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

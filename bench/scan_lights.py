@@ -110,7 +110,9 @@ def _maps(context: Context) -> DrawnMaps:
 
 
 def _every(context: Context, maps: DrawnMaps) -> NDArray[np.float32]:
-    return context.shared("all lights", lambda: all_lights(context, maps, LIGHTS))
+    return context.shared("all lights", lambda: all_lights(
+        context, maps, LIGHTS, MultiresSplatParams().refine
+    ))
 
 
 def _per_pixel(technique: VplSplat, context: Context) -> float:

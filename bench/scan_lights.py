@@ -91,7 +91,8 @@ def multires_errors(context: Context, values: Mapping[str, Any]) -> Measured:
     constants, given = parted(values, GRID_CONSTANTS)
     maps = _maps(context)
     technique = MultiresSplat(
-        context.runtime, context.size, MultiresSplatParams(**{"vpls": LIGHTS, **given})
+        context.runtime, context.size,
+        MultiresSplatParams(**{"vpls": LIGHTS, "refine": 0.0, **given}),
     )
     counted = CountedTree(technique.tree)
     technique.tree = cast(VplTree, counted)
@@ -110,9 +111,7 @@ def _maps(context: Context) -> DrawnMaps:
 
 
 def _every(context: Context, maps: DrawnMaps) -> NDArray[np.float32]:
-    return context.shared("all lights", lambda: all_lights(
-        context, maps, LIGHTS, MultiresSplatParams().refine
-    ))
+    return context.shared("all lights", lambda: all_lights(context, maps, LIGHTS, refine=0.0))
 
 
 def _per_pixel(technique: VplSplat, context: Context) -> float:

@@ -282,10 +282,10 @@ def test_light_at_a_surface_point_gives_finite_radiance(form_runtime: Runtime) -
             assert np.isfinite(shade(gbuffer, [light], runtime=form_runtime)).all()
 
 
-@pytest.mark.parametrize("brightness", [1e30, 1e38, 1e300])
 def test_absurdly_bright_light_gives_finite_radiance(
-    runtime: Runtime, rng: np.random.Generator, brightness: float
+    runtime: Runtime, rng: np.random.Generator
 ) -> None:
+    brightness = 1e30  # brighter lights are refused
     gbuffer = white(scene("noisy", camera(), rng))
     for light in (
         PointLight((0.3, 1.5, 1.2), brightness),

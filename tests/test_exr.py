@@ -213,6 +213,31 @@ def windowed(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     path.write_bytes(content)
 
 
+def claiming(path: Path, *window: int) -> None:
+    """Write 4 x 6 pixels of two channels whose data window is said to be another."""
+    plane = np.arange(24).reshape(4, 6)
+    exr.write(path, {"depth": plane, "ao": plane})
+    content = bytearray(path.read_bytes())
+    place = content.index(b"dataWindow\0box2i\0") + len("dataWindow\0box2i\0") + 4
+    content[place : place + 16] = np.array(window, np.int32).tobytes()
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("window", [(0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0)])
+def test_a_window_that_ends_before_it_begins_is_refused(
+    tmp_path: Path, window: tuple[int, int, int, int]
+) -> None:
+    claiming(tmp_path / "a.exr", *window)
+    with pytest.raises(ValueError, match=r"a\.exr is damaged: its window runs from column"):
+        exr.read(tmp_path / "a.exr")
+
+
+def test_a_small_file_that_claims_to_be_very_wide_is_refused(tmp_path: Path) -> None:
+    claiming(tmp_path / "a.exr", 0, 0, (1 << 24) - 1, 3)
+    with pytest.raises(ValueError, match="16777216 x 4 pixels of 2 channels can't lie in"):
+        exr.read(tmp_path / "a.exr")
+
+
 def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
     windowed(tmp_path / "a.exr", -2, -1, -2, -1)
     np.testing.assert_array_equal(

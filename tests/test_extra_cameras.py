@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,6 +83,17 @@ def test_the_unit_of_length_does_not_matter(seen: GBuffer, scale: float) -> None
         extra_cameras(camera, depth), extra_cameras(scaled, depth * np.float32(scale)), strict=True
     ):
         np.testing.assert_allclose(other.position, one.position * scale, rtol=1e-5)
+
+
+def test_the_place_of_the_origin_does_not_matter(seen: GBuffer) -> None:
+    camera, depth, shift = seen.camera, depth_of(seen), np.array([-3.0, 7.0, 5.0])
+    view = camera.view.copy()
+    view[:3, 3] -= view[:3, :3] @ shift
+    moved = replace(camera, view=view)
+    for one, other in zip(
+        extra_cameras(camera, depth), extra_cameras(moved, depth), strict=True
+    ):
+        np.testing.assert_allclose(other.position, one.position + shift, atol=1e-5)
 
 
 def test_sizes_are_parts_of_the_cameras() -> None:

@@ -17,8 +17,12 @@ import trimesh
 from PIL import Image
 
 from ssgi_cl.errors import MissingExtraError, SceneError, SsgiError
+from ssgi_cl.rasterize.from_trimesh import _Reader
+from ssgi_cl.rasterize.gltf import _Geometry
+from ssgi_cl.rasterize.gltf_document import read_document
 from ssgi_cl.rasterize.load import load_scene
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.rasterize.textures import TextureSet
 
 SHARED = Path(__file__).parents[2] / "shared" / "scenes"
 
@@ -363,6 +367,19 @@ def test_gltf_factors_keep_all_their_bits(tmp_path: Path) -> None:
     material = made.load(tmp_path).materials[0]
     assert material.albedo == (0.001, 0.0023, 0.5)
     assert material.emission == (8.0, 4.0, 2.0)
+
+
+def test_geometry_of_gltf_is_handed_on_in_a_well_formed_file(tmp_path: Path) -> None:
+    file = Gltf()
+    for number in range(12):  # so many lengths of the text
+        file.triangle(float(number))
+        document, views = read_document(written(tmp_path, "a.glb", file.bytes()))
+        made = _Geometry(document, views).as_glb()
+        magic, version, length, text, kind = struct.unpack_from("<4s3I4s", made)
+        assert (magic, version, length, kind) == (b"glTF", 2, len(made), b"JSON")
+        assert text % 4 == 0
+        binary, kind = struct.unpack_from("<I4s", made, 20 + text)
+        assert (28 + text + binary, kind) == (len(made), b"BIN\0")
 
 
 def test_gltf_materials_find_their_meshes_though_names_are_missing_or_equal(
@@ -731,6 +748,12 @@ def test_normals_that_trimesh_computed_are_not_taken_for_given() -> None:
     box = trimesh.creation.box()
     assert box.vertex_normals is not None
     assert len(load_scene(box).positions) == 24
+
+
+def test_materials_that_are_made_on_the_way_stay_apart() -> None:
+    reader = _Reader(TextureSet())
+    # Where one is freed, the next one may have its id.
+    assert [reader._add(object(), Material(name=str(i))) for i in range(9)] == list(range(9))
 
 
 def test_trimesh_of_a_file_with_emission_keeps_it(tmp_path: Path) -> None:

@@ -111,6 +111,12 @@ def test_a_file_is_covered_by_the_tests_of_its_name_or_its_users(
     assert test in Table.read(TABLE).covering(path, graph)
 
 
+def test_tests_that_a_row_of_one_file_asks_for_come_first(graph: Covering) -> None:
+    tests = Table.read(TABLE).covering("kernels/vpl/vpl_near.cl", graph)
+    assert tests[0] == "tests/techniques/test_vpl_splat.py"
+    assert "tests/techniques/test_vpl_glossy.py" in tests[1:]
+
+
 def test_every_file_is_covered_by_tests_that_exist(graph: Covering) -> None:
     table = Table.read(TABLE)
     files = table.files(ROOT, ())

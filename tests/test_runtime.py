@@ -164,6 +164,18 @@ def test_planes_come_back_to_the_bit(
     np.testing.assert_array_equal(out.view(np.uint32), np.moveaxis(bits, 0, -1))
 
 
+def test_images_are_copied_from_plane_to_plane(runtime: Runtime, rng: np.random.Generator) -> None:
+    values = rng.random((3, 5, 7), np.float32)
+    source, target = runtime.plane(3, (5, 7)), runtime.plane(4, (5, 7), 2.0)
+    source.upload(values)
+    target.copy_image(1, source, 2)
+    wanted = np.full((4, 5, 7), 2.0, np.float32)
+    wanted[1:3] = values[:2]
+    np.testing.assert_array_equal(target.download(), wanted)
+    with pytest.raises(ValueError, match=r"source has size \(7, 5\): expected \(5, 7\)"):
+        target.copy_image(0, runtime.plane(1, (7, 5)))
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_both_roads_to_the_device_give_the_same_bits(
     form_runtime: Runtime, size: Size, rng: np.random.Generator

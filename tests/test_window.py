@@ -56,7 +56,7 @@ def test_a_window_is_cut_joined_and_moved() -> None:
 def test_a_window_meets_whole_cells() -> None:
     assert Window(3, 16, 2, 17).cells((2, 16)) == ((1, 1), (2, 2))
     assert EMPTY.cells((2, 16)) == ((0, 0), (0, 0))
-    assert Window(3, 5, 4, 4).reduced(4) == Window(0, 1, 2, 2)
+    assert Window(3, 5, 4, 8).reduced(4) == Window(0, 1, 2, 3)
 
 
 def test_a_corner_lies_beyond_unless_a_window_is_the_whole_image() -> None:

@@ -20,8 +20,8 @@ __kernel void probe_gather(ssgi_plane depth, __global float *restrict result, co
     vfloat sum = v_splat(0.0f);
     for (int i = 1; i <= 16; ++i) {
         const vfloat reach = (float)i * (1.0f + own);
-        const vint tap_x = v_iclamp(v_to_int(column + reach), 0, size.x - 1);
-        const vint tap_y = v_iclamp(v_to_int((float)y - reach), 0, size.y - 1);
+        const vint tap_x = v_imin(v_to_int(column + reach), v_splat_int(size.x - 1));
+        const vint tap_y = v_imax(v_to_int((float)y - reach), v_splat_int(0));
         const vfloat tap = ssgi_gather(depth, size, 0, tap_x, tap_y);
         const vfloat rise = (own - tap) * v_rsqrt(v_fma(reach, reach, v_splat(1.0f)));
         const vfloat weight = v_exp2_weight(-reach) * v_fma(rise, rise, v_splat(1.0f));

@@ -68,6 +68,18 @@ def test_layers_and_maps_are_drawn_in_every_run(
     assert ("maps drawn" in said) == (maps > 0)
 
 
+def test_layers_and_further_cameras_of_a_frame_are_drawn(context: Context) -> None:
+    counts = []
+    for setting in ("drawn-1", "drawn-2", "cameras-1", "cameras-2"):
+        subject = OWN["ssdo-frame"].prepare(context, setting)
+        with context.runtime.frame():
+            subject.run()
+        ran = [p.name for p in context.runtime.times() if not p.skipped]
+        counts.append(sum(name.startswith("raster tiles") for name in ran))
+    # A pass for each layer and each further camera.
+    assert counts == [1, 2, 2, 3]
+
+
 def test_lights_are_chosen_in_every_run(context: Context) -> None:
     subject = OWN["vpl"].prepare(context, "64")
     ran = []

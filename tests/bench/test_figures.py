@@ -26,6 +26,14 @@ ROOT = Path(__file__).parents[2]
 # ---- what is kept with the code
 
 
+@pytest.mark.parametrize("name", [*figures.PLANS, *figures.OTHERS])
+def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str) -> None:
+    kept = (ROOT / figure_text.FOLDER / f"{name}.json").read_text(encoding="utf-8")
+    figures.write(tmp_path, name, json.loads(kept))
+    made = (tmp_path / figure_text.FOLDER / f"{name}.json").read_text(encoding="utf-8")
+    assert made == kept
+
+
 @pytest.mark.parametrize("name", ["README.md", "docs/indirect.md", "docs/benchmark.md",
                                   "docs/skips.md", "docs/summation.md"])
 def test_pages_are_what_the_recorded_figures_make_of_them(name: str) -> None:

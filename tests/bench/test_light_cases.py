@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from ssgi_cl.bench.context import Context
 from ssgi_cl.bench.verdict import verdict
 from ssgi_cl.bench.wording import rmse
 from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.reference.shade import direct_reference, world_surface
 from ssgi_cl.runtime import Runtime
 
 from .documents import entry
@@ -37,6 +39,29 @@ def test_paths_through_the_mesh_are_what_a_bounce_is_held_to() -> None:
 
 def test_all_surfaces_of_a_polished_scene_mirror() -> None:
     assert {material.gloss for material in polished(cornell_box().scene).materials} == {GLOSS}
+
+
+def test_direct_light_is_what_lamps_send_less_shadows(runtime: Runtime) -> None:
+    context = Context(runtime, cornell_box(), SMALL)
+    subject = FAMILIES["direct"].prepare(context, "64")
+    assert subject.image is not None
+    image = subject.image()
+    assert image.shape == (*SMALL, 3)
+    *surface, _ = world_surface(context.host_gbuffer)
+    wanted = sum(direct_reference(lamp, *surface) for lamp in context.lamps)
+    assert (image <= 1.001 * wanted + 1e-4).all()
+    assert np.isclose(image, wanted, rtol=1e-3, atol=1e-4).mean() > 0.5
+
+
+def test_geometry_alone_computes_fewer_pixels_than_a_bound_of_the_error(runtime: Runtime) -> None:
+    context = Context(runtime, cornell_box(), SMALL)
+    shares = []
+    for setting in ("geometry", "10-permille"):
+        note = FAMILIES["multires-geometry"].prepare(context, setting).note
+        found = re.search(r"([0-9.]+) % of the pixels computed", note)
+        assert found
+        shares.append(float(found[1]))
+    assert shares[0] < shares[1]
 
 
 @pytest.mark.slow

@@ -58,7 +58,7 @@ def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
     ]
 
 
-@pytest.mark.parametrize("pattern", ["sao.16", "ssao.16.c.40x30", "*.nothing"])
+@pytest.mark.parametrize("pattern", ["sao.16", "ssao.16.c.40x30", "*.nothing", "ssao.17*"])
 def test_a_pattern_that_fits_nothing_is_refused_with_what_there_is(pattern: str) -> None:
     with pytest.raises(ValueError, match=r"fits none; families are ssao, .*, scenes a"):
         suite.select([pattern], ["a"], [SMALL], OWN)

@@ -66,6 +66,16 @@ def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path:
     np.testing.assert_allclose(shown[:, 17:].mean(axis=(0, 1)), (128, 48, 0), atol=24.0)
 
 
+def test_wide_pictures_are_made_smaller_and_keep_their_shape(tmp_path: Path) -> None:
+    results = [entry("ssao.4.hall.800x60", 1.0, 0.2)]
+    front.mark(results)
+    half = np.full((60, 800), 0.5, np.float32)
+    images = {results[0]["name"]: Pictures(half, half, None, np.ones((60, 800), np.bool_))}
+    strip = summary.write(tmp_path / "page.md", whole(*results), images)[-1]
+    with Image.open(strip) as picture:
+        assert picture.size == (1200, 30)
+
+
 def test_what_was_skipped_is_listed_and_an_empty_document_is_a_page_too(tmp_path: Path) -> None:
     skipped = [{"name": "vtk-ssao.64.hall.8x6", "reason": "vtk is not installed"}]
     (page,) = summary.write(tmp_path / "page.md", whole(skipped=skipped), {})

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.gbuffer import GBuffer
 from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.runtime import Runtime
@@ -201,6 +201,10 @@ def test_blur_of_no_reach_returns_the_image(
     np.testing.assert_array_equal(
         bilateral_blur(image, gbuffer, runtime=runtime, **params), image
     )
+    blur = Bilateral(runtime, gbuffer.size, BilateralParams(**params))
+    value = runtime.plane(1, gbuffer.size)
+    assert blur.run(value, on_device(gbuffer, runtime)) is value
+    assert [p.name for p in runtime.times() if p.skipped] == ["blur"]
 
 
 def test_pixels_with_nothing_keep_their_value_and_give_none(

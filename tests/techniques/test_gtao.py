@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.reference.gtao import gtao_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import gtao
+from ssgi_cl.techniques.gtao import GtaoParams, gtao
+from ssgi_cl.techniques.slices import SIMILAR
 
 from ..closed_forms import hidden_by_wall
 from .analytic import camera, scene
@@ -68,6 +71,31 @@ def test_narrow_falloff_is_the_sharp_end(runtime: Runtime, rng: np.random.Genera
     soft = gtao(gbuffer, 0.6, falloff=1e-5, blur_radius=0, runtime=runtime)
     # A tap in 1e5 lies within the falloff.
     assert np.mean(np.abs(soft - sharp) > 1e-5) <= 2e-3
+
+
+def test_contrast_is_a_power(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("corner", camera(), rng)
+    plain, powered = (
+        gtao(gbuffer, 0.6, blur_radius=0, contrast=contrast, runtime=runtime)
+        for contrast in (1.0, 2.2)
+    )
+    assert np.ptp(plain) > 0.3
+    np.testing.assert_allclose(powered, plain**2.2, atol=1e-5)
+
+
+def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    made = camera(size=(12, 64))
+    # Both in the same groups of 16 pixels; 1 / 5 is exactly SIMILAR of 1 / 2, in float32 too.
+    depth = np.where(np.arange(64) < 32, 2.0, 5.0) * np.ones((12, 1))
+    gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
+    assert np.float32(1.0) / np.float32(5.0) == np.float32(0.5) * np.float32(SIMILAR)
+    a = gtao(gbuffer, 4.0, blur_radius=0, runtime=runtime)
+    wanted = gtao_reference(gbuffer, GtaoParams(radius=4.0, blur_radius=0))
+    assert wanted[:, 33:40].mean() < 0.9
+    # A tap in a thousand may lie on the other side of a pixel's border.
+    assert np.mean(np.abs(a - wanted) > 1e-4) < 5e-3
 
 
 @pytest.mark.parametrize(

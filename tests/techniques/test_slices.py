@@ -21,7 +21,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.slices import SliceParams, SliceTechnique, pattern
+from ssgi_cl.techniques.slices import STRIP, SliceParams, SliceTechnique, pattern
 
 from .analytic import CAMERAS, SCENES, Ball, Plane, camera, scene, tilted, trace
 
@@ -142,6 +142,17 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
     params = {"radius": RADIUS, "blur_radius": 0, **choice}
     a = subject.function(gbuffer, **params, runtime=form_runtime)
     assert share_off(a, subject.reference(gbuffer, subject.params(**params)), ROUNDING) <= FLIPS
+
+
+def test_an_image_of_more_than_a_strip_agrees_with_numpy_twin(
+    runtime: Runtime, rng: np.random.Generator, subject: Subject
+) -> None:
+    gbuffer = scene("noisy", camera("intrinsics", size=(9, 2 * STRIP)), rng)
+    a = subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
+    wanted = subject.reference(gbuffer, subject.params(radius=RADIUS, blur_radius=0))
+    assert (wanted[:, STRIP:] < 0.8).mean() > 0.1
+    # Slices are some 100 px long, and roundings of a place grow with that.
+    assert share_off(a, wanted, 10.0 * ROUNDING) <= 20 * FLIPS
 
 
 @pytest.mark.parametrize("margin", [(0, 0), (1, 2), (2, 7)])

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device_gbuffer import DeviceGBuffer
 from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.reference.ssdo_directions import directions
 from ssgi_cl.reference.ssdo_points import Gathered, ssdo_points_reference
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo_directions import cell_centres, cell_flux, direction_sets
+from ssgi_cl.techniques.ssdo_directions import cell_centres, cell_flux
 from ssgi_cl.techniques.ssdo_points import PointsParams, SsdoPoints
 
 from .analytic import CAMERAS, camera, scene, tilted, trace
@@ -187,32 +186,6 @@ def test_bounce_is_proportional_to_radiance(runtime: Runtime, factor: float) -> 
 
 
 # ---- the sky
-
-
-def test_directions_are_those_of_the_definition() -> None:
-    sky = np.random.default_rng(1).random((12, 20, 3)) ** 8 * 100.0
-    for image, equal in ((None, False), (sky, False), (sky, True)):
-        made, expected = (
-            one(5, image, equal=equal) for one in (direction_sets, directions)
-        )
-        for name in ("direction", "length", "solid_angle", "light"):
-            a, b = getattr(made, name), getattr(expected, name)
-            if b is None:
-                assert a is None
-            else:
-                np.testing.assert_allclose(a, b, atol=1e-9)
-
-
-def test_solid_angles_and_light_add_up_to_the_sphere_and_the_sky() -> None:
-    rng = np.random.default_rng(1)
-    sky = rng.random((12, 20, 3)) ** 8 * 100.0
-    sets = direction_sets(8, sky)
-    assert sets.light is not None
-    np.testing.assert_allclose(2.0 * sets.solid_angle.sum(axis=-1), 4.0 * math.pi, rtol=1e-3)
-    edges = np.cos(np.linspace(0.0, math.pi, 13))
-    whole = ((edges[:-1] - edges[1:])[:, None, None] * sky).sum(axis=(0, 1)) * 2.0 * math.pi / 20
-    np.testing.assert_allclose(sets.light.sum(axis=(2, 3)), np.tile(whole, (16, 4, 1)))
-    np.testing.assert_allclose(cell_flux(sky).sum(axis=(0, 1)), whole)
 
 
 def test_unhidden_sky_gives_its_irradiance(runtime: Runtime) -> None:

@@ -131,9 +131,10 @@ def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
     )
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", [*CAMERAS, "intrinsics"])
+@pytest.mark.parametrize("step", [1, 2])
 def test_far_tiles_are_those_where_the_radius_covers_less_than_a_pixel(
-    form_runtime: Runtime, name: str
+    form_runtime: Runtime, name: str, step: int
 ) -> None:
     camera = analytic.camera(name, SIZE)
     gbuffer = corner(camera)
@@ -142,13 +143,46 @@ def test_far_tiles_are_those_where_the_radius_covers_less_than_a_pixel(
     middle = 1.0 if camera.is_orthographic else np.median(depth[np.isfinite(depth)])
     found = set()
     for share in (0.9, 1.1):
-        reach = Reach(radius=share * min(abs(to_x), abs(to_y)) * middle)
+        reach = Reach(radius=share * step * min(abs(to_x), abs(to_y)) * middle, step=step)
         bits, _ = proven(form_runtime, gbuffer, reach)
         small = by_tile(too_far(depth, camera, reach), np.logical_and).astype(bool)
         empty = by_tile(np.isfinite(depth), np.logical_or) == 0
         np.testing.assert_array_equal((bits & FAR) > 0, small & ~empty)
         found.add(bool(small[~empty].any()))
     assert True in found
+
+
+@pytest.mark.parametrize("margin", [(0, 0), (0, 48)])
+@pytest.mark.parametrize("most_px", [math.inf, 25.0])
+@pytest.mark.parametrize("stretch", [1.0, 1.7])
+def test_tiles_look_as_far_as_the_radius_and_its_limits_say(
+    runtime: Runtime, margin: tuple[int, int], most_px: float, stretch: float
+) -> None:
+    rows, columns = 32, 480
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.3, width=columns, height=rows)
+    to_x, to_y, at_x, at_y = camera.pixel_to_view
+    wide = columns + 2 * margin[1]
+    found = set()
+    for edge in (10, 20, 28):  # tile of the image at which a part begins that stands out of a wall
+        depth = np.full((rows, wide), 5.0, np.float32)
+        depth[:, margin[1] + edge * TILE :] = 3.0
+        normal = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), (rows, wide, 3))
+        gbuffer = GBuffer(camera=camera, depth=depth, normal=normal)
+        reach = Reach(radius=1.3, stretch=stretch, most_px=most_px)
+        bits, _ = proven(runtime, gbuffer, reach)
+        for row in range(rows // TILE):
+            for column in range(edge):
+                # Lengths across a line of sight grow in the image with its slope.
+                x = np.abs(at_x + to_x * TILE * np.array([column, column + 1])).max()
+                y = np.abs(at_y + to_y * TILE * np.array([row, row + 1])).max()
+                px = min(1.3 / min(abs(to_x), abs(to_y)) / 5.0, most_px) * stretch
+                tiles = (px * math.hypot(1.0, x, y) + reach.more_px) / TILE
+                if abs(tiles - round(tiles)) < 1e-3:
+                    continue
+                flat = column + math.ceil(tiles) < edge
+                assert bool(bits[row, column] & FLAT) == flat, (edge, row, column)
+                found.add(flat)
+    assert found == {False, True}
 
 
 def test_calm_tiles_have_open_ones_all_round(runtime: Runtime) -> None:

@@ -29,6 +29,7 @@ from ssgi_cl.techniques.shade import shade
 from ssgi_cl.truth import mitsuba_scene, path_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
+from ssgi_cl.truth.path_tracer import DirectLight
 from ssgi_cl.truth.store import Truth
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
@@ -574,9 +575,21 @@ def test_error_is_unknown_after_a_single_path_and_known_after_two() -> None:
 
 
 @pytest.mark.parametrize(("paths", "passes"), [(5, 2), (16, 4), (64, 8), (256, 8), (1000, 16)])
-def test_paths_are_split_into_passes_that_tell_the_error(paths: int, passes: int) -> None:
+def test_paths_are_split_into_passes_that_tell_the_error(
+    monkeypatch: pytest.MonkeyPatch, paths: int, passes: int
+) -> None:
+    traced: list[int] = []
+    image = DirectLight.image
+
+    def counted(self: DirectLight, camera: Camera, paths: int, number: int) -> Any:
+        traced.append(paths)
+        return image(self, camera, paths, number)
+
+    monkeypatch.setattr(DirectLight, "image", counted)
     scene, camera = quads(FLOOR), spot_of(0.5, size=2)
     assert direct_light(scene, camera, [Environment(1.0)], paths).passes == passes
+    assert len(traced) == passes
+    assert paths <= sum(traced) < paths + passes
 
 
 # ---- bad input

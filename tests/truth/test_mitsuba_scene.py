@@ -105,6 +105,15 @@ def test_albedo_is_that_of_the_rasteriser_pixel_by_pixel(
     assert np.ptp(expected, axis=(0, 1)).max() > (0.2 if textured or colored == "varying" else -1)
 
 
+def test_vertex_colours_beyond_1_reflect_no_more_than_1(variant: str, runtime: Runtime) -> None:
+    colors = np.array([1.4, 0.0, 0.5])
+    scene = Scene(**panel(material=Material(albedo=(0.9, 0.9, 0.9)), colors=colors))
+    expected = gbuffer(scene, above(), runtime=runtime).first("albedo")
+    assert expected is not None
+    np.testing.assert_allclose(expected[4, 4], (1.0, 0.0, 0.45), atol=1e-6)
+    np.testing.assert_allclose(traced(Albedo, scene, above(), variant), expected, atol=2e-4)
+
+
 def test_both_sides_reflect(variant: str) -> None:
     scene = Scene(**panel(material=Material(albedo=(0.2, 0.4, 0.6))))
     below = Camera.orthographic(

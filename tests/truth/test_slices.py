@@ -16,7 +16,6 @@ from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.gtao import GtaoParams, gtao
 from ssgi_cl.techniques.hbao import HbaoParams, hbao
 from ssgi_cl.techniques.ssao import SsaoParams
-from ssgi_cl.truth.pixels import spread_pixels
 from ssgi_cl.truth.slices import converged
 
 from ..closed_forms import hidden_by_wall
@@ -161,18 +160,6 @@ def test_radius_below_a_pixel_is_open(rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     truth = converged(gbuffer, HbaoParams(radius=1e-4), pixels=ALL, slices=8)
     assert (truth.mean == 1.0).all()
-
-
-def test_pixels_are_spread_evenly_over_the_mask() -> None:
-    seen = np.ones((60, 80), bool)
-    seen[:, 40:] = False
-    rows, columns = spread_pixels(seen, 400)
-    assert len(rows) == len(set(zip(rows.tolist(), columns.tolist(), strict=True))) == 400
-    assert seen[rows, columns].all()
-    counts, _, _ = np.histogram2d(rows, columns, bins=(4, 4), range=((0, 60), (0, 40)))
-    # 25 in each of 16 parts on average; at random they would be off by 5.
-    assert np.abs(counts - 25).max() <= 5
-    assert len(spread_pixels(seen, 1 << 20)[0]) == 2400
 
 
 def test_wrong_arguments_are_named(rng: np.random.Generator) -> None:

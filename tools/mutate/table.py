@@ -46,13 +46,18 @@ class Table:
         )
 
     def covering(self, path: str, graph: Covering) -> list[str]:
-        """Return the test files to run for a source file, those of its name first."""
+        """Return the test files to run for a source file.
+
+        Those that a row of its path asks for come first, then those of its name, then those of rows
+        with patterns; without a row, the nearest.
+        """
         named, others = graph.of(path)
+        own = [f"tests/{test}" for test in self.tests.get(path, [])]
         rows = [f"tests/{test}" for pattern, row in self.tests.items()
                 if fnmatchcase(path, pattern) for test in row]
         found = [test for test in [*named, *others] if test not in self.unused]
         most = len([test for test in named if test in found]) if rows else MOST_FILES
-        return list(dict.fromkeys([*found[:most], *rows]))
+        return list(dict.fromkeys([*own, *found[:most], *rows]))
 
     def proof(self, mutant: Mutant) -> str:
         """Return why a mutant is equivalent; the empty text if it isn't known to be."""

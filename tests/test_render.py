@@ -238,8 +238,8 @@ def box(runtime: Runtime, **options: Any) -> Frame:
 @pytest.mark.parametrize(
     "options",
     [
-        {"indirect": True}, {"indirect": "vpl"}, {"indirect": "vpl", "layers": 2},
-        {"indirect": "gather"},
+        {"indirect": True}, pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
+        {"indirect": "vpl", "layers": 2}, {"indirect": "gather"},
     ],
     ids=str,
 )
@@ -275,7 +275,9 @@ def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: i
     assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
 
 
-@pytest.mark.parametrize(("layers", "overscan"), [(1, 0.0), (2, 0.1)])
+@pytest.mark.parametrize(
+    ("layers", "overscan"), [pytest.param(1, 0.0, marks=pytest.mark.slow), (2, 0.1)]
+)
 def test_near_light_is_that_of_ssdo_by_hand(
     runtime: Runtime, layers: int, overscan: float
 ) -> None:

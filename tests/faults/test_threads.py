@@ -97,6 +97,7 @@ def test_a_forked_process_is_told_at_once(runtime: Runtime) -> None:
     assert gi.gtao(gbuffer, radius=0.3, runtime=runtime).shape == gbuffer.size
 
 
+@pytest.mark.slow
 def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
     code = (
         "import os, ssgi_cl\n"
@@ -113,7 +114,7 @@ def test_a_new_radius_a_frame_keeps_memory_within_its_bound(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
-    for number in range(100):
+    for number in range(40):
         gi.render(
             BOX.scene, CAMERAS[0], BOX.lights, ao_radius=0.2 + 0.001 * number, indirect="multires",
             vpls=64, shadow_size=64, rsm_size=64, runtime=runtime,

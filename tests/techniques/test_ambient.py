@@ -154,7 +154,9 @@ SKIES: dict[str, Doubles] = {
 }
 
 
-@pytest.mark.parametrize("name", SKIES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(s, marks=[pytest.mark.slow] * (i % 2)) for i, s in enumerate(SKIES)]
+)
 def test_every_sky_has_the_irradiance_of_its_integral(runtime: Runtime, name: str) -> None:
     sky = Environment(SKIES[name])
     normal = np.concatenate([everywhere(), creases()])

@@ -116,7 +116,9 @@ THIN: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("choice", THIN, ids=str)
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    "kind", ["perspective", pytest.param("orthographic", marks=pytest.mark.slow)]
+)
 def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_twin(
     form_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
 ) -> None:

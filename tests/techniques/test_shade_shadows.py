@@ -230,7 +230,7 @@ def lit_by_ray(
 BUILTIN_LAMPS = [
     ("cornell_box", 0, "own"),
     ("cornell_box", 0, "point"),
-    ("hall", 0, "own"),
+    pytest.param("hall", 0, "own", marks=pytest.mark.slow),
     pytest.param("hall", 2, "own", marks=pytest.mark.slow),
     pytest.param("hall", 2, "point", marks=pytest.mark.slow),
 ]

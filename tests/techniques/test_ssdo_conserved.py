@@ -165,7 +165,9 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
     assert hidden == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize("name", BESIDE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE]
+)
 @pytest.mark.parametrize(
     "count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))]
 )

@@ -41,7 +41,7 @@ class Normal(PathTracer):
 SUN = DirectionalLight((0.0, -1.0, 0.0), 2.0)
 
 
-@pytest.fixture(params=["best", "scalar"])
+@pytest.fixture(params=["best", pytest.param("scalar", marks=pytest.mark.slow)])
 def variant(request: pytest.FixtureRequest) -> str:
     return mitsuba_scene.best_variant() if request.param == "best" else "scalar_rgb"
 

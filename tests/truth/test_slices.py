@@ -65,7 +65,10 @@ def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(kind: str) -> 
         assert np.mean(truth.mean[there]) == pytest.approx(np.mean(wanted), abs=4e-3)
 
 
-@pytest.mark.parametrize("technique", PARAMS)
+@pytest.mark.parametrize(
+    "technique",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "hbao")) for name in PARAMS],
+)
 @pytest.mark.parametrize("kind", ["corner", pytest.param("bumpy", marks=pytest.mark.slow)])
 def test_technique_with_many_taps_comes_close(
     runtime: Runtime, rng: np.random.Generator, technique: str, kind: str

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -78,7 +80,7 @@ def test_a_recorded_failure_names_its_file_and_how_to_try_again(
     with pytest.raises(DeviceError, match="test: no kernel runs on it") as caught:
         drivers.choose("test")
     message = str(caught.value)
-    (record,) = drivers.cache_folder().iterdir()
+    (record,) = drivers.cache_folder().glob("*.json")
     for words in ("Test 1: a", FORM, WHY, str(record), "for 24 hours", "ssgi devices --refresh",
                   "pip install 'ssgi-cl[pocl]'", "pip install 'ssgi-cl[intel]'", "pocl-opencl-icd"):
         assert words in message
@@ -271,3 +273,20 @@ def test_a_busy_machine_gets_the_same_form() -> None:
     assert busy.best == quiet.best
     # Time of the processor, not of the clock: caches and hyperthreads are all that is shared.
     assert 0.5 < busy.speed / quiet.speed < 2.0
+
+
+def test_only_one_of_those_who_would_probe_a_driver_does(
+    alone: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    probed: list[Path] = []
+
+    def slow(driver: Path) -> Found:
+        probed.append(driver)
+        time.sleep(0.3)
+        return Found([info(driver)])
+
+    monkeypatch.setattr(probing, "probe", slow)
+    with ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(drivers._looked_at, [alone] * 3))
+    assert len(probed) == 1
+    assert [len(each.devices) for each in found] == [1, 1, 1]

@@ -33,7 +33,9 @@ View = tuple[Scene, tuple[float, float, float], tuple[float, float, float], floa
 # ---- scenes and cameras
 
 
-@pytest.fixture(scope="module", params=[*BUILTIN_SCENES, pytest.param("sponza", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module", params=[*BUILTIN_SCENES, pytest.param("sponza", marks=pytest.mark.slow)]
+)
 def view(request: pytest.FixtureRequest) -> View:
     """A scene with an eye, a target and a vertical field of view."""
     if request.param == "sponza":

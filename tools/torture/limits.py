@@ -10,19 +10,19 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 
-import numpy as np
-
 import ssgi_cl as gi
+from ssgi_cl import exr
 from ssgi_cl.errors import DeviceMemoryError
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 PROGRAM = Path(__file__).parents[2] / "ssgi_cl_command.py"
 """What the program `ssgi` starts."""
 KILLS = 12
-LONGEST = 4.0
+LONGEST = 2.0
 """Seconds after which a command is killed at the latest."""
 RENDER = ["render", "cornell_box", "--width", "320", "--height", "240"]
 
@@ -45,12 +45,13 @@ def kills(seed: int) -> None:
         picture = folder / "box.exr"
         for _ in range(KILLS):
             process = _ssgi(folder, *RENDER, "--output", picture.name)
-            time.sleep(rng.random() * LONGEST)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(rng.random() * LONGEST)
             process.send_signal(signal.SIGKILL)
             process.communicate()
             if picture.exists():
-                gbuffer = gi.GBuffer.from_exr(picture)
-                assert np.isfinite(np.asarray(gbuffer.depth)).any(), "a picture is not whole"
+                channels = exr.read(picture)  # refuses what is cut short
+                assert all(values.shape == (240, 320) for values in channels.values())
                 picture.unlink()
         done = _ssgi(folder, *RENDER, "--output", picture.name)
         said, _ = done.communicate(timeout=120)

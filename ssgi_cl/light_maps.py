@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.lights import Environment, Light, PointLight
+from ssgi_cl.lights import Environment, Light
 from ssgi_cl.memory import Plane
 from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.lamps import Lamp, ShadowMap, kind_name, power
+from ssgi_cl.techniques.lamps import Lamp, ShadowMap, face_count, kind_name, power
 from ssgi_cl.techniques.shadow_blocks import ShadowBlocks
 
 
@@ -111,12 +111,12 @@ class LightMaps:
         for index in [index for index in self._depths if index >= lights]:
             del self._depths[index]
             self._block_planes.pop(index, None)
-        count = {index: 6 if isinstance(lamp, PointLight) else 1 for index, lamp in lamps.items()}
+        count = {index: face_count(lamp) for index, lamp in lamps.items()}
         faces = sum(count.values())
 
         def make() -> None:
             for index in lamps:
-                if index not in self._depths or self._depths[index].count != count[index]:
+                if not self._has_depth(index, count[index]):
                     self.runtime.plane(count[index], (self.size, self.size))
                     self._blocks.plane(count[index])
             glossy = self._glossy and kept.glossy
@@ -130,6 +130,9 @@ class LightMaps:
             f"for {faces} shadow maps (a point light has six) of {self.size} x {self.size} texels: "
             "take fewer lights or a smaller shadow_size",
         )
+
+    def _has_depth(self, index: int, faces: int) -> bool:
+        return index in self._depths and self._depths[index].count == faces
 
     def _fits(self, faces: int, glossy: bool) -> bool:
         rsm = self._rsm
@@ -190,14 +193,12 @@ class LightMaps:
 
     def _depth(self, index: int, faces: int) -> Plane:
         """Return the plane of a lamp's depth, the same as last time if it fits."""
-        plane = self._depths.get(index)
-        if plane is None or plane.count != faces:
+        if not self._has_depth(index, faces):
             self._depths.pop(index, None)
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
-            blocks = self._blocks.plane(faces)
-            self._block_planes[index] = blocks
+            self._block_planes[index] = self._blocks.plane(faces)
             self._depths[index] = plane
-        return plane
+        return self._depths[index]
 
     def _begin(
         self, scene: Scene, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None],

@@ -136,6 +136,11 @@ def kind_name(light: Lamp) -> str:
     return type(light).__name__.removesuffix("Light").lower()
 
 
+def face_count(light: Light) -> int:
+    """Return how many faces the light's maps have."""
+    return 6 if isinstance(light, PointLight) else 1
+
+
 def light_values(
     light: Lamp, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer
 ) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from ssgi_cl.gbuffer import ReflectiveShadowMap
 from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.memory import Plane
 from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.lamps import ShadowMap
+from ssgi_cl.techniques.lamps import ShadowMap, face_count
 
 Maps = Sequence[ReflectiveShadowMap | None] | None
 """For each light its map or None; None for no map at all. Those of environments don't count."""
@@ -54,7 +54,7 @@ def _checked(rsm: object, light: Light, index: int) -> None:
             f"lights[{index}], a {type(light).__name__}"
         )
     sizes = {camera.size for camera in rsm.cameras}
-    count = 6 if isinstance(light, PointLight) else 1
+    count = face_count(light)
     if len(rsm.cameras) != count or len(sizes) != 1 or len(set(*sizes)) != 1:
         raise ValueError(
             f"rsms[{index}] has {len(rsm.cameras)} cameras of {sorted(sizes)} texels: expected "

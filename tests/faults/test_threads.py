@@ -138,12 +138,20 @@ def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
         assert runtime.memory.used == before
 
 
+def point_lights(count: int) -> list[gi.PointLight]:
+    return [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(count)]
+
+
+def let_all_go(runtime: Runtime) -> None:
+    runtime._prepared.clear()
+    gc.collect()
+
+
 def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runtime._prepared.clear()
-    gc.collect()
-    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(60)]
+    let_all_go(runtime)
+    lights = point_lights(60)
     renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=256)
     first = renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))
@@ -155,7 +163,7 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 
 
 def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
-    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(8)]
+    lights = point_lights(8)
     renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=64)
     renderer(BOX.scene, CAMERAS[0], lights[:1])
     before = runtime.memory.used
@@ -169,24 +177,20 @@ def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
 def test_old_techniques_give_way_to_what_a_frame_needs(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runtime._prepared.clear()
-    gc.collect()
-    lights = [gi.PointLight((0.0, 1.0, 0.1 * i), (1.0, 1.0, 1.0)) for i in range(3)]
+    let_all_go(runtime)
+    lights = point_lights(3)
 
-    def draw(count: int) -> None:
-        gi.render(
-            BOX.scene, CAMERAS[0], lights[:count], shadow_size=256, ao=False, runtime=runtime
-        )
+    def draw() -> None:
+        gi.render(BOX.scene, CAMERAS[0], lights, shadow_size=256, ao=False, runtime=runtime)
 
     base = runtime.memory.used
-    draw(3)
+    draw()
     needed = runtime.memory.used - base
-    runtime._prepared.clear()
-    gc.collect()
+    let_all_go(runtime)
     monkeypatch.setattr(runtime.memory, "limit", base + needed + (2 << 20))
     for number in range(4):
         runtime.prepared(("old", number), lambda: runtime.plane(1, (400, 1024)))
-    draw(3)
+    draw()
 
 
 @pytest.mark.skipif(host_memory.spare(1 << 30) < 1 << 30, reason="needs 1 GiB")

@@ -11,7 +11,7 @@ import sys
 def main() -> int:
     """Run the command line; return the exit status where it can't even start."""
     try:
-        from ssgi_cl.cli import main as command
+        from ssgi_cl.cli.command import main as command
     except KeyboardInterrupt:
         print("Aborted!", file=sys.stderr)  # as click says it
         return 1

@@ -17,11 +17,11 @@ from time import process_time
 import click
 import numpy as np
 
-from ssgi_cl import drivers
-from ssgi_cl.atomic import replacement
-from ssgi_cl.drivers import DeviceInfo, Form
-from ssgi_cl.errors import SsgiError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.core.errors import SsgiError
+from ssgi_cl.device import drivers
+from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.runtime import Runtime
 
 from .every import TECHNIQUES, Array, inputs, results
 

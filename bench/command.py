@@ -15,16 +15,16 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ssgi_cl.cli_common import is_expected, one_line, printable
-from ssgi_cl.memory import Size
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io.console import is_expected, one_line, printable
 from ssgi_cl.rasterize.scenes import REPORTED
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.truth import store
+from ssgi_cl.tuning.context import TruthSettings
+from ssgi_cl.tuning.measured_scenes import views_of
 
 from . import compare, document, front, report, suite, summary, table
 from .cases import FAMILIES, OWN
-from .context import TruthSettings
-from .views import views_of
 
 SIZE = "800x600"
 

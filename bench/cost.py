@@ -10,18 +10,18 @@ from typing import Any
 import click
 import numpy as np
 
-from ssgi_cl.memory import Size
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
+from ssgi_cl.techniques.ao.slices import SliceParams
+from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.context import Context
+from ssgi_cl.tuning.measure import Stopwatch
+from ssgi_cl.tuning.measured_scenes import views_of
 
-from .case import Subject
-from .context import Context
-from .measure import Stopwatch
-from .views import views_of
 from .wording import number
 
 SIZES: tuple[Size, ...] = ((300, 400), (600, 800), (1200, 1600), (1080, 1920), (2160, 3840))

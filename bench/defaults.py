@@ -18,16 +18,16 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.tuning.tunables import entry_of
 
 from .scan import LEAST_ERROR, Measured, Scan
 from .scan_lights import MULTIRES, SPLAT
 from .scan_shadows import SHADOWS
 from .scan_views import VIEWS
 from .scene_sets import SETS, SIZE, SceneSets, geometric_mean
-from .tunables import entry_of
 
 SCANS: Mapping[str, Scan] = {
     "shadow_map": SHADOWS, "vpl_splat": SPLAT, "multires_splat": MULTIRES, "ssdo_views": VIEWS,

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 import ssgi_cl.version
-from ssgi_cl import atomic
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ray_ao import threads
+from ssgi_cl.core import atomic
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.truth.ray_ao import threads
 
 FORMAT = "ssgi-bench 2"
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.light_maps import LightMaps
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.view import device_scene, margin_of
-from ssgi_cl.techniques.lamps import Lamp, ShadowMap
-
-from .context import Context
+from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap
+from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.tuning.context import Context
 
 
 class DrawnView:

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import metrics
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.truth import Truth
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.truth import Truth, metrics
 
 PEAK_SHARE = 99.9
 """Per cent of the truth's values that its peak exceeds: of light, which has no greatest value."""

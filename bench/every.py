@@ -10,30 +10,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.drivers import DeviceInfo, Form
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.light_maps import LightMaps
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
-from ssgi_cl.memory import Size
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Scene
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import bilateral_blur
-from ssgi_cl.techniques.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.gtao import gtao
-from ssgi_cl.techniques.hbao import hbao
-from ssgi_cl.techniques.multi_bounce import multi_bounce
-from ssgi_cl.techniques.multires_splat import multires_splat
-from ssgi_cl.techniques.rsm_gather import rsm_gather
-from ssgi_cl.techniques.shade import shade
-from ssgi_cl.techniques.ssao import ssao
-from ssgi_cl.techniques.ssdo import ssdo
-from ssgi_cl.techniques.tonemap import tonemap
-from ssgi_cl.techniques.upsample import coarse_size, upsample
-from ssgi_cl.techniques.vpl_splat import vpl_splat
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.ao.gtao import gtao
+from ssgi_cl.techniques.ao.hbao import hbao
+from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.filters.bilateral import bilateral_blur
+from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
+from ssgi_cl.techniques.indirect.multires_splat import multires_splat
+from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.indirect.ssdo import ssdo
+from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
+from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
+from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.techniques.shading.tonemap import tonemap
 
 Array = NDArray[Any]
 

@@ -15,17 +15,17 @@ from typing import Any
 
 import click
 
-from ssgi_cl.atomic import replacement
-from ssgi_cl.memory import Size
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, is_scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.case import Case
+from ssgi_cl.tuning.context import TruthSettings
+from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 
 from . import document, figure_text, front, skips, suite, summary, summation
-from .case import Case
-from .context import TruthSettings
 from .figure_tables import VISIBILITY
 from .skips import ROUNDS
-from .views import MissingMeshError, views_of
 from .wording import revision
 
 VIEWS = ("sponza", "country_kitchen", "veach_ajar")

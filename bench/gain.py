@@ -9,14 +9,14 @@ from typing import Any
 
 import click
 
-from ssgi_cl import metrics
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.truth import metrics
+from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.tuning.measured_scenes import views_of
 
 from .command import PixelSize
-from .context import Context, TruthSettings
 from .cost import TECHNIQUES
-from .views import views_of
 from .wording import number
 
 MOST = 32

@@ -21,19 +21,18 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ssgi_cl import presets
-from ssgi_cl.atomic import replacement
-from ssgi_cl.presets.pace import measured
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES, Entry
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques import TECHNIQUES, Entry, presets
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.presets.speed_model import measured
+from ssgi_cl.tuning.context import Progress as Report
+from ssgi_cl.tuning.outcome import TuneError
+from ssgi_cl.tuning.trials import Trial, Trials
+from ssgi_cl.tuning.tunables import entry_of
 from ssgi_cl.version import __version__
 
-from .context import Progress as Report
 from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
-from .trials import Trial, Trials
-from .tunables import entry_of
-from .tuning import TuneError
 
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
 """Time of each preset over that of the defaults, at most; "medium" is the defaults."""

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from ssgi_cl import atomic
-from ssgi_cl.metrics import REGIONS
+from ssgi_cl.core import atomic
+from ssgi_cl.truth.metrics import REGIONS
 
 from . import viewer
 from .document import Group, groups, metric, timed

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from .context import Context
+from ssgi_cl.tuning.context import Context
 
 LEAST_ERROR = 1e-6
 """Of an error, so that a scene without any does not make the geometric mean 0."""

@@ -8,16 +8,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.memory import DeviceArray, Plane
-from ssgi_cl.techniques import multires_grid, vpl_splat
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.vpl_splat import TILE, VplSplat, VplSplatParams
-from ssgi_cl.techniques.vpl_tree import GROUP, VplTree
+from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.techniques.indirect import multires_grid, vpl_splat
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.vpl_splat import TILE, VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpl_tree import GROUP, VplTree
+from ssgi_cl.tuning.context import Context
 
 from .cases.multires_splat import all_lights, relative_rmse
 from .cases.vpl_splat import MAP_SIZE, lit
-from .context import Context
 from .drawn import DrawnMaps
 from .scan import Measured, Scan, parted, replaced
 

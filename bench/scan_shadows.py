@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.raycast import RayCaster
 from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.lamps import Lamp
+from ssgi_cl.techniques.shading.light_data import Lamp
+from ssgi_cl.truth.raycast import RayCaster
+from ssgi_cl.tuning.context import Context
 
-from .context import Context
 from .scan import Measured, Scan, replaced
 
 MAP_SIZE = 1024

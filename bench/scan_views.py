@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.further_views import FurtherViews
-from ssgi_cl.techniques.ssdo import Ssdo
-from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
+from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
+from ssgi_cl.tuning.context import Context
 
-from .context import Context
 from .drawn import DrawnMaps
 from .scan import Measured, Scan
 

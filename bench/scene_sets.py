@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ssgi_cl.memory import Size
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import (
     REPORTED,
     TUNED_ON,
@@ -16,13 +17,11 @@ from ssgi_cl.rasterize.scenes import (
     VALIDATION_SEEDS,
     BuiltinScene,
 )
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import Entry
 from ssgi_cl.truth.digests import scene_digest
-
-from .context import Context, Progress, TruthSettings
-from .trials import Trials
-from .views import views_of
+from ssgi_cl.tuning.context import Context, Progress, TruthSettings
+from ssgi_cl.tuning.measured_scenes import views_of
+from ssgi_cl.tuning.trials import Trials
 
 SETS = ("tuning", "validation", "reporting")
 """What decides, what confirms, and what is shown only."""

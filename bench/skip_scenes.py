@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
+from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.normals import DEFAULT_CREASE_ANGLE
 from ssgi_cl.rasterize.parts import Part, assemble
-from ssgi_cl.rasterize.scene import Material
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.rasterize.scenes.scatter import between, rotation
 from ssgi_cl.rasterize.scenes.shapes import box, mesh, quad

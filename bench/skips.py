@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.plan import SKIPS
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.render import Frame, render
-from ssgi_cl.runtime import Runtime
 
 from .skip_scenes import SKIP_SCENES
 

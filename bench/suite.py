@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import MissingExtraError, SsgiError, TruthError
-from ssgi_cl.memory import Size
+from ssgi_cl.core.errors import MissingExtraError, SsgiError, TruthError
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.calibration import Calibration, GatherLoad
+from ssgi_cl.tuning.case import Case, Family, Subject
+from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.tuning.measure import UNTIMED, Stopwatch, Timing
 
-from .calibration import Calibration, GatherLoad
-from .case import Case, Family, Subject
 from .cases import FAMILIES
-from .context import Context, TruthSettings
 from .errors import errors_of
-from .measure import UNTIMED, Stopwatch, Timing
 
 Report = Callable[[str, float], object]
 """Called with what is under way and the share of all that is done."""

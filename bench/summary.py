@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from ssgi_cl import atomic
+from ssgi_cl.core import atomic
 
 from .document import Group, groups, metric
 from .guide import guides

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.vpl_splat import vpl_splat_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.rsm_gather import rsm_gather
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpls import Vpls
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

@@ -1,8 +1,9 @@
 """Meshes to G-buffers and reflective shadow maps."""
 
+from ssgi_cl.core.scene import Material, Scene
+
 from .load import load_scene
 from .rasterizer import Rasterizer
-from .scene import Material, Scene
 from .shadow_map import rsm
 from .view import gbuffer
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 
-from .scene import Scene
 from .textures import srgb_to_linear
 
 BOXED = 256

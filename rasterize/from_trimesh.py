@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.scene import Material
 
 from .parts import Part
-from .scene import Material
 from .textures import TextureSet, mean_color, rgba_of, srgb_to_linear
 
 _GREY = Material()

@@ -20,14 +20,14 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import MissingExtraError, SceneError, shown
+from ssgi_cl.core.errors import MissingExtraError, SceneError, shown
+from ssgi_cl.core.scene import Material
 
 from .gltf_document import item, read_document
 from .gltf_material import GltfMaterials
 from .gltf_nodes import placed_meshes
 from .gltf_schema import DRACO, Json
 from .parts import MOST_TRIANGLES, Part, check_triangles
-from .scene import Material
 from .textures import TextureSet
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
 
 from .gltf_schema import DRACO, Json, check_document
 from .textures import read_uri

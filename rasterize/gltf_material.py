@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.scene import Material
 
 from .gltf_document import item
 from .gltf_schema import Json
-from .scene import Material
 from .textures import TextureSet, mean_color, read_uri
 
 DIELECTRIC = 0.04

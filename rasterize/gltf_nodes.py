@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from trimesh import transformations
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
 
 from .gltf_document import item
 from .gltf_schema import Json

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
 
 Json = dict[str, Any]
 

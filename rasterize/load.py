@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssgi_cl import check
-from ssgi_cl.errors import SceneError, SsgiError
+from ssgi_cl.core import checks
+from ssgi_cl.core.errors import SceneError, SsgiError
+from ssgi_cl.core.scene import Material, Scene
 
 from .normals import DEFAULT_CREASE_ANGLE
 from .obj import read_obj
 from .parts import Part, assemble
-from .scene import Material, Scene
 from .textures import TextureSet
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def load_scene(
         MissingExtraError: the file needs a package that is not installed.
         ValueError: `crease_angle` is out of range.
     """
-    angle = check.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
+    angle = checks.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
     textures = TextureSet()
     if not isinstance(source, (str, os.PathLike)):
         from .from_trimesh import read_trimesh

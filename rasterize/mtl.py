@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.scene import Material
 
-from .scene import Material
 from .textures import TextureSet, read_beside
 
 # Options of a map statement and how many words follow each; -s, -o and -t take one to three.

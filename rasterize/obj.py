@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.scene import Material
 
 from .mtl import MtlMaterial, read_mtl
 from .parts import Part
 from .polygons import triangulate
-from .scene import Material
 from .textures import TextureSet, is_file, read_beside, srgb_to_linear
 
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import SsgiError
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import SsgiError
+from ssgi_cl.core.scene import Scene
 
 from .opengl_context import context
-from .scene import Scene
 
 PEEL_FACTOR = 1.0 + 1e-5
 """A surface belongs to the next layer if it is deeper than the layer before by this factor."""
@@ -113,7 +113,7 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
         MissingExtraError: pyrender, EGL or an OpenGL 3.3 driver is missing.
         SsgiError: the driver refuses the image's size.
     """
-    layers = check.integer("layers", layers, low=1, high=16)
+    layers = checks.integer("layers", layers, low=1, high=16)
     rows, columns = camera.size
     depth = np.full((layers, rows, columns), np.inf, np.float32)
     normal, albedo, emission = (np.zeros((layers, rows, columns, 3), np.float32) for _ in range(3))

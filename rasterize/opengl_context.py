@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
-from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.core.errors import MissingExtraError
 
 
 @contextmanager

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.scene import Material, Scene
 
 from .normals import crease_normals
-from .scene import Material, Scene
 
 MOST_TRIANGLES = 50_000_000
 """Triangles of a scene, instances included; a small file can ask for far more by instancing."""

@@ -10,11 +10,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.scene import Material
 
 from .parts import Part
 from .ply_header import PlyHeader, read_header
-from .scene import Material
 from .textures import TextureSet, read_beside, srgb_to_linear
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
 
 _LONGEST_HEADER = 1 << 16
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")

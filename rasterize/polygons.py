@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import SceneError
+from ssgi_cl.core.errors import SceneError
 
 _MOST_CONCAVE_CORNERS = 1000
 """Clipping ears takes time with the square of the corners."""

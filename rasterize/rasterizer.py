@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import LARGEST_SIZE, Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.kernel import Kernel
-from ssgi_cl.memory import DeviceArray, Plane, Size
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
-from ssgi_cl.window import Window
+from ssgi_cl.core.camera import LARGEST_SIZE, Camera
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
 
 from .device_scene import BOXED, DeviceScene
 

@@ -7,18 +7,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import check
-from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
-from ssgi_cl.device_gbuffer import VIEW_ROTATION, DeviceGBuffer
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
-from ssgi_cl.memory import Plane
-from ssgi_cl.runtime import Runtime, serialised
-from ssgi_cl.structs import CAMERA, Struct, floats, rotation_values
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA, Struct, floats, rotation_values
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
-from .scene import Scene
 from .view import device_scene
 
 FLUX = Struct(
@@ -186,7 +186,7 @@ def rsm(
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
-    size = check.integer("size", size, low=1, high=8192, unit="texels")
+    size = checks.integer("size", size, low=1, high=8192, unit="texels")
     if not isinstance(light, (SpotLight, PointLight, DirectionalLight)):
         raise TypeError(
             f"light is {type(light).__name__}: expected a SpotLight, PointLight or DirectionalLight"

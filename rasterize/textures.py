@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
-from ssgi_cl.errors import SceneError, shown
+from ssgi_cl.core.errors import SceneError, shown
 
 MOST_TEXTURE_PIXELS = 8192 * 8192
 """Pixels of the largest texture; a file of a few kilobytes can claim far more."""

@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import Floats, GBuffer
-from ssgi_cl.memory import Plane, Size
-from ssgi_cl.runtime import Runtime, serialised
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import Floats, GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime, serialised
 
 from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
-from .scene import Scene
 
 MOST_LAYERS = 16
 ATTRIBUTES = ("first", "all")
@@ -24,7 +24,7 @@ ATTRIBUTES = ("first", "all")
 
 def margin_of(camera: Camera, overscan: float) -> Size:
     """Return (rows, columns) of the margin that is `overscan` of the image on every side."""
-    share = check.number("overscan", overscan, low=0.0, high=1.0, unit="share of the image's size")
+    share = checks.number("overscan", overscan, low=0.0, high=1.0, unit="share of the image's size")
     return math.ceil(share * camera.height), math.ceil(share * camera.width)
 
 
@@ -81,9 +81,9 @@ def gbuffer(
         MissingExtraError: the pyrender backend can't run; the message says what is missing.
     """
     _check_scene(scene)
-    layers = check.integer("layers", layers, low=1, high=MOST_LAYERS)
-    check.choice("backend", backend, ("opencl", "pyrender"))
-    shaded = layers if check.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
+    layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
+    checks.choice("backend", backend, ("opencl", "pyrender"))
+    shaded = layers if checks.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     margin = margin_of(camera, overscan)

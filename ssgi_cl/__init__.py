@@ -1,12 +1,8 @@
 """Image-space global illumination on G-buffers: numpy in, numpy out, OpenCL in between."""
 
-from ssgi_cl import metrics, rasterize, truth
-from ssgi_cl.bench.tune import TuneError, Tuning, tune
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.drivers import Form
-from ssgi_cl.errors import (
+from ssgi_cl import rasterize, truth
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import (
     DeviceError,
     KernelBuildError,
     KernelSourceError,
@@ -15,35 +11,43 @@ from ssgi_cl.errors import (
     SsgiError,
     TruthError,
 )
-from ssgi_cl.extra_cameras import extra_cameras
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.presets.choose import Choice, choose
-from ssgi_cl.render import Frame, Renderer, render
-from ssgi_cl.runtime import PassTime, Runtime
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.multi_bounce import multi_bounce
-from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
-from ssgi_cl.techniques.multires_splat import (
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.device.drivers import Form
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.frame.render import Frame, Renderer, render
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.filters.upsample import Upsample, upsample
+from ssgi_cl.techniques.indirect.auxiliary_cameras import extra_cameras
+from ssgi_cl.techniques.indirect.multires_published import (
+    MultiresPublished,
+    MultiresPublishedParams,
+)
+from ssgi_cl.techniques.indirect.multires_splat import (
     MultiresSplat,
     MultiresSplatParams,
     multires_splat,
 )
-from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
-from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
-from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
-from ssgi_cl.techniques.shade import Shade, shade
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
-from ssgi_cl.techniques.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.tonemap import Tonemap, tonemap
-from ssgi_cl.techniques.upsample import Upsample, upsample
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.indirect.ssdo import Ssdo, ssdo
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
+from ssgi_cl.techniques.presets.choose import Choice, choose
+from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
+from ssgi_cl.techniques.shading.shade import Shade, shade
+from ssgi_cl.techniques.shading.tonemap import Tonemap, tonemap
+from ssgi_cl.truth import metrics
+from ssgi_cl.truth.ray_ao import RayAo, ray_ao
+from ssgi_cl.tuning.tune import TuneError, Tuning, tune
 from ssgi_cl.version import __version__
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 __all__ = [
     "Bilateral",

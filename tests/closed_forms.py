@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.scene import Scene
 
 Doubles = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
-from ssgi_cl.drivers import FORMS, Form
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.device.drivers import FORMS, Form
+from ssgi_cl.device.runtime import Runtime
 
 
 @pytest.hookimpl(wrapper=True)

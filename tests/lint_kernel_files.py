@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.drivers import FORMS
+from ssgi_cl.device.drivers import FORMS
 
 from .test_kernel_files import USES
 

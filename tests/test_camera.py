@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
+from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
 
 EYE, TARGET = (3.0, 2.0, 5.0), (0.5, -1.0, 0.0)
 W, H = 64, 48

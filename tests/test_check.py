@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl import check
+from ssgi_cl.core import checks
 
 
 def test_numbers_of_any_real_type_are_taken() -> None:
     for value in (1, 1.0, np.float16(1), np.float32(1), np.int8(1), np.uint64(1)):
-        result = check.number("x", value, low=0, high=2)
+        result = checks.number("x", value, low=0, high=2)
         assert result == 1.0
         assert type(result) is float
 
@@ -21,38 +21,38 @@ def test_numbers_of_any_real_type_are_taken() -> None:
 @pytest.mark.parametrize("value", [True, "1", None, 1j, [1.0], np.array([1.0])])
 def test_what_is_no_number_is_refused(value: object) -> None:
     with pytest.raises(TypeError, match=r"x is .*: expected a number"):
-        check.number("x", value)
+        checks.number("x", value)
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, math.nan, math.inf, -math.inf])
 def test_numbers_out_of_range_are_refused(value: float) -> None:
     with pytest.raises(ValueError, match=r"x is .*: expected a number >= 0 and <= 1 \(m\)"):
-        check.number("x", value, low=0, high=1, unit="m")
+        checks.number("x", value, low=0, high=1, unit="m")
 
 
 def test_the_lower_end_can_be_left_out() -> None:
-    assert check.number("x", 0, low=0) == 0.0
+    assert checks.number("x", 0, low=0) == 0.0
     with pytest.raises(ValueError, match="expected a number > 0"):
-        check.number("x", 0, low=0, above=True)
+        checks.number("x", 0, low=0, above=True)
 
 
 def test_infinity_is_taken_only_where_it_is_allowed() -> None:
-    assert check.number("x", math.inf, low=0, infinite=True) == math.inf
+    assert checks.number("x", math.inf, low=0, infinite=True) == math.inf
     with pytest.raises(ValueError, match="that is finite"):
-        check.number("x", math.inf)
+        checks.number("x", math.inf)
 
 
 @pytest.mark.parametrize("value", [True, 1.0, "1", None])
 def test_only_integers_are_integers(value: object) -> None:
     with pytest.raises(TypeError, match=r"n is .*: expected an integer >= 0 and <= 2"):
-        check.integer("n", value, low=0, high=2)
-    assert check.integer("n", np.uint8(2), low=0, high=2) == 2
+        checks.integer("n", value, low=0, high=2)
+    assert checks.integer("n", np.uint8(2), low=0, high=2) == 2
     with pytest.raises(ValueError, match="n is 3"):
-        check.integer("n", 3, low=0, high=2)
+        checks.integer("n", 3, low=0, high=2)
 
 
 def test_vectors_repeat_a_scalar_and_refuse_the_rest() -> None:
-    assert check.vector("v", 2, 3).tolist() == [2.0, 2.0, 2.0]
+    assert checks.vector("v", 2, 3).tolist() == [2.0, 2.0, 2.0]
     cases: list[tuple[Any, type[Exception], str]] = [
         ([1, 2], ValueError, r"v has shape \(2,\): expected 3 numbers \(m\)"),
         ([1, 2, math.nan], ValueError, "finite"),
@@ -62,75 +62,75 @@ def test_vectors_repeat_a_scalar_and_refuse_the_rest() -> None:
     ]
     for value, error, message in cases:
         with pytest.raises(error, match=message):
-            check.vector("v", value, 3, "m")
+            checks.vector("v", value, 3, "m")
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1.0, 1e300])
 def test_directions_of_any_length_become_unit_vectors(scale: float) -> None:
     # Squares of the ends of this range neither vanish nor overflow; two roundings of 1e-16.
-    result = check.direction("d", np.array([3.0, 0.0, 4.0]) * scale)
+    result = checks.direction("d", np.array([3.0, 0.0, 4.0]) * scale)
     np.testing.assert_allclose(result, [0.6, 0.0, 0.8], rtol=0, atol=1e-15)
 
 
 def test_a_direction_without_length_is_refused() -> None:
     with pytest.raises(ValueError, match="non-zero length"):
-        check.direction("d", [0, 0, 0])
+        checks.direction("d", [0, 0, 0])
 
 
 def test_colours_are_not_negative() -> None:
-    assert check.rgb("c", [0, 1, 2], "W").tolist() == [0.0, 1.0, 2.0]
+    assert checks.rgb("c", [0, 1, 2], "W").tolist() == [0.0, 1.0, 2.0]
     with pytest.raises(ValueError, match=r"c is \[0.0, -1.0, 0.0\]: .* >= 0 and <= 1e\+30 \(W\)"):
-        check.rgb("c", [0, -1, 0], "W")
+        checks.rgb("c", [0, -1, 0], "W")
 
 
 def test_matrices_have_16_finite_numbers() -> None:
-    assert check.matrix4("m", np.eye(4, dtype=np.float32)).dtype == np.float64
+    assert checks.matrix4("m", np.eye(4, dtype=np.float32)).dtype == np.float64
     with pytest.raises(ValueError, match=r"shape \(3, 3\): expected \(4, 4\)"):
-        check.matrix4("m", np.eye(3))
+        checks.matrix4("m", np.eye(3))
     with pytest.raises(ValueError, match="not finite"):
-        check.matrix4("m", np.full((4, 4), np.inf))
+        checks.matrix4("m", np.full((4, 4), np.inf))
     with pytest.raises(TypeError, match="dtype"):
-        check.matrix4("m", np.full((4, 4), "a"))
+        checks.matrix4("m", np.full((4, 4), "a"))
 
 
 def test_planes_name_the_first_wrong_pixel() -> None:
     values = np.ones((3, 4))
     values[1, 2] = np.nan
     with pytest.raises(ValueError, match=r"p\[1, 2\] is nan: expected numbers >= 0 and <= 2 \(m\)"):
-        check.plane("p", values, low=0, high=2, unit="m")
+        checks.plane("p", values, low=0, high=2, unit="m")
     values[1, 2] = -1
     with pytest.raises(ValueError, match=r"p\[1, 2\] is -1.0"):
-        check.plane("p", values, low=0)
+        checks.plane("p", values, low=0)
     values[1, 2] = np.inf
     with pytest.raises(ValueError, match=r"p\[1, 2\] is inf"):
-        check.plane("p", values, low=0)
-    assert check.plane("p", values, low=0, infinite=True)[1, 2] == np.inf
+        checks.plane("p", values, low=0)
+    assert checks.plane("p", values, low=0, infinite=True)[1, 2] == np.inf
     values[1, 2] = -np.inf
     with pytest.raises(ValueError, match=r"p\[1, 2\] is -inf"):
-        check.plane("p", values, infinite=True)
+        checks.plane("p", values, infinite=True)
 
 
 def test_a_number_too_large_for_float32_counts_as_infinite() -> None:
     with pytest.raises(ValueError, match=r"p\[0, 0\] is inf"):
-        check.plane("p", np.full((1, 1), 1e300))
+        checks.plane("p", np.full((1, 1), 1e300))
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (3, 4, 3), (2, 3, 4, 3)])
 def test_planes_have_rows_and_columns(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=r"expected \(rows, columns\)"):
-        check.plane("p", np.zeros(shape))
+        checks.plane("p", np.zeros(shape))
 
 
 def test_planes_of_colours_have_channels() -> None:
-    assert check.plane("p", np.zeros((2, 3, 3)), channels=3).shape == (2, 3, 3)
+    assert checks.plane("p", np.zeros((2, 3, 3)), channels=3).shape == (2, 3, 3)
     with pytest.raises(ValueError, match=r"shape \(2, 3, 4\): expected \(rows, columns, 3\)"):
-        check.plane("p", np.zeros((2, 3, 4)), channels=3)
+        checks.plane("p", np.zeros((2, 3, 4)), channels=3)
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64, np.int16, np.uint8])
 def test_real_numbers_become_float32_in_c_order(dtype: type[np.generic]) -> None:
     array = np.asfortranarray(np.arange(6).reshape(2, 3).astype(dtype))
-    result = check.floats("a", array)
+    result = checks.floats("a", array)
     assert result.dtype == np.float32
     assert result.flags.c_contiguous
     np.testing.assert_array_equal(result, array)
@@ -139,12 +139,12 @@ def test_real_numbers_become_float32_in_c_order(dtype: type[np.generic]) -> None
 @pytest.mark.parametrize("value", [np.zeros(2, complex), np.zeros(2, bool), ["a"], [None]])
 def test_what_is_not_real_is_refused(value: Any) -> None:
     with pytest.raises(TypeError, match=r"a has dtype .*: expected a real"):
-        check.floats("a", value)
+        checks.floats("a", value)
 
 
 def test_lists_have_a_width_and_may_be_empty() -> None:
-    assert check.plane_list("l", np.zeros((0, 3)), 3).shape == (0, 3)
+    assert checks.plane_list("l", np.zeros((0, 3)), 3).shape == (0, 3)
     with pytest.raises(ValueError, match=r"expected \(count, 3\)"):
-        check.plane_list("l", np.zeros((3, 2)), 3)
+        checks.plane_list("l", np.zeros((3, 2)), 3)
     with pytest.raises(ValueError, match=r"l\[1, 0\] is nan"):
-        check.plane_list("l", [[0.0, 0.0], [math.nan, 0.0]], 2)
+        checks.plane_list("l", [[0.0, 0.0], [math.nan, 0.0]], 2)

@@ -21,21 +21,22 @@ from PIL import Image
 
 import ssgi_cl as gi
 import ssgi_cl_command
-from ssgi_cl import drivers, exr
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.camera import Camera
-from ssgi_cl.cli import main
-from ssgi_cl.drivers import DeviceInfo
-from ssgi_cl.exr_header import read_header
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.cli.command import main
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device import drivers
+from ssgi_cl.device.drivers import DeviceInfo
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
+from ssgi_cl.io.exr_header import read_header
 from ssgi_cl.rasterize.scenes import make_scene
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import gtao
-from ssgi_cl.techniques.ssao import ssao
+from ssgi_cl.techniques.ao.gtao import gtao
+from ssgi_cl.techniques.ao.ssao import ssao
 
 SMALL = ("--width", "64", "--height", "48")
 SHAPE = (48, 64)
-COMMAND = [sys.executable, "-m", "ssgi_cl.cli"]
+COMMAND = [sys.executable, "-m", "ssgi_cl.cli.command"]
 
 # Two walls that meet: something for ambient occlusion to darken.
 CORNER_OBJ = """
@@ -895,10 +896,10 @@ def test_an_import_that_is_interrupted_ends_without_a_traceback(
     class Interrupted:
         @staticmethod
         def find_spec(name: str, *_: object) -> None:
-            if name == "ssgi_cl.cli":
+            if name == "ssgi_cl.cli.command":
                 raise error
 
-    monkeypatch.delitem(sys.modules, "ssgi_cl.cli")
+    monkeypatch.delitem(sys.modules, "ssgi_cl.cli.command")
     monkeypatch.setattr(sys, "meta_path", [Interrupted, *sys.meta_path])
     assert ssgi_cl_command.main() == 1
     assert capsys.readouterr().err == f"{line}\n"

@@ -9,13 +9,13 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
-from ssgi_cl import exr
-from ssgi_cl.camera import Camera
-from ssgi_cl.cli import main
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import DirectionalLight, Environment
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo import ssdo
+from ssgi_cl.cli.command import main
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
+from ssgi_cl.techniques.indirect.ssdo import ssdo
 
 SETTINGS = ("--set", "radius=0.3", "--set", "method=points", "--set", "samples=4")
 OPTIONS = {"radius": 0.3, "method": "points", "samples": 4}

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl import device_records
-from ssgi_cl.device_info import DeviceInfo, Found
-from ssgi_cl.device_records import load, machine_facts, record_file, save
+from ssgi_cl.device import records
+from ssgi_cl.device.info import DeviceInfo, Found
+from ssgi_cl.device.records import load, machine_facts, record_file, save
 
 RUNS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": 1.0})
 FAILS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": "it dies"})
@@ -50,8 +50,8 @@ def test_a_damaged_record_is_none(driver: Path, damage: str) -> None:
     save(driver, Found([RUNS]))
     record_file(driver).write_text(damage)
     assert load(driver) is None
-    assert not device_records.unconfirmed(driver)
-    device_records.confirm(driver)
+    assert not records.unconfirmed(driver)
+    records.confirm(driver)
     assert record_file(driver).read_text() == damage
 
 
@@ -82,7 +82,7 @@ def test_machines_that_share_a_home_have_records_of_their_own(
     driver: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save(driver, Found([RUNS]))
-    monkeypatch.setattr(device_records, "machine_facts", lambda: ["another processor"])
+    monkeypatch.setattr(records, "machine_facts", lambda: ["another processor"])
     assert load(driver) is None
 
 
@@ -117,16 +117,16 @@ def test_facts_of_a_machine_are_its_processor_and_its_cards(tmp_path: Path) -> N
 
 
 def test_a_record_is_confirmed_by_its_first_uses(driver: Path) -> None:
-    assert not device_records.unconfirmed(driver)  # there is none
+    assert not records.unconfirmed(driver)  # there is none
     save(driver, Found([RUNS]))
-    for _ in range(device_records.USES_TO_CONFIRM):
-        assert device_records.unconfirmed(driver)
-        device_records.confirm(driver)
-    assert not device_records.unconfirmed(driver)
+    for _ in range(records.USES_TO_CONFIRM):
+        assert records.unconfirmed(driver)
+        records.confirm(driver)
+    assert not records.unconfirmed(driver)
     assert load(driver) == Found([RUNS])
-    device_records.forget(driver)
+    records.forget(driver)
     assert load(driver) is None
-    device_records.forget(driver)  # gone already
+    records.forget(driver)  # gone already
 
 
 def test_what_cannot_be_written_is_not_recorded(

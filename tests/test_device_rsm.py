@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_rsm import BRIGHTEST, LEAST_COSINE, DeviceRsm, on_device_rsm, surfaces
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.device.rsm import BRIGHTEST, LEAST_COSINE, DeviceRsm, on_device_rsm, surfaces
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.runtime import Runtime
 
 PLANES = ("position", "normal", "flux", "area")
 LIGHTS = {

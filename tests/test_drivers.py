@@ -13,10 +13,11 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl import cli, device_records, drivers, opencl, probe, probing
-from ssgi_cl.device_info import FORMS, DeviceInfo, Found
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.cli.command import command
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.device import drivers, opencl, probe, probing, records
+from ssgi_cl.device.info import FORMS, DeviceInfo, Found
+from ssgi_cl.device.runtime import Runtime
 
 FORM = "16 lanes, buffer"
 WHY = "it does not compile:\nerror: unknown target CPU 'generic'"
@@ -84,14 +85,14 @@ def test_a_recorded_failure_names_its_file_and_how_to_try_again(
     for words in ("Test 1: a", FORM, WHY, str(record), "for 24 hours", "ssgi devices --refresh",
                   "pip install 'ssgi-cl[pocl]'", "pip install 'ssgi-cl[intel]'", "pocl-opencl-icd"):
         assert words in message
-    result = CliRunner().invoke(cli.main, ["devices"])
+    result = CliRunner().invoke(command.main, ["devices"])
     assert result.exit_code == 0
     shown = " ".join(result.output.split())
     for words in ("error: unknown target CPU 'generic'", str(record), "ssgi devices --refresh",
                   "No kernel runs on any of these. Install a driver"):
         assert words in shown
     assert len(probed) == 1
-    result = CliRunner().invoke(cli.main, ["devices", "--refresh"])
+    result = CliRunner().invoke(command.main, ["devices", "--refresh"])
     assert len(probed) == 2
     assert "used by default" in result.output
     assert "refresh" not in result.output
@@ -104,7 +105,7 @@ def test_why_a_driver_lists_nothing_is_said(
     for _ in range(2):
         with pytest.raises(DeviceError, match=r"any device: no such(.|\n)*none\n.*libnone.so: not"):
             drivers.choose(None)
-        result = CliRunner().invoke(cli.main, ["devices"])
+        result = CliRunner().invoke(command.main, ["devices"])
         assert result.exit_code == 1
         assert "pip install 'ssgi-cl[pocl]'" in result.output
         assert "libnone.so: not found" in result.output
@@ -119,7 +120,7 @@ def test_a_driver_without_a_device_is_listed_after_those_with_one(
     other.touch()
     monkeypatch.setattr(drivers, "driver_files", lambda: [alone, other])
     finds(monkeypatch, Found([], reason=f"{alone}: libnone.so: not found"), Found([info(other)]))
-    result = CliRunner().invoke(cli.main, ["devices"])
+    result = CliRunner().invoke(command.main, ["devices"])
     assert result.exit_code == 0
     assert "used by default" in result.output
     assert "libnone.so: not found" in result.output
@@ -167,7 +168,7 @@ def test_a_record_that_the_driver_contradicts_is_made_anew(
                    true.speeds),
     ):
         known = [stale]
-        monkeypatch.setattr("ssgi_cl.runtime._OPENED", {})
+        monkeypatch.setattr("ssgi_cl.device.runtime._OPENED", {})
         monkeypatch.setattr(drivers, "choose", lambda name, known=known: known[-1])
         monkeypatch.setattr(drivers, "look_again", lambda driver, known=known: known.append(true))
         monkeypatch.setattr(drivers, "confirm", lambda info, form: None)
@@ -190,23 +191,23 @@ def test_a_device_that_is_gone_is_an_error_that_says_how_to_look_again(runtime: 
 def test_a_speed_that_use_does_not_confirm_is_measured_again(
     alone: Path, runtime: Runtime, monkeypatch: pytest.MonkeyPatch, speed: float, kept: bool
 ) -> None:
-    device_records.save(alone, Found([info(alone)]))
-    monkeypatch.setattr("ssgi_cl.runtime.Runtime", lambda info, form: runtime)
+    records.save(alone, Found([info(alone)]))
+    monkeypatch.setattr("ssgi_cl.device.runtime.Runtime", lambda info, form: runtime)
     monkeypatch.setattr(probe, "speed_in_use", lambda runtime: speed)
     drivers.confirm(info(alone), FORMS[3])
-    assert (device_records.load(alone) is not None) == kept
+    assert (records.load(alone) is not None) == kept
 
 
 def test_a_speed_is_confirmed_a_few_times_only(
     alone: Path, runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    device_records.save(alone, Found([info(alone)]))
-    monkeypatch.setattr("ssgi_cl.runtime.Runtime", lambda info, form: runtime)
+    records.save(alone, Found([info(alone)]))
+    monkeypatch.setattr("ssgi_cl.device.runtime.Runtime", lambda info, form: runtime)
     timed: list[int] = []
     monkeypatch.setattr(probe, "speed_in_use", lambda runtime: timed.append(1) or 5.0)
     for _ in range(5):
         drivers.confirm(info(alone), FORMS[3])
-    assert len(timed) == device_records.USES_TO_CONFIRM
+    assert len(timed) == records.USES_TO_CONFIRM
 
 
 # ---- choice

@@ -7,10 +7,10 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl import exr
-from ssgi_cl.camera import Camera
-from ssgi_cl.exr_header import read_header
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.io import exr
+from ssgi_cl.io.exr_header import read_header
 
 Arrays = dict[str, NDArray[np.float32]]
 

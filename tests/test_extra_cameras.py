@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.extra_cameras import extra_cameras
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.techniques.indirect.auxiliary_cameras import extra_cameras
 
 
 @pytest.fixture(scope="module", params=["cornell_box", "hall"])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.further_views import FurtherViews
-from ssgi_cl.lights import Light
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Light
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.auxiliary_views import FurtherViews
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.runtime import Runtime
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl import exr
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import Environment, PointLight, SpotLight
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import bilateral_blur
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import Environment, PointLight, SpotLight
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
+from ssgi_cl.techniques.filters.bilateral import bilateral_blur
 
 ROWS, COLUMNS = 5, 7
 CAMERA = Camera.look_at((0, 0, 0), (0, 0, -1), width=COLUMNS, height=ROWS)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import Part, complete
-from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import (
     BUILTIN_SCENES,
     KINDS,
@@ -25,7 +26,6 @@ from ssgi_cl.rasterize.scenes.generated import VIEWS, solids
 from ssgi_cl.rasterize.scenes.generated.chance import Chance
 from ssgi_cl.rasterize.scenes.generated.model import PLASTER, Model, upright_to
 from ssgi_cl.rasterize.scenes.generated.views import Candidate, Surroundings, chosen
-from ssgi_cl.runtime import Runtime
 
 SEEDS = (3,)
 CLOSED_KINDS = ("chambers", "colonnade", "machine", "street")

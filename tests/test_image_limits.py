@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.image_limits import VARIABLE, ImageLimits
-from ssgi_cl.lights import PointLight
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import PointLight
+from ssgi_cl.device.image_limits import VARIABLE, ImageLimits
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import bilateral_blur
-from ssgi_cl.techniques.shade import shade
-from ssgi_cl.techniques.ssao import ssao
-from ssgi_cl.techniques.upsample import coarse_size, upsample
+from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.filters.bilateral import bilateral_blur
+from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
+from ssgi_cl.techniques.shading.shade import shade
 
 SIZE = (51, 70)
 

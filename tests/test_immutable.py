@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.immutable import frozen
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.immutable import frozen
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 
 CORNERS = np.float32([[-1, -1, -2], [1, -1, -2], [0, 1, -2]])
 

@@ -10,35 +10,35 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl import sources
-from ssgi_cl.device_gbuffer import VIEW_ROTATION
-from ssgi_cl.device_rsm import FACE
-from ssgi_cl.device_vpls import PLACE, VPL
-from ssgi_cl.flux_curve import CURVE
+from ssgi_cl.device import sources
+from ssgi_cl.device.gbuffer import VIEW_ROTATION
+from ssgi_cl.device.rsm import FACE
+from ssgi_cl.device.structs import CAMERA, Struct
 from ssgi_cl.rasterize import rasterizer, shadow_map
-from ssgi_cl.structs import CAMERA, Struct
-from ssgi_cl.techniques import ssdo_bitmask
-from ssgi_cl.techniques.bilateral import BLUR
-from ssgi_cl.techniques.lamp_shadows import LAMP_SHADOW
-from ssgi_cl.techniques.lamps import LIGHT
-from ssgi_cl.techniques.lit_layers import LIT
-from ssgi_cl.techniques.multires_grid import MULTIRES
-from ssgi_cl.techniques.multires_published import SUBSPLAT
-from ssgi_cl.techniques.rsm_maps import GATHER, MAP
-from ssgi_cl.techniques.rsm_published import INTERPOLATE
-from ssgi_cl.techniques.rsm_samples import SUMS
-from ssgi_cl.techniques.shade import COMBINE
-from ssgi_cl.techniques.sight_grid import TURN
-from ssgi_cl.techniques.slices import SLICES
-from ssgi_cl.techniques.ssao import SSAO
-from ssgi_cl.techniques.ssdo import SPLIT
-from ssgi_cl.techniques.ssdo_point_views import POINT_VIEWS
-from ssgi_cl.techniques.ssdo_points import POINTS
-from ssgi_cl.techniques.ssdo_views import VIEWS
-from ssgi_cl.techniques.ssdo_views_unseen import UNSEEN
-from ssgi_cl.techniques.upsample import UPSAMPLE
-from ssgi_cl.techniques.vpl_tree import CUT
-from ssgi_cl.tiles import TILES
+from ssgi_cl.techniques.ao.slices import SLICES
+from ssgi_cl.techniques.ao.ssao import SSAO
+from ssgi_cl.techniques.filters.bilateral import BLUR
+from ssgi_cl.techniques.filters.upsample import UPSAMPLE
+from ssgi_cl.techniques.indirect import ssdo_bitmask
+from ssgi_cl.techniques.indirect.flux_curve import CURVE
+from ssgi_cl.techniques.indirect.multires_grid import MULTIRES
+from ssgi_cl.techniques.indirect.multires_published import SUBSPLAT
+from ssgi_cl.techniques.indirect.occupancy_grid import TURN
+from ssgi_cl.techniques.indirect.packed_vpls import PLACE, VPL
+from ssgi_cl.techniques.indirect.rsm_maps import GATHER, MAP
+from ssgi_cl.techniques.indirect.rsm_published import INTERPOLATE
+from ssgi_cl.techniques.indirect.rsm_samples import SUMS
+from ssgi_cl.techniques.indirect.ssdo import SPLIT
+from ssgi_cl.techniques.indirect.ssdo_point_views import POINT_VIEWS
+from ssgi_cl.techniques.indirect.ssdo_points import POINTS
+from ssgi_cl.techniques.indirect.ssdo_views import VIEWS
+from ssgi_cl.techniques.indirect.ssdo_views_unseen import UNSEEN
+from ssgi_cl.techniques.indirect.vpl_tree import CUT
+from ssgi_cl.techniques.shading.layer_shading import LIT
+from ssgi_cl.techniques.shading.light_data import LIGHT
+from ssgi_cl.techniques.shading.light_shadows import LAMP_SHADOW
+from ssgi_cl.techniques.shading.shade import COMBINE
+from ssgi_cl.techniques.tiles import TILES
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ USES = {
             slices(2, HBAO_ATTENUATION=1, HBAO_BIAS=0),
         ],
     ),
-    "lamp_shadows/lamp_shadows.cl": Use(
+    "light_shadows/light_shadows.cl": Use(
         (CAMERA, LIGHT, LAMP_SHADOW),
         [
             {"SHADE_KIND": kind, "SHADE_ADD": add, "LAMP_TAPS": 12, "LAMP_LAYERS": layers,
@@ -143,7 +143,7 @@ USES = {
             for kind, add, layers in ((0, 0, 1), (1, 1, 2), (2, 0, 1))
         ],
     ),
-    "lit_layers/lit_layers.cl": Use(
+    "layer_shading/layer_shading.cl": Use(
         (LIT,),
         [
             {"LIT_LAMPS": lamps, "LIT_AMBIENT": sky, "LIT_OPENNESS": openness,

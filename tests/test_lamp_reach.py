@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lamp_reach import FEW, RUN, Boxes, reaching
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.techniques.shading.light_reach import FEW, RUN, Boxes, reaching
 
 Doubles = NDArray[np.float64]
 POINTS = 8

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.light_maps import LightMaps
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.lamps import Lamps
+from ssgi_cl.techniques.shading.light_data import Lamps
+from ssgi_cl.techniques.shading.light_maps import LightMaps
 
 SPOT = SpotLight((0.28, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2)
 LAMP = PointLight((0.15, 0.3, 0.25), 0.1)

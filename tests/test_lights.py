@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
 
 
 def test_lights_hold_float64_arrays_that_cannot_be_changed() -> None:

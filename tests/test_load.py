@@ -16,12 +16,12 @@ import pytest
 import trimesh
 from PIL import Image
 
-from ssgi_cl.errors import MissingExtraError, SceneError, SsgiError
+from ssgi_cl.core.errors import MissingExtraError, SceneError, SsgiError
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.from_trimesh import _Reader
 from ssgi_cl.rasterize.gltf import _Geometry
 from ssgi_cl.rasterize.gltf_document import read_document
 from ssgi_cl.rasterize.load import load_scene
-from ssgi_cl.rasterize.scene import Material, Scene
 from ssgi_cl.rasterize.textures import TextureSet
 
 SHARED = Path(__file__).parents[2] / "shared" / "scenes"

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl import metrics
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.truth import metrics
 
 Metric = Callable[..., float]
 

@@ -79,7 +79,7 @@ def test_what_compiles_to_the_same_bytecode_is_no_mutant() -> None:
 
 
 def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
-    paths = ["ssgi_cl/png.py", "kernels/tonemap/tonemap.cl"]
+    paths = ["ssgi_cl/io/png.py", "kernels/tonemap/tonemap.cl"]
     first, again, other = (list(islice(drawn(ROOT, paths, s), 30)) for s in (1, 1, 2))
     assert first == again != other
     every = list(drawn(ROOT, paths, 1))
@@ -99,8 +99,8 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
         ("kernels/vpl/lobe.clh", "tests/techniques/test_vpl_glossy.py"),
         ("kernels/tiles/tiles_open.cl", "tests/techniques/test_tiles.py"),
         ("kernels/raster/edges.clh", "tests/test_rasterize.py"),
-        ("ssgi_cl/camera.py", "tests/test_camera.py"),
-        ("ssgi_cl/techniques/lamps.py", "tests/techniques/test_shade.py"),
+        ("ssgi_cl/core/camera.py", "tests/test_camera.py"),
+        ("ssgi_cl/techniques/shading/light_data.py", "tests/techniques/test_shade.py"),
         ("rasterize/gltf_nodes.py", "tests/test_load.py"),
         ("bench/front.py", "tests/bench/test_front.py"),
     ],
@@ -137,7 +137,7 @@ def test_equivalent_mutants_of_the_table_exist() -> None:
 
 @pytest.mark.slow
 def test_mutants_are_killed_or_survive_in_a_copy() -> None:
-    path = "ssgi_cl/png.py"
+    path = "ssgi_cl/io/png.py"
     before = (ROOT / path).read_bytes()
     table = Table.read(TABLE)
     table.tests[path] = ["test_png.py"]

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.bench.peers import pyrender
-from ssgi_cl.camera import Camera, perspective_matrix
-from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.core.camera import Camera, perspective_matrix
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize import opengl
 from ssgi_cl.rasterize.opengl_context import context
-from ssgi_cl.rasterize.scene import Material, Scene
 
 Doubles = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl import sources
+from ssgi_cl.device import sources
 
 ROOT = Path(__file__).parent.parent
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.params import Params, describe, param
+from ssgi_cl.core.params import Params, describe, param
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssgi_cl import atomic, png
+from ssgi_cl.core import atomic
+from ssgi_cl.io import png
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 1, 3), (17, 31), (17, 31, 3)])

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl import drivers, pocl_cpu
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device import drivers, pocl_cpu
+from ssgi_cl.device.runtime import Runtime
 
 AVX2 = frozenset(("avx", *pocl_cpu._AVX2))
 AVX512 = AVX2 | set(pocl_cpu._AVX512)
@@ -133,7 +133,7 @@ def test_pocl_3_0_runs_every_form_on_buffers() -> None:
 
 
 def test_the_device_under_test_is_as_its_record_says(runtime: Runtime) -> None:
-    from ssgi_cl.opencl import described, listed_device
+    from ssgi_cl.device.opencl import described, listed_device
 
     device = listed_device(runtime.info)
     found = described(device.platform, device)  # type: ignore[union-attr]

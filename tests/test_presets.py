@@ -14,20 +14,26 @@ import pytest
 from click.testing import CliRunner
 
 import ssgi_cl as gi
-from ssgi_cl import exr, presets
-from ssgi_cl.camera import Camera
-from ssgi_cl.cli import main
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.metrics import rmse
-from ssgi_cl.presets import choose as choosing
-from ssgi_cl.presets import pace as pacing
-from ssgi_cl.presets.choose import choose
-from ssgi_cl.presets.pace import Pace, measured, pace_of, predicted_ms, rolling_ground
+from ssgi_cl.cli.command import main
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, VALIDATED_ON
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.ssao import SsaoParams, ssao
+from ssgi_cl.techniques import TECHNIQUES, presets
+from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
+from ssgi_cl.techniques.presets import choose as choosing
+from ssgi_cl.techniques.presets import speed_model as pacing
+from ssgi_cl.techniques.presets.choose import choose
+from ssgi_cl.techniques.presets.speed_model import (
+    Pace,
+    measured,
+    pace_of,
+    predicted_ms,
+    rolling_ground,
+)
+from ssgi_cl.truth.metrics import rmse
 
 SIZE = (600, 800)
 RECORDED = sorted(
@@ -173,7 +179,7 @@ def test_dearer_presets_err_no_more_on_scenes_that_nothing_is_tuned_on(
     technique: str, scene: str, runtime: Runtime
 ) -> None:
     pytest.importorskip("embreex")
-    from ssgi_cl.bench.context import Context, TruthSettings
+    from ssgi_cl.tuning.context import Context, TruthSettings
 
     context = Context(runtime, BUILTIN_SCENES[scene](), (300, 400), TruthSettings(rays=256))
     function, truth = TECHNIQUES[technique].function, context.occlusion().mean
@@ -486,8 +492,8 @@ def test_predicted_time_is_near_the_measured_one(
 @pytest.mark.slow
 def test_expected_error_is_that_of_the_scenes_for_tuning(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
-    from ssgi_cl.bench.tunables import entry_of, views_of
-    from ssgi_cl.bench.tune import Session
+    from ssgi_cl.tuning.tunables import entry_of, views_of
+    from ssgi_cl.tuning.tune import Session
 
     session = Session(entry_of("ssao"), views_of(None), runtime=runtime)
     chosen = choose("ssao", session._size, preset="medium")

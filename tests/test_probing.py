@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl import drivers, probe, probing
-from ssgi_cl.device_info import FORMS, DeviceInfo
-from ssgi_cl.probing import Answers, consensus
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device import drivers, probe, probing
+from ssgi_cl.device.info import FORMS, DeviceInfo
+from ssgi_cl.device.probing import Answers, consensus
+from ssgi_cl.device.runtime import Runtime
 
 ENTRY = {"platform": 0, "device": 0, "label": "Test 1.0: chip", "kind": "cpu", "units": 2}
 DRIVER = Path("/nowhere/test.icd")

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.peers import pyrender
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.lights import SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Rasterizer, Scene, load_scene
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.opengl_context import context
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
-from ssgi_cl.runtime import Runtime
 
 pytestmark = pytest.mark.slow
 

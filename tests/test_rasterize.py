@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera, look_at_matrix, perspective_matrix
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Material, Rasterizer, Scene, gbuffer, load_scene
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.opengl_context import context
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.runtime import Runtime
 
 Doubles = NDArray[np.float64]
 Mask = NDArray[np.bool_]

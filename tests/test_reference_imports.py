@@ -14,15 +14,15 @@ import pytest
 import ssgi_cl
 
 ALLOWED = {
-    "ssgi_cl.camera": {"Camera"},
-    "ssgi_cl.gbuffer": {"GBuffer", "ReflectiveShadowMap"},
-    "ssgi_cl.lights": {"DirectionalLight", "Environment", "Light", "PointLight", "SpotLight"},
-    "ssgi_cl.vpls": {"Vpls"},
+    "ssgi_cl.core.camera": {"Camera"},
+    "ssgi_cl.core.gbuffer": {"GBuffer", "ReflectiveShadowMap"},
+    "ssgi_cl.core.lights": {"DirectionalLight", "Environment", "Light", "PointLight", "SpotLight"},
+    "ssgi_cl.techniques.indirect.vpls": {"Vpls"},
 }
 """Modules and what reference implementations may take from them: the user's data."""
-ANNOTATED = {"ssgi_cl.tiles": {"Reach"}}
+ANNOTATED = {"ssgi_cl.techniques.tiles": {"Reach"}}
 """As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
-DEVICE_BESIDE = {"ssgi_cl.vpls"}
+DEVICE_BESIDE = {"ssgi_cl.techniques.indirect.vpls"}
 """Of `ALLOWED`, those that hold device code beside the data."""
 FORBIDDEN = (
     "techniques", "presets", "kernels", "runtime", "memory", "kernel", "structs", "sources",
@@ -79,16 +79,16 @@ def test_nothing_is_imported_from_what_is_checked(stem: str) -> None:
 @pytest.mark.parametrize(
     ("text", "allowed"),
     [
-        ("from ssgi_cl.gbuffer import GBuffer", True),
+        ("from ssgi_cl.core.gbuffer import GBuffer", True),
         ("from ssgi_cl.reference.slices import Scan", True),
-        ("from ssgi_cl.techniques.ssao import SsaoParams", False),
-        ("if TYPE_CHECKING:\n    from ssgi_cl.techniques.ssao import SsaoParams", True),
-        ("if TYPE_CHECKING:\n    from ssgi_cl.techniques.ssao import TILE_ORDER", False),
-        ("def inner():\n    from ssgi_cl.techniques.slices import pattern", False),
-        ("import ssgi_cl.techniques.slices as slices", False),
+        ("from ssgi_cl.techniques.ao.ssao import SsaoParams", False),
+        ("if TYPE_CHECKING:\n    from ssgi_cl.techniques.ao.ssao import SsaoParams", True),
+        ("if TYPE_CHECKING:\n    from ssgi_cl.techniques.ao.ssao import TILE_ORDER", False),
+        ("def inner():\n    from ssgi_cl.techniques.ao.slices import pattern", False),
+        ("import ssgi_cl.techniques.ao.slices as slices", False),
         ("from ssgi_cl import techniques", False),
-        ("from ssgi_cl.vpls import cut_evenly", False),
-        ("from ssgi_cl.presets.choose import choose", False),
+        ("from ssgi_cl.techniques.indirect.vpls import cut_evenly", False),
+        ("from ssgi_cl.techniques.presets.choose import choose", False),
     ],
 )
 def test_the_check_tells_these_apart(text: str, allowed: bool) -> None:

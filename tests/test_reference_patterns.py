@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from ssgi_cl.device_vpls import lobe_share
-from ssgi_cl.flux_curve import hilbert_order
 from ssgi_cl.reference import patterns, rsm
 from ssgi_cl.reference.bitmask_ao import taps_of
 from ssgi_cl.reference.multires_grid import bound_share
 from ssgi_cl.reference.occlusion import blur_of
 from ssgi_cl.reference.vpl_splat import lobe_share as lobe_share_reference
 from ssgi_cl.reference.vpls import cut_evenly as cut_evenly_reference
-from ssgi_cl.techniques import rsm_samples
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams
-from ssgi_cl.techniques.gtao import GtaoParams
-from ssgi_cl.techniques.hbao import HbaoParams
-from ssgi_cl.techniques.lamp_shadows import tile_pattern
-from ssgi_cl.techniques.multires_grid import bound_scale
-from ssgi_cl.techniques.slices import SliceParams, pattern
-from ssgi_cl.techniques.ssao import TILE_ORDER, SsaoParams, reflected_points, sample_points
-from ssgi_cl.vpls import cut_evenly
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
+from ssgi_cl.techniques.ao.hbao import HbaoParams
+from ssgi_cl.techniques.ao.slices import SliceParams, pattern
+from ssgi_cl.techniques.ao.ssao import TILE_ORDER, SsaoParams, reflected_points, sample_points
+from ssgi_cl.techniques.indirect import rsm_samples
+from ssgi_cl.techniques.indirect.flux_curve import hilbert_order
+from ssgi_cl.techniques.indirect.multires_grid import bound_scale
+from ssgi_cl.techniques.indirect.packed_vpls import lobe_share
+from ssgi_cl.techniques.indirect.vpls import cut_evenly
+from ssgi_cl.techniques.shading.light_shadows import tile_pattern
 
 
 def assert_equal(found: ArrayLike, wanted: ArrayLike) -> None:

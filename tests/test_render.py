@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.plan import SKIPS
-from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.render import Frame, Renderer
+from ssgi_cl.frame.render import render as render_kept
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.reference.tonemap import encoded_reference
-from ssgi_cl.render import Frame, Renderer
-from ssgi_cl.render import render as render_kept
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.ssao import SsaoParams
+from ssgi_cl.techniques.ao.ssao import SsaoParams
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))

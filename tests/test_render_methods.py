@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 import ssgi_cl as gi
-from ssgi_cl import exr
-from ssgi_cl.cli import main
+from ssgi_cl.cli.command import main
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render_params import bounce_methods, bounce_params
+from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.render_params import bounce_methods, bounce_params
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import multires_splat as multires
-from ssgi_cl.techniques import rsm_gather as gather
+from ssgi_cl.techniques.indirect import multires_splat as multires
+from ssgi_cl.techniques.indirect import rsm_gather as gather
 
 MAP = {"shadow_size": 64, "rsm_size": 64}
 

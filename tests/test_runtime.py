@@ -7,12 +7,12 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from ssgi_cl import drivers, sources
-from ssgi_cl.drivers import Form
-from ssgi_cl.errors import DeviceError, KernelBuildError
-from ssgi_cl.memory import Plane, Size
-from ssgi_cl.runtime import MOST_PREPARED, PassTime, Runtime
-from ssgi_cl.structs import CAMERA
+from ssgi_cl.core.errors import DeviceError, KernelBuildError
+from ssgi_cl.device import drivers, sources
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.drivers import Form
+from ssgi_cl.device.runtime import MOST_PREPARED, PassTime, Runtime
+from ssgi_cl.device.structs import CAMERA
 
 SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]
 ADD = """

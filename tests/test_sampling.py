@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ssgi_cl.sampling import basis, directions, hashed, r2_points, r_points, wrapped
+from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, r_points, wrapped
 
 COUNT = 1 << 16
 

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from ssgi_cl.lights import DirectionalLight, Environment, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 from ssgi_cl.rasterize.parts import complete
 from ssgi_cl.rasterize.scenes import (
     BUILTIN_SCENES,

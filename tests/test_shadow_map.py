@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Material, Scene, rsm
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
-from ssgi_cl.runtime import Runtime
 
 Doubles = NDArray[np.float64]
 WHITE = (1.0, 1.0, 1.0)

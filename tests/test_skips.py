@@ -11,14 +11,14 @@ import pytest
 from click.testing import CliRunner
 
 from ssgi_cl.bench.skip_scenes import LAMPS, SKIP_SCENES
-from ssgi_cl.camera import Camera
-from ssgi_cl.cli import main
-from ssgi_cl.lights import Environment, Light, PointLight, SpotLight
-from ssgi_cl.plan import OUTPUTS, SKIPS, Stages, chosen_outputs, chosen_skips
+from ssgi_cl.cli.command import main
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.plan import OUTPUTS, SKIPS, Stages, chosen_outputs, chosen_skips
+from ssgi_cl.frame.render import Frame, Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
-from ssgi_cl.render import Frame, Renderer, render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import GtaoParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 GLOW = Environment((0.3, 0.2, 0.4))
 SIZE = (80, 60)

@@ -6,8 +6,8 @@ from importlib.resources import files
 
 import pytest
 
-from ssgi_cl import sources
-from ssgi_cl.errors import KernelSourceError
+from ssgi_cl.core.errors import KernelSourceError
+from ssgi_cl.device import sources
 
 
 def test_the_inventory_has_kernels_and_no_includes() -> None:

@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import VIEW_ROTATION
-from ssgi_cl.device_rsm import FACE
-from ssgi_cl.device_vpls import VPL
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.device.gbuffer import VIEW_ROTATION
+from ssgi_cl.device.rsm import FACE
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
 from ssgi_cl.rasterize import rasterizer, shadow_map
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values, floats
-from ssgi_cl.techniques.bilateral import BLUR
-from ssgi_cl.techniques.lamps import LIGHT
-from ssgi_cl.techniques.lit_layers import LIT
-from ssgi_cl.techniques.multires_published import SUBSPLAT
-from ssgi_cl.techniques.rsm_maps import GATHER, MAP
-from ssgi_cl.techniques.rsm_published import INTERPOLATE
-from ssgi_cl.techniques.rsm_samples import SUMS
-from ssgi_cl.techniques.shade import COMBINE
-from ssgi_cl.techniques.sight_grid import TURN
-from ssgi_cl.techniques.slices import SLICES
-from ssgi_cl.techniques.ssao import SSAO
-from ssgi_cl.techniques.ssdo import SPLIT
-from ssgi_cl.techniques.upsample import UPSAMPLE
+from ssgi_cl.techniques.ao.slices import SLICES
+from ssgi_cl.techniques.ao.ssao import SSAO
+from ssgi_cl.techniques.filters.bilateral import BLUR
+from ssgi_cl.techniques.filters.upsample import UPSAMPLE
+from ssgi_cl.techniques.indirect.multires_published import SUBSPLAT
+from ssgi_cl.techniques.indirect.occupancy_grid import TURN
+from ssgi_cl.techniques.indirect.packed_vpls import VPL
+from ssgi_cl.techniques.indirect.rsm_maps import GATHER, MAP
+from ssgi_cl.techniques.indirect.rsm_published import INTERPOLATE
+from ssgi_cl.techniques.indirect.rsm_samples import SUMS
+from ssgi_cl.techniques.indirect.ssdo import SPLIT
+from ssgi_cl.techniques.shading.layer_shading import LIT
+from ssgi_cl.techniques.shading.light_data import LIGHT
+from ssgi_cl.techniques.shading.shade import COMBINE
 
 STRUCTS = (
     CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, LIT, COMBINE, SPLIT,

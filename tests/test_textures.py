@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssgi_cl.core.scene import mip_texels
 from ssgi_cl.rasterize.device_scene import _mip_mapped
-from ssgi_cl.rasterize.scene import mip_texels
 from ssgi_cl.rasterize.scenes import make_scene
 
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import DirectionalLight, Environment, PointLight
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.default_camera import camera_from_json, default_camera, default_lights
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import gbuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.viewpoint import camera_from_json, default_camera, default_lights
 
 FOV = 0.9  # radians
 WIDE = (80, 60)  # width, height

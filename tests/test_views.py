@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.views import depth_view, gbuffer_views, levels_view, normal_view, share_view
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.io.previews import depth_view, gbuffer_views, levels_view, normal_view, share_view
 
 
 def test_nearest_is_white_furthest_dark_grey_and_nothing_black() -> None:

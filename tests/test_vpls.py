@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.flux_curve import FluxCurve, curve_key, hilbert_order
-from ssgi_cl.gbuffer import ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.rsm import on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.rasterize.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpls import choose_vpls_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.vpls import LUMINANCE, PARTS, Vpls, choose_vpls
+from ssgi_cl.techniques.indirect.flux_curve import FluxCurve, curve_key, hilbert_order
+from ssgi_cl.techniques.indirect.vpls import LUMINANCE, PARTS, Vpls, choose_vpls
 
 from .closed_forms import made as scene_of
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.skip_scenes import lone_object
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import Environment
-from ssgi_cl.memory import Plane
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.active_region import Trace, Window, copy_window
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.render import render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-from ssgi_cl.window import Trace, Window, copy_window
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 
 EMPTY = Window(0, 0, 0, 0)
 SIZE = (600, 200)

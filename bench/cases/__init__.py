@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..case import Family
+from ssgi_cl.tuning.case import Family
+
 from ..peers import PEERS
 from . import (
     bent_normals,

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-
-from ..case import Family, Own, Subject
-from ..context import Context, exact
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
+from ssgi_cl.tuning.case import Family, Own, Subject
+from ssgi_cl.tuning.context import Context, exact
 
 _SETTING = re.compile(r"([1-9]\d?)x([1-9]\d?)")
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ssgi_cl.reference.bilateral import bilateral_reference
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.truth import Truth
-
-from ..case import Family, Own, Subject, count_of
-from ..context import Context, exact
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context, exact
 
 PIXEL_BYTES = 2 * 4 * (1 + 1 + 3 + 1)
 """Of both passes: value, depth and normal read, value written."""

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
+from ssgi_cl.techniques.ao.slices import SliceParams
+from ssgi_cl.tuning.case import Family, Own, Subject
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject
-from ..context import Context
 from .slices import converged
 
 _SETTING = re.compile(r"([1-9]\d?)x([1-9]\d?)(-blur)?")

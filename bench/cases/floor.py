@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from ssgi_cl import truth
 from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
 from ssgi_cl.truth import Truth
+from ssgi_cl.tuning.case import Family, Subject
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Subject
-from ..context import Context
 from ..peers.extras import missing_package
 
 _SETTING = re.compile(r"([1-9]\d?)(?:-([1-9]\d?))?")

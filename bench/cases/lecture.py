@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-
-from ..case import Family, Own, Subject
-from ..context import Context
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
+from ssgi_cl.tuning.case import Family, Own, Subject
+from ssgi_cl.tuning.context import Context
 
 SETTING = "6x6"
 """Directions and steps."""

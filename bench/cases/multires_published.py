@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
+from ssgi_cl.techniques.indirect.multires_published import (
+    MultiresPublished,
+    MultiresPublishedParams,
+)
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
 from .multires_splat import few_pixels_subject, share_of
 
 

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene
-
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
 
 class GBuffers(Own):

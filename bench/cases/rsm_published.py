@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
 from ..drawn import DrawnMaps
 from .rsm_gather import lamp_maps
 

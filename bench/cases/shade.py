@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.render import render
-from ssgi_cl.techniques.shade import Shade
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.frame.render import render
+from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
 from ..drawn import DrawnMaps
 from .skips import MOVING
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ssgi_cl.plan import SKIPS
-from ssgi_cl.render import render
-
-from ..case import Family, Own, Subject
-from ..context import Context
+from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.render import render
+from ssgi_cl.tuning.case import Family, Own, Subject
+from ssgi_cl.tuning.context import Context
 
 MOVING = tuple(name for name in SKIPS if name != "unchanged")
 """What may be left out of a frame that differs from the one before."""

@@ -9,20 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl import metrics
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.presets import NAMES
-from ssgi_cl.presets.choose import choose
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.slices import SliceParams, SliceTechnique
-from ssgi_cl.truth import Truth
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique
+from ssgi_cl.techniques.presets import NAMES
+from ssgi_cl.techniques.presets.choose import choose
+from ssgi_cl.truth import Truth, metrics
 from ssgi_cl.truth import slices as assumption
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
 from ..drawn import DrawnView
 
 OVERSCAN = 0.1

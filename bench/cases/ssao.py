@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ssgi_cl.presets.choose import choose
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.presets.choose import choose
 from ssgi_cl.truth import assumption
-
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
 PIXEL_BYTES = 4 * (1 + 3 + 1)
 """Depth and normal read, A written."""

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.further_views import SIZE, FurtherViews
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.frame.auxiliary_views import SIZE, FurtherViews
+from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.render import Renderer
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.ssao import SsaoParams
-from ssgi_cl.techniques.ssdo import Ssdo, SsdoPlanes
-from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.techniques.indirect.ssdo import Ssdo, SsdoPlanes
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context
 from ..drawn import DrawnMaps, DrawnView
 
 MAP_SIZE = 1024

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
-from ssgi_cl.techniques.bilateral import BilateralParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer, Upsample, UpsampleBlur
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur
 from ssgi_cl.truth import Truth
-
-from ..case import Family, Own, Subject
-from ..context import Context, exact
+from ssgi_cl.tuning.case import Family, Own, Subject
+from ssgi_cl.tuning.context import Context, exact
 
 PIXEL_BYTES = 4 * (1 + 3 + 1)
 """Depth and normal read, value written; what is read at reduced size is little."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpls import Vpls
 from ssgi_cl.truth import Truth
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context, exact
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context, exact
 from ..drawn import DrawnMaps
 from .vpl_splat import MANY, PIXEL_BYTES, lit
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.memory import Plane
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
+from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.context import Context, exact
 
-from ..case import Family, Own, Subject, count_of
-from ..context import Context, exact
 from ..drawn import DrawnMaps, DrawnView
 
 MAP_SIZE = 512

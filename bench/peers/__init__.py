@@ -1,6 +1,6 @@
 """What other programs need for the same work, measured beside ours in the same run.
 
-Each module makes families of cases (see `ssgi_cl.bench.case.Family`) from one program. None of
+Each module makes families of cases (see `ssgi_cl.tuning.case.Family`) from one program. None of
 them imports that program before it is asked for: `missing()` says in a line what to install.
 """
 
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..case import Family
+from ssgi_cl.tuning.case import Family
+
 from . import embree, mitsuba_ao, mitsuba_path, pyrender, vtk_ssao
 
 PEERS: Mapping[str, Family] = {

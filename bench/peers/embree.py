@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.raycast import RayCaster
-from ssgi_cl.sampling import basis, directions, hashed, r2_points, wrapped
-from ssgi_cl.techniques.ray_ao import MOST_RAYS, Settings
+from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.truth.ray_ao import MOST_RAYS, Settings
+from ssgi_cl.truth.raycast import RayCaster
+from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Subject, count_of
-from ..context import Context
 from .extras import missing_package
 
 Floats = NDArray[np.float32]

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.ray_ao import MOST_RAYS
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.truth.mitsuba_scene import within
 from ssgi_cl.truth.path_tracer import PathTracer, Surface
+from ssgi_cl.truth.ray_ao import MOST_RAYS
+from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Subject, count_of
-from ..context import Context
 from . import mitsuba_rays, oidn
 from .embree import Tree
 from .mitsuba_rays import VARIANT, Estimator

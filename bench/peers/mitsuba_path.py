@@ -9,9 +9,9 @@ import numpy as np
 from ssgi_cl.truth.light import MOST_PATHS
 from ssgi_cl.truth.mitsuba_scene import within
 from ssgi_cl.truth.path_tracer import OneBounce
+from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Subject, count_of
-from ..context import Context
 from . import mitsuba_rays, oidn
 from .mitsuba_rays import VARIANT, Estimator
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.sampling import r_points
+from ssgi_cl.core.sampling import r_points
 from ssgi_cl.truth.mitsuba_scene import best_variant, within
 from ssgi_cl.truth.path_tracer import PathTracer, Surface
+from ssgi_cl.tuning.context import Context
 
-from ..context import Context
 from . import oidn
 from .extras import missing_package
 

@@ -14,7 +14,8 @@ from importlib import import_module
 import numpy as np
 from numpy.typing import NDArray
 
-from ..context import Context
+from ssgi_cl.tuning.context import Context
+
 from .extras import missing_package
 
 Floats = NDArray[np.float32]

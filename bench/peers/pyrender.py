@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize import opengl
 from ssgi_cl.rasterize.opengl_context import context as opengl_context
-from ssgi_cl.rasterize.scene import Scene
-
-from ..case import Subject
-from ..context import Context
+from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.context import Context
 
 FLAGS = {"flat": "FLAT", "depth": "DEPTH_ONLY"}
 """Name of a pass -> pyrender's own."""
@@ -95,7 +94,7 @@ class PyrenderFamily:
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Upload the scene and compile the shaders."""
-        name = check.choice("setting", setting, self.SETTINGS)
+        name = checks.choice("setting", setting, self.SETTINGS)
         frames = Frames(context.view.scene, context.camera, name)
         return Subject(
             run=frames.draw,

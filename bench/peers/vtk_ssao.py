@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize import opengl
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.context import Context
 
-from ..case import Subject, count_of
-from ..context import Context
 from .extras import missing_package
 
 MOST_POINTS = 1000

@@ -12,7 +12,7 @@
 
 #include "common/gbuffer.clh"
 
-// The struct GbufferRotation is generated from ssgi_cl.device_gbuffer.
+// The struct GbufferRotation is generated from ssgi_cl.device.gbuffer.
 
 static inline vfloat gtao_dot(const vfloat x, const vfloat y, const vfloat z, const vfloat bx,
                               const vfloat by, const vfloat bz)

@@ -47,7 +47,7 @@
 #endif
 
 // What receivers know beside the scan; the struct SsdoBitmaskParams is generated from
-// ssgi_cl.techniques.ssdo_bitmask.
+// ssgi_cl.techniques.indirect.ssdo_bitmask.
 typedef struct {
     __global const float *slopes;
     __global const float *sent;

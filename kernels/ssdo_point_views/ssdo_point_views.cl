@@ -11,7 +11,7 @@
 //          planes   POINTS_LAYERS layers of the other camera, with its margin, see
 //                   ssdo_points/ssdo_planes.cl
 //          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 alone
-//          senders  POINT_VIEWS_SENDERS layers of its records, see lit_layers/records.clh
+//          senders  POINT_VIEWS_SENDERS layers of its records, see layer_shading/records.clh
 // Writes:  gathered as ssdo_points wrote it: A and the sky's light shrink, the bounce's grows
 //          kept     ceil(POINT_VIEWS_COUNT / 32) images of int as a plane, a bit for each direction
 //                   that meets something
@@ -31,7 +31,7 @@
 #define POINTS_SURE 1
 #include "ssdo_points/search.clh"
 
-// The struct PointViewsParams is generated from ssgi_cl.techniques.ssdo_point_views.
+// The struct PointViewsParams is generated from ssgi_cl.techniques.indirect.ssdo_point_views.
 
 #define POINT_VIEWS_FIELDS (POINT_VIEWS_SKY ? 11 : 5)
 #define POINT_VIEWS_WORDS ((POINT_VIEWS_COUNT + 31) / 32)

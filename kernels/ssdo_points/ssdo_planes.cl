@@ -12,7 +12,7 @@
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
-#include "lit_layers/records.clh"
+#include "layer_shading/records.clh"
 #include "raster/quads.clh"
 
 #if !defined(PLANES_LAYERS) || !defined(PLANES_NORMALS)

@@ -15,7 +15,7 @@
 // Reads:   depth, normal  image 0 and the first three, with margin: receivers, view space
 //          thickness of the front layer, likewise, scene units; read with POINTS_THICKNESS 2 alone
 //          planes   POINTS_LAYERS layers, see ssdo_points/ssdo_planes.cl
-//          senders  POINTS_SENDERS layers of records, see lit_layers/records.clh, with margin, of
+//          senders  POINTS_SENDERS layers of records, see layer_shading/records.clh, with margin, of
 //                   the sides that the camera sees
 //          directions  [16 rows][4 columns][POINTS_COUNT][5, with POINTS_SKY 11]: a unit vector, view
 //                   space; a number in (0, 1), see PointsDirection; the solid angle; the light from

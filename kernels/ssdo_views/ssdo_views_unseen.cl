@@ -30,7 +30,7 @@
 #error "UNSEEN_LAYERS, UNSEEN_NORMALS, SEEN_LAYERS and SEEN_NORMALS must be defined by the host"
 #endif
 
-// The struct UnseenParams is generated from ssgi_cl.techniques.ssdo_views_unseen.
+// The struct UnseenParams is generated from ssgi_cl.techniques.indirect.ssdo_views_unseen.
 
 // A point of the earlier camera's view space, its normal, and how far from its plane others may lie.
 typedef struct {

@@ -13,7 +13,7 @@
 // Writes:  open   [rows of tiles, columns of tiles] of the image: bits of tiles/open.clh
 // Macros:  TILES_PIECES (0, 1)
 // Params:  slopes of lines of sight by the image's pixel; reach in pixels and its limits, slack
-//          relative to v; see ssgi_cl.tiles.Reach
+//          relative to v; see ssgi_cl.techniques.tiles.Reach
 // Launch:  a tile per work-item
 // Cost:    7 loads and 50 operations for each tile within reach, up to the first that rises
 
@@ -24,7 +24,7 @@
 #error "TILES_PIECES must be defined by the host"
 #endif
 
-// The struct TileParams is generated from ssgi_cl.tiles.
+// The struct TileParams is generated from ssgi_cl.techniques.tiles.
 
 #define TILES_ROUNDING 4e-7f // of a height, relative to the distance from the eye
 #define TILES_FARTHEST_REACH 16 // tiles: beyond, a proof would take longer than it saves

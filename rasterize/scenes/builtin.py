@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import Light
-
-from ..scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene import Scene
 
 Vector = tuple[float, float, float]
 

@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
-from ssgi_cl.lights import SpotLight
+from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.core.scene import Material
 
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble
-from ..scene import Material
 from .builtin import BuiltinScene
 from .shapes import of_material, quad
 

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.lights import DirectionalLight, Environment, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
+from ssgi_cl.core.scene import Material
 
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
-from ..scene import Material
 from .builtin import BuiltinScene
 from .furnishings import banner, railing
 from .shapes import (

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssgi_cl.lights import Environment, SpotLight
+from ssgi_cl.core.lights import Environment, SpotLight
+from ssgi_cl.core.scene import Material
 
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble
-from ..scene import Material
 from .builtin import BuiltinScene
 from .scatter import between
 from .shapes import ball, box, grid, lathe, moved, of_material, rounded, turned

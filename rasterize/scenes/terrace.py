@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment
+from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.core.scene import Material
 
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
-from ..scene import Material
 from .builtin import BuiltinScene
 from .furnishings import railing
 from .scatter import Doubles, between, copies, noise, rotation, shares

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ssgi_cl.core.scene import Material
+
 from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, complete
-from ..scene import Material
 from .scatter import between, copies, rotation, shares
 from .shapes import ball, box, joined, lathe, moved, of_material, pole, rounded, tube, turned
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.lights import Environment
 from ssgi_cl.reference.gbuffer import Doubles
 
 FACE = 32

@@ -1,4 +1,4 @@
-"""Edge-aware blur in float64, pixel by pixel as defined in `ssgi_cl.techniques.bilateral`."""
+"""Edge-aware blur in float64, pixel by pixel as defined in `ssgi_cl.techniques.filters.bilateral`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.bilateral import BilateralParams
+    from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 FIT_POWER = 4
 """Exponent n of a fit: (1 - d^2 / (2 n sigma^2))^n is the Gaussian of d as n grows."""

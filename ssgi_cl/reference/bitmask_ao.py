@@ -1,4 +1,4 @@
-"""Bitmask AO in float64, sector by sector as defined in `ssgi_cl.techniques.bitmask_ao`."""
+"""Bitmask AO in float64, sector by sector as defined in `ssgi_cl.techniques.ao.bitmask_ao`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, Slice, Tap, finished
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.bitmask_ao import BitmaskParams
+    from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
 
 SECTORS = 32
 MOST_TAPS = 64

@@ -1,4 +1,4 @@
-"""GTAO in float64, slice by slice as defined in `ssgi_cl.techniques.gtao`."""
+"""GTAO in float64, slice by slice as defined in `ssgi_cl.techniques.ao.gtao`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.occlusion import finished as complete
 from ssgi_cl.reference.slices import Scan, Slice, finished, scanned
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.gtao import GtaoParams
+    from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 LEAST_OPEN = 0.02
 """What a bent normal has along the normal at least; unoccluded, it has 1."""

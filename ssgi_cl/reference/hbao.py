@@ -1,4 +1,4 @@
-"""HBAO in float64, direction by direction as defined in `ssgi_cl.techniques.hbao`."""
+"""HBAO in float64, direction by direction as defined in `ssgi_cl.techniques.ao.hbao`."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, finished
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.hbao import HbaoParams
+    from ssgi_cl.techniques.ao.hbao import HbaoParams
 
 
 def hbao_reference(gbuffer: GBuffer, params: HbaoParams) -> NDArray[np.float64]:

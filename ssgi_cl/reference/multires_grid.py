@@ -1,4 +1,4 @@
-"""Which points of which level are computed, as defined in `ssgi_cl.techniques.multires_grid`."""
+"""Which points of which level are computed, as defined in `ssgi_cl.techniques.indirect.multires_grid`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.bilateral import off_plane
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.multires_grid import MultiresGridParams
+    from ssgi_cl.techniques.indirect.multires_grid import MultiresGridParams
 
 BESIDE = ((0, -1), (0, 1), (-1, 0), (1, 0))
 """Rows and columns to neighbours, two in the row, two in the column."""

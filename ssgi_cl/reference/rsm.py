@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles
 
 LEAST_COSINE = 0.1

@@ -1,4 +1,4 @@
-"""Gathering from a reflective shadow map in float64, as `ssgi_cl.techniques.rsm_gather` does."""
+"""Gathering from a reflective shadow map in float64, as `ssgi_cl.techniques.indirect.rsm_gather` does."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import cap_pattern, disk_pattern, square_points, tile_turns
 from ssgi_cl.reference.rsm import face_rotations, texels
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.rsm_gather import RsmGatherParams
+    from ssgi_cl.techniques.indirect.rsm_gather import RsmGatherParams
 
 LEAST = 1e-18
 """Of a squared distance in square scene units, as in kernels/rsm_gather/receiver.clh."""

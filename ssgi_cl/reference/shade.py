@@ -1,4 +1,4 @@
-"""Deferred shading in float64, light by light as defined in `ssgi_cl.techniques.shade`."""
+"""Deferred shading in float64, light by light as defined in `ssgi_cl.techniques.shading.shade`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.reference.ambient import ambient_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.multi_bounce import multi_bounce_reference

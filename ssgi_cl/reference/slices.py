@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.occlusion import RESOLUTIONS
 from ssgi_cl.reference.occlusion import finished as complete
 from ssgi_cl.reference.patterns import slice_pattern
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.slices import SliceParams
+    from ssgi_cl.techniques.ao.slices import SliceParams
 
 TILE = 4
 """Rows and columns after which the pattern repeats."""

@@ -1,4 +1,4 @@
-"""SSAO in float64, sample by sample as defined in `ssgi_cl.techniques.ssao`."""
+"""SSAO in float64, sample by sample as defined in `ssgi_cl.techniques.ao.ssao`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.occlusion import RESOLUTIONS, finished
 from ssgi_cl.reference.patterns import reflected_points
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.ssao import SsaoParams
+    from ssgi_cl.techniques.ao.ssao import SsaoParams
 
 DEPTH_BIAS = 2e-6
 """Height of a surface that counts as none, relative to depth: 34 * 2^-24."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.bitmask_ao import SECTORS, sector_of, sorted_pair, whole_of
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.sky import cones_of, looked_up
@@ -17,7 +17,7 @@ from ssgi_cl.reference.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.reference.ssdo_sides import sides_of
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
+    from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmaskParams
 
 FIRST = 0.0625
 """Where the first piece of a side begins if its plane passes below the receiver, px from that."""
@@ -60,7 +60,7 @@ def ssdo_bitmask_reference(
     Args:
         radiance: [layers, rows, columns, 3] of the G-buffer's arrays, or of twice the layers, those
             of their backs behind those of their fronts.
-        sky: map [size, size, 3], as `ssgi_cl.techniques.sky.filtered` returns it.
+        sky: map [size, size, 3], as `ssgi_cl.techniques.shading.sky.filtered` returns it.
         sectors: of a slice; the kernel has 32, many are what it is right for on average.
     """
     scan, full = scanned(gbuffer, params, params.thickness, params.end, within=True)

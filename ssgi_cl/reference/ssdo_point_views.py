@@ -1,4 +1,4 @@
-"""Auxiliary views of SSDO in float64, as `ssgi_cl.techniques.ssdo_point_views` says."""
+"""Auxiliary views of SSDO in float64, as `ssgi_cl.techniques.indirect.ssdo_point_views` says."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.ssdo_points import (
     NEAREST,
     Gathered,
@@ -18,7 +18,7 @@ from ssgi_cl.reference.ssdo_points import (
 )
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.ssdo_points import PointsParams
+    from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
 
 
 def ssdo_point_views_reference(

@@ -1,4 +1,4 @@
-"""SSDO from directions in float64, as defined in `ssgi_cl.techniques.ssdo_points`."""
+"""SSDO from directions in float64, as defined in `ssgi_cl.techniques.indirect.ssdo_points`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.ssdo_directions import Directions, directions
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.ssdo_points import PointsParams
+    from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
 
 Masks = NDArray[np.bool_]
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 
 

@@ -1,4 +1,4 @@
-"""Further cameras of SSDO in float64, as defined in `ssgi_cl.techniques.ssdo_views`."""
+"""Further cameras of SSDO in float64, as defined in `ssgi_cl.techniques.indirect.ssdo_views`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import slice_pattern
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.slices import SliceParams
-    from ssgi_cl.techniques.ssdo_views import ViewsParams
+    from ssgi_cl.techniques.ao.slices import SliceParams
+    from ssgi_cl.techniques.indirect.ssdo_views import ViewsParams
 
 DEPTH_BIAS = 4e-6
 """Bias relative to depth: roundings of float32 positions in two view spaces, 2^-24 each."""

@@ -1,4 +1,4 @@
-"""Surfaces that no earlier view shows, as defined in `ssgi_cl.techniques.ssdo_views_unseen`."""
+"""Surfaces that no earlier view shows, as defined in `ssgi_cl.techniques.indirect.ssdo_views_unseen`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
 ALIKE = 0.5

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
+from ssgi_cl.core.camera import Camera
 
 if TYPE_CHECKING:
-    from ssgi_cl.tiles import Reach
+    from ssgi_cl.techniques.tiles import Reach
 
 TILE = 16
 """Pixels of a tile's side."""

@@ -1,4 +1,4 @@
-"""Joint-bilateral upsampling in float64, as defined in `ssgi_cl.techniques.upsample`."""
+"""Joint-bilateral upsampling in float64, as defined in `ssgi_cl.techniques.filters.upsample`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.bilateral import FIT_POWER, Blur, fit_of, off_plane
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.bilateral import BilateralParams
+    from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 LEAST_WEIGHT = 1e-6
 """Of all samples together, below which none of them fits."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.reference.occupancy_grid import SightGridReference
 from ssgi_cl.reference.rsm import hilbert_order
 from ssgi_cl.reference.rsm import texels as texels_of
-from ssgi_cl.reference.sight_grid import SightGridReference
 
 Doubles = NDArray[np.float64]
 

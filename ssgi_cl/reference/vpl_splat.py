@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.techniques.indirect.vpls import Vpls
 
 if TYPE_CHECKING:
     from ssgi_cl.reference.multires_splat import EveryLight
-    from ssgi_cl.techniques.vpl_splat import VplSplatParams
+    from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
 
 Doubles = NDArray[np.float64]
 

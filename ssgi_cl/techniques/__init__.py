@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ssgi_cl.params import Params
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.occlusion import OcclusionTechnique
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.core.params import Params
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, ssao
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ssgi_cl.errors import TruthError
+from ssgi_cl.core.errors import TruthError
 from ssgi_cl.truth.bent_normals import bent_normals
 from ssgi_cl.truth.layers import layered_occlusion
 from ssgi_cl.truth.light import direct_light, one_bounce

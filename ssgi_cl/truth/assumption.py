@@ -9,14 +9,14 @@ from dataclasses import asdict, replace
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.camera
+import ssgi_cl.core.camera
 import ssgi_cl.reference.gbuffer
 import ssgi_cl.reference.ssao as model
-import ssgi_cl.techniques.ssao as technique
-from ssgi_cl import check
-from ssgi_cl.gbuffer import GBuffer
+import ssgi_cl.techniques.ao.ssao as technique
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.techniques.ssao import SsaoParams, sample_points
+from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
 from ssgi_cl.truth.digests import camera_description, digest, source_digest
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -64,7 +64,7 @@ def ssao(
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected an ssgi_cl.GBuffer")
     params = params or SsaoParams()
-    points = check.integer("points", points, low=1, high=MOST_POINTS, unit="points per pixel")
+    points = checks.integer("points", points, low=1, high=MOST_POINTS, unit="points per pixel")
     radii: tuple[float, ...] = params.radius  # type: ignore[assignment]
     passes = -(-points // PASS_POINTS)
     table = sample_points(passes * PASS_POINTS, params.length_power)
@@ -120,6 +120,6 @@ def _description(gbuffer: GBuffer, params: SsaoParams) -> dict[str, object]:
         "points": PASS_POINTS,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
         "source": source_digest(
-            sys.modules[__name__], model, ssgi_cl.reference.gbuffer, technique, ssgi_cl.camera
+            sys.modules[__name__], model, ssgi_cl.reference.gbuffer, technique, ssgi_cl.core.camera
         ),
     }

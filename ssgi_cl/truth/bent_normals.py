@@ -9,18 +9,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.camera
-import ssgi_cl.raycast
-import ssgi_cl.sampling
-import ssgi_cl.sight
-from ssgi_cl import check
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.raycast import RayCaster, Spots
-from ssgi_cl.sampling import basis, directions, hashed, r2_points, wrapped
-from ssgi_cl.techniques.ray_ao import MOST_RAYS, threads
+import ssgi_cl.core.camera
+import ssgi_cl.core.camera_rays
+import ssgi_cl.core.sampling
+import ssgi_cl.truth.raycast
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
 from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
+from ssgi_cl.truth.ray_ao import MOST_RAYS, threads
+from ssgi_cl.truth.raycast import RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
 
 _PIXELS = 8192  # of a block, the unit of work of a thread
@@ -53,9 +53,9 @@ def bent_normals(
         TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
         MissingExtraError: embreex is not installed; it comes with the extra `truth`.
     """
-    version = ssgi_cl.raycast.embree_version()
-    radius = check.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
-    rays = check.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
+    version = ssgi_cl.truth.raycast.embree_version()
+    radius = checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
+    rays = checks.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
     passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
     share = -(-rays // passes)
     caster = RayCaster(scene)
@@ -72,8 +72,8 @@ def bent_normals(
             ),
             "embreex": version,
             "source": source_digest(
-                sys.modules[__name__], ssgi_cl.raycast, ssgi_cl.sight, ssgi_cl.sampling,
-                ssgi_cl.camera,
+                sys.modules[__name__], ssgi_cl.truth.raycast, ssgi_cl.core.camera_rays, ssgi_cl.core.sampling,
+                ssgi_cl.core.camera,
             ),
         },
         passes,

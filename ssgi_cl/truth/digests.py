@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import Light
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene import Scene
 
 LARGEST_LISTED = 64
 """Numbers of an array that a description still spells out; of a larger one it holds the hash."""

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.atomic import replacement
-from ssgi_cl.errors import TruthError
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.core.errors import TruthError
 from ssgi_cl.truth.digests import canonical
 
 REMEDY = "delete it, or run ssgi truth --rebuild with the options that it was made with"

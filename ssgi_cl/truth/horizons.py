@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.reference.gbuffer import Doubles
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams
-from ssgi_cl.techniques.gtao import GtaoParams
-from ssgi_cl.techniques.hbao import HbaoParams
-from ssgi_cl.techniques.slices import SliceParams
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
+from ssgi_cl.techniques.ao.hbao import HbaoParams
+from ssgi_cl.techniques.ao.slices import SliceParams
 
 
 @dataclass(frozen=True, eq=False)

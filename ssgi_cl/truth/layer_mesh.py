@@ -7,10 +7,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.metrics import STEP
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.sight import lines_of_sight
+from ssgi_cl.core.camera_rays import lines_of_sight
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth.metrics import STEP
 
 Doubles = NDArray[np.float64]
 Joined = NDArray[np.bool_]

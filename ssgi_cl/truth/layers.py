@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import ssgi_cl.camera
-import ssgi_cl.raycast
+import ssgi_cl.core.camera
+import ssgi_cl.core.camera_rays
+import ssgi_cl.core.sampling
 import ssgi_cl.reference.gbuffer
-import ssgi_cl.sampling
-import ssgi_cl.sight
-import ssgi_cl.techniques.ray_ao as estimator
 import ssgi_cl.truth.layer_mesh as mesh
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.raycast import OFFSET, RayCaster, Spots
+import ssgi_cl.truth.ray_ao as estimator
+import ssgi_cl.truth.raycast
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.truth.digests import camera_description, digest, source_digest
 from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
+from ssgi_cl.truth.raycast import OFFSET, RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
 
 
@@ -71,9 +71,9 @@ def layered_occlusion(
     """
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected an ssgi_cl.GBuffer")
-    version = ssgi_cl.raycast.embree_version()
-    rays = check.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
-    joins = check.choice("joins", joins, mesh.JOINS)
+    version = ssgi_cl.truth.raycast.embree_version()
+    rays = checks.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
+    joins = checks.choice("joins", joins, mesh.JOINS)
     passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
     share = -(-rays // passes)
     description: dict[str, Any] = {
@@ -81,17 +81,17 @@ def layered_occlusion(
         "camera": camera_description(gbuffer.camera),
         "gbuffer": digest(gbuffer.depth, gbuffer.first("normal")),
         "joins": joins,
-        "radius": check.number(
+        "radius": checks.number(
             "radius", radius, low=0, above=True, unit="scene units", infinite=True
         ),
         "rays": share,
-        "weighting": check.choice("weighting", weighting, estimator.WEIGHTINGS),
+        "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
         "attenuation": attenuation
         if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "embreex": version,
         "source": source_digest(
-            sys.modules[__name__], mesh, estimator, ssgi_cl.raycast, ssgi_cl.reference.gbuffer,
-            ssgi_cl.sight, ssgi_cl.sampling, ssgi_cl.camera,
+            sys.modules[__name__], mesh, estimator, ssgi_cl.truth.raycast, ssgi_cl.reference.gbuffer,
+            ssgi_cl.core.camera_rays, ssgi_cl.core.sampling, ssgi_cl.core.camera,
         ),
     }
 

@@ -9,14 +9,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.camera
+import ssgi_cl.core.camera
+import ssgi_cl.core.camera_rays
+import ssgi_cl.core.sampling
 import ssgi_cl.rasterize.textures
-import ssgi_cl.sampling
-import ssgi_cl.sight
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import digests, mitsuba_scene, path_tracer
 from ssgi_cl.truth.path_tracer import BounceThroughWalls, DirectLight, OneBounce, PathTracer
 from ssgi_cl.truth.store import Truth, accumulated
@@ -131,7 +131,7 @@ def _truth(
     for index, light in enumerate(lights):
         if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
-    paths = check.integer("paths", paths, low=1, high=MOST_PATHS, unit="paths per pixel")
+    paths = checks.integer("paths", paths, low=1, high=MOST_PATHS, unit="paths per pixel")
     exact = tracer is DirectLight and not any(isinstance(light, Environment) for light in lights)
     passes = max(min(PASSES, math.isqrt(paths)), min(paths, 2), math.ceil(paths / _LONGEST))
     per_pass = math.ceil(paths / passes)
@@ -147,8 +147,8 @@ def _truth(
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
         "source": digests.source_digest(
-            sys.modules[__name__], path_tracer, mitsuba_scene, ssgi_cl.camera, ssgi_cl.sampling,
-            ssgi_cl.sight, ssgi_cl.rasterize.textures,
+            sys.modules[__name__], path_tracer, mitsuba_scene, ssgi_cl.core.camera, ssgi_cl.core.sampling,
+            ssgi_cl.core.camera_rays, ssgi_cl.rasterize.textures,
         ),
     }
     made: list[PathTracer] = []  # only if something has to be computed

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.lights import DirectionalLight, Environment, Light, SpotLight
-from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.textures import srgb_to_linear
-from ssgi_cl.techniques.lamps import power
+from ssgi_cl.techniques.shading.light_data import power
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import ssgi_cl.camera
-import ssgi_cl.raycast
-import ssgi_cl.sampling
-import ssgi_cl.sight
-import ssgi_cl.techniques.ray_ao as estimator
-from ssgi_cl import check
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
+import ssgi_cl.core.camera
+import ssgi_cl.core.camera_rays
+import ssgi_cl.core.sampling
+import ssgi_cl.truth.ray_ao as estimator
+import ssgi_cl.truth.raycast
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -60,26 +60,26 @@ def ambient_occlusion(
         TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
         MissingExtraError: embreex is not installed; it comes with the extra `truth`.
     """
-    version = ssgi_cl.raycast.embree_version()
-    rays = check.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
+    version = ssgi_cl.truth.raycast.embree_version()
+    rays = checks.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
     passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
     share = -(-rays // passes)
     description: dict[str, Any] = {
         "kind": "ao",
         "scene": scene_digest(scene),
         "camera": camera_description(camera),
-        "radius": check.number(
+        "radius": checks.number(
             "radius", radius, low=0, above=True, unit="scene units", infinite=True
         ),
         "rays": share,
-        "weighting": check.choice("weighting", weighting, estimator.WEIGHTINGS),
+        "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
         "attenuation": attenuation
         if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "gbuffer": _gbuffer_digest(gbuffer, camera),
         "embreex": version,
         "source": source_digest(
-            sys.modules[__name__], estimator, ssgi_cl.raycast, ssgi_cl.sight, ssgi_cl.sampling,
-            ssgi_cl.camera,
+            sys.modules[__name__], estimator, ssgi_cl.truth.raycast, ssgi_cl.core.camera_rays, ssgi_cl.core.sampling,
+            ssgi_cl.core.camera,
         ),
     }
 
@@ -95,7 +95,7 @@ def ambient_occlusion(
 
 def _gbuffer_digest(gbuffer: GBuffer | None, camera: Camera) -> str | None:
     """Return the hash of what rays take from a G-buffer."""
-    ssgi_cl.raycast.check_gbuffer(gbuffer, camera)
+    ssgi_cl.truth.raycast.check_gbuffer(gbuffer, camera)
     if gbuffer is None:
         return None
     arrays = (gbuffer.first(name) for name in ("depth", "normal"))

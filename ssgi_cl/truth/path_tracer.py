@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import Light
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.sampling import r_points
-from ssgi_cl.sight import depths_in_sphere, lines_of_sight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.camera_rays import depths_in_sphere, lines_of_sight
+from ssgi_cl.core.lights import Light
+from ssgi_cl.core.sampling import r_points
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.mitsuba_scene import HOLE, SIZE, MitsubaScene
 
 Doubles = NDArray[np.float64]

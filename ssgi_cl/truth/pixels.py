@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.sampling import r_points
+from ssgi_cl.core.sampling import r_points
 
 Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows and columns, each [count]."""

@@ -16,16 +16,16 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.camera
+import ssgi_cl.core.camera
 import ssgi_cl.reference.gbuffer
 import ssgi_cl.truth.horizons
 import ssgi_cl.truth.pixels
-from ssgi_cl import check
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.sampling import r_points
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.sampling import r_points
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams
-from ssgi_cl.techniques.slices import NEAREST_TAP, SliceParams
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.slices import NEAREST_TAP, SliceParams
 from ssgi_cl.truth.digests import camera_description, digest, source_digest
 from ssgi_cl.truth.horizons import Crossed, Plane, check_technique, hidden_and_whole
 from ssgi_cl.truth.pixels import Pixels, spread_pixels
@@ -80,8 +80,8 @@ def converged(
     """
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected an ssgi_cl.GBuffer")
-    pixels = check.integer("pixels", pixels, low=1, high=1 << 24)
-    slices = check.integer("slices", slices, low=1, high=1 << 16)
+    pixels = checks.integer("pixels", pixels, low=1, high=1 << 24)
+    slices = checks.integer("slices", slices, low=1, high=1 << 16)
     check_technique(params)
     march = March.of(gbuffer, params)
     taken = spread_pixels(march.seen, pixels)
@@ -97,7 +97,7 @@ def converged(
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
         "source": source_digest(
             sys.modules[__name__], ssgi_cl.truth.horizons, ssgi_cl.truth.pixels,
-            ssgi_cl.reference.gbuffer, ssgi_cl.camera,
+            ssgi_cl.reference.gbuffer, ssgi_cl.core.camera,
         ),
     }
 

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl import check
-from ssgi_cl.driver_caches import cache_folder
-from ssgi_cl.errors import TruthError
+from ssgi_cl.core import checks
+from ssgi_cl.core.errors import TruthError
+from ssgi_cl.device.driver_caches import cache_folder
 from ssgi_cl.truth.digests import canonical, digest
 from ssgi_cl.truth.files import TruthFiles, read
 
@@ -99,7 +99,7 @@ def accumulated(
             is wrong with it, and the remedy.
         ValueError: an estimate has another size than the camera, or is not finite.
     """
-    passes = check.integer("passes", passes, low=1, high=MOST_PASSES)
+    passes = checks.integer("passes", passes, low=1, high=MOST_PASSES)
     # As it comes back from a file: tuples are lists there.
     about = json.loads(canonical({
         "format": FORMAT, "passes": passes, "exact": exact, "description": dict(description),

@@ -14,7 +14,7 @@ import pytest
 from ssgi_cl.bench import agreement
 from ssgi_cl.bench.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
 from ssgi_cl.bench.every import TECHNIQUES
-from ssgi_cl.drivers import DeviceInfo, Form
+from ssgi_cl.device.drivers import DeviceInfo, Form
 
 ONE = [np.linspace(0.5, 1.5, 10)]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.bench.calibration import GATHERS, REACH_LOG2, Calibration, GatherLoad
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.tuning.calibration import GATHERS, REACH_LOG2, Calibration, GatherLoad
 
 
 @pytest.mark.slow  # a second for each form, and more on images

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ssgi_cl.bench.case import Case, count_of
+from ssgi_cl.tuning.case import Case, count_of
 
 
 def test_a_case_and_its_name_tell_the_same() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from ssgi_cl.cli import main
+from ssgi_cl.cli.command import main
 
 QUICK = ["--scene", "cornell_box", "--size", "40x30", "--truth-rays", "4", "--truth-points", "4",
          "--truth-paths", "2"]

@@ -6,8 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from ssgi_cl.bench.cost import Cost, costs, main, table
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
 
 
 def test_every_technique_has_a_cost_at_every_place(runtime: Runtime) -> None:

@@ -11,18 +11,18 @@ import pytest
 
 import ssgi_cl as gi
 from ssgi_cl.bench import scan_lights
-from ssgi_cl.bench.context import Context, TruthSettings
 from ssgi_cl.bench.defaults import SCANS, front, scan_work, work_table
 from ssgi_cl.bench.scan import Measured, Scan, replaced
 from ssgi_cl.bench.scan_lights import multires_errors, splat_errors
 from ssgi_cl.bench.scan_shadows import shadow_errors
 from ssgi_cl.bench.scan_views import view_errors
 from ssgi_cl.bench.scene_sets import SETS, SceneSets
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference import shade as reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques import multires_grid
-from ssgi_cl.techniques.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect import multires_grid
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 SIZE = (45, 60)
 
@@ -49,7 +49,7 @@ def test_replaced_constants_come_back_and_unknown_ones_are_named() -> None:
         assert multires_grid.BEGINS == 0.5
     assert before == multires_grid.BEGINS
     with (
-        pytest.raises(ValueError, match=r"constant is 'magic': ssgi_cl.techniques.multires_grid"),
+        pytest.raises(ValueError, match=r"constant is 'magic': ssgi_cl.techniques.indirect.multires_grid"),
         replaced(multires_grid, {"magic": 1}),
     ):
         pass

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench import document
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
 
 from .documents import entry, spread, whole
 

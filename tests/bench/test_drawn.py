@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from ssgi_cl.bench.cases import OWN
-from ssgi_cl.bench.context import Context
 from ssgi_cl.bench.drawn import DrawnMaps, DrawnView
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.context import Context
 
 SIZE = (30, 40)
 

@@ -12,10 +12,10 @@ from click import ClickException
 from click.testing import CliRunner
 
 from ssgi_cl.bench import document, figure_tables, figure_text, figures, front, suite
-from ssgi_cl.bench.case import Case
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.verdict import verdict
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, cornell_box
+from ssgi_cl.tuning.case import Case
 
 from .documents import entry, spread, whole
 from .test_verdict import check

@@ -9,12 +9,12 @@ import pytest
 from rich.console import Console
 
 from ssgi_cl.bench import front, report, suite, summary, table
-from ssgi_cl.bench.case import Case
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.context import Context, TruthSettings
 from ssgi_cl.bench.plot import looks, plot
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.case import Case
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 from .documents import entry, whole
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.context import Context, TruthSettings
 from ssgi_cl.bench.gain import Gain, gains, main, table
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 
 @pytest.fixture(autouse=True)

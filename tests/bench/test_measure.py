@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import measure
-from ssgi_cl.bench.calibration import GatherLoad
-from ssgi_cl.bench.case import Subject
-from ssgi_cl.bench.measure import Spread, Stopwatch, busyness, disagreement
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.tuning import measure
+from ssgi_cl.tuning.calibration import GatherLoad
+from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.measure import Spread, Stopwatch, busyness, disagreement
 
 
 def test_a_spread_is_median_and_quartiles() -> None:

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl import metrics, ray_ao
-from ssgi_cl.bench.case import Family, Subject
-from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl import ray_ao
 from ssgi_cl.bench.peers import PEERS, embree, mitsuba_rays, vtk_ssao
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.truth import metrics
+from ssgi_cl.tuning.case import Family, Subject
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 Floats = NDArray[np.float32]
 

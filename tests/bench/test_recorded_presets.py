@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from ssgi_cl.bench import presets as module
-from ssgi_cl.bench import trials as bench_trials
 from ssgi_cl.bench.defaults import scan, settings
 from ssgi_cl.bench.presets import (
     GAIN,
@@ -24,14 +23,15 @@ from ssgi_cl.bench.presets import (
     without_noise,
 )
 from ssgi_cl.bench.scene_sets import SETS, SceneSets, geometric_mean
-from ssgi_cl.bench.tuning import TuneError
-from ssgi_cl.presets import NAMES
-from ssgi_cl.presets.pace import Pace
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import assemble
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.scenes.shapes import box
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.presets import NAMES
+from ssgi_cl.techniques.presets.speed_model import Pace
+from ssgi_cl.tuning import trials as bench_trials
+from ssgi_cl.tuning.outcome import TuneError
 
 
 def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench.search import Axis, Cost, Narrowing, narrow, spread
+from ssgi_cl.tuning.search import Axis, Cost, Narrowing, narrow, spread
 
 
 def test_spread_points_fill_the_cube_evenly() -> None:

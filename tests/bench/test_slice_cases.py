@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench import suite
-from ssgi_cl.bench.case import Case
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.cases.ssao import ssao_subject
-from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.reference.gtao import gtao_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import GtaoParams
-from ssgi_cl.techniques.ssao import SsaoParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
+from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.tuning.case import Case
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 SMALL = (45, 60)
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl import lights
 from ssgi_cl.bench import document, front, suite
-from ssgi_cl.bench.case import Case, Subject
 from ssgi_cl.bench.cases import FAMILIES, OWN
-from ssgi_cl.bench.context import Context, TruthSettings
+from ssgi_cl.core import lights
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.tuning.case import Case, Subject
+from ssgi_cl.tuning.context import Context, TruthSettings
 
 SMALL = (30, 40)
 QUICK = TruthSettings(rays=4, paths=2, points=4)

@@ -6,11 +6,11 @@ from itertools import cycle
 
 import pytest
 
-from ssgi_cl.bench.context import Context
-from ssgi_cl.bench.trials import Trials
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.tuning.context import Context
+from ssgi_cl.tuning.trials import Trials
 
 
 def test_ratios_are_to_the_least_time_of_the_reference(

@@ -13,12 +13,8 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench import tune as module
-from ssgi_cl.bench.trials import Trial
-from ssgi_cl.bench.tunables import axis_of, views_of
-from ssgi_cl.bench.tune import Session
-from ssgi_cl.bench.tuning import TuneError, Tuning
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import assemble
 from ssgi_cl.rasterize.scenes import (
     REPORTED,
@@ -29,9 +25,13 @@ from ssgi_cl.rasterize.scenes import (
     make_scene,
 )
 from ssgi_cl.rasterize.scenes.shapes import box, moved
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.ssao import SsaoParams
+from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.tuning import tune as module
+from ssgi_cl.tuning.outcome import TuneError, Tuning
+from ssgi_cl.tuning.trials import Trial
+from ssgi_cl.tuning.tunables import axis_of, views_of
+from ssgi_cl.tuning.tune import Session
 
 USUAL = {"samples": 16, "bias": 0.02, "resolution": "full"}
 VARIED = {"samples": [4, 8, 16, 32, 64], "bias": (0.0, 0.1), "resolution": ["full", "half"]}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from ssgi_cl.bench.views import views_of
-from ssgi_cl.errors import SceneError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.tuning.measured_scenes import views_of
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import sys
 import numpy as np
 
 import ssgi_cl as gi
-from ssgi_cl import exr, png
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr, png
 
 ADD = """#include "common/gbuffer.clh"
 __kernel void add(ssgi_plane depth, __global float *restrict sum, const int2 size)

@@ -19,8 +19,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ssgi_cl import exr
-from ssgi_cl.errors import SsgiError
+from ssgi_cl.core.errors import SsgiError
+from ssgi_cl.io import exr
 from ssgi_cl.rasterize.load import READERS, load_scene
 
 SECONDS = {"refused": 1.0, "loaded": 10.0}

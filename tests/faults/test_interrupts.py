@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.kernel import Kernel
-from ssgi_cl.memory import DeviceArray, Plane
+from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import Renderer
+from ssgi_cl.frame.render_params import bounce_params
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.render import Renderer
-from ssgi_cl.render_params import bounce_params
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import GtaoParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 BOX = BUILTIN_SCENES["cornell_box"]()
 CAMERAS = [

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.errors import DeviceMemoryError
-from ssgi_cl.opencl import opencl
+from ssgi_cl.core.errors import DeviceMemoryError
+from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.render import Renderer, render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import GtaoParams
+from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 MEBI = 1 << 20
 BOX = BUILTIN_SCENES["cornell_box"]()

@@ -18,10 +18,13 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ssgi_cl import atomic, cli, drivers, exr, probe, probing, sources
-from ssgi_cl.device_info import DeviceInfo, Found
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.cli.command import command
+from ssgi_cl.core import atomic
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.device import drivers, probe, probing, sources
+from ssgi_cl.device.info import DeviceInfo, Found
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
 
 from .computing import added, digest
 
@@ -149,7 +152,7 @@ def test_without_opencl_the_message_says_how_to_get_it(
     monkeypatch.setattr(drivers, "devices", drivers.devices.__wrapped__)
     with pytest.raises(DeviceError, match=r"Devices found:\n  none\nInstall a driver"):
         Runtime.open("any")
-    result = CliRunner().invoke(cli.main, ["devices"])
+    result = CliRunner().invoke(command.main, ["devices"])
     assert result.exit_code == 1
     assert "no OpenCL device found. Install a driver" in result.output
 
@@ -178,7 +181,7 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
     assert info.best.lanes == 8
     with pytest.raises(DeviceError, match="cannot run 16 lanes, buffer: kernels/probe"):
         Runtime.open("test", lanes=16)
-    result = CliRunner().invoke(cli.main, ["devices"])
+    result = CliRunner().invoke(command.main, ["devices"])
     assert " ".join(result.output.split()).count("does not compile") == 1
 
 

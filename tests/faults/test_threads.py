@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl import host_memory
-from ssgi_cl.errors import DeviceError, DeviceMemoryError
+from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
+from ssgi_cl.device import host_memory
+from ssgi_cl.device.runtime import Runtime, check_not_forked
+from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.render import Renderer
-from ssgi_cl.runtime import Runtime, check_not_forked
 
 BOX = BUILTIN_SCENES["cornell_box"]()
 CAMERAS = [

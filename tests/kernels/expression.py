@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.memory import DeviceArray, Plane
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import Struct
+from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import Struct
 
 _SCALARS = {"f": "float", "i": "int"}
 

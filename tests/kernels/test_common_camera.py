@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.structs import CAMERA, Struct, camera_values
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, camera_values
 
 from .expression import run_expressions
 

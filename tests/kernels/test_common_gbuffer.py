@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.memory import GUARD, Plane, Size
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.arrays import GUARD, Plane, Size
+from ssgi_cl.device.runtime import Runtime
 
 from .expression import run_expression, run_expressions
 

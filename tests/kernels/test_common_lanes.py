@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl import drivers
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.device import drivers
+from ssgi_cl.device.runtime import Runtime
 
 from .expression import run_expression, run_expressions
 

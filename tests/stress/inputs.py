@@ -13,10 +13,10 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.techniques.rsm_samples import cube_turns
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.techniques.indirect.rsm_samples import cube_turns
 
 Floats = NDArray[np.float32]
 Shape = tuple[int, ...]

@@ -11,23 +11,23 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.errors import DeviceError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import bilateral_blur
-from ssgi_cl.techniques.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.gtao import gtao
-from ssgi_cl.techniques.hbao import hbao
-from ssgi_cl.techniques.multi_bounce import multi_bounce
-from ssgi_cl.techniques.multires_splat import multires_splat
-from ssgi_cl.techniques.rsm_gather import rsm_gather
-from ssgi_cl.techniques.shade import shade
-from ssgi_cl.techniques.ssao import ssao
-from ssgi_cl.techniques.ssdo import ssdo
-from ssgi_cl.techniques.tonemap import tonemap
-from ssgi_cl.techniques.upsample import coarse_size, upsample
-from ssgi_cl.techniques.vpl_splat import vpl_splat
+from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.ao.gtao import gtao
+from ssgi_cl.techniques.ao.hbao import hbao
+from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.filters.bilateral import bilateral_blur
+from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
+from ssgi_cl.techniques.indirect.multires_splat import multires_splat
+from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.indirect.ssdo import ssdo
+from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
+from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
+from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.techniques.shading.tonemap import tonemap
 
 from .inputs import gbuffers, hdr, lights, maps, radii, seeds
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import LEAST_DEPTH, MOST_DEPTH, GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import LEAST_DEPTH, MOST_DEPTH, GBuffer
 
 from .test_finite import examples
 

@@ -12,22 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import bilateral_blur
-from ssgi_cl.techniques.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.gtao import gtao
-from ssgi_cl.techniques.hbao import hbao
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.rsm_gather import rsm_gather
-from ssgi_cl.techniques.ssao import ssao
-from ssgi_cl.techniques.ssdo import ssdo
-from ssgi_cl.techniques.upsample import coarse_size, upsample
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
+from ssgi_cl.techniques.ao.gtao import gtao
+from ssgi_cl.techniques.ao.hbao import hbao
+from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.filters.bilateral import bilateral_blur
+from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.indirect.ssdo import ssdo
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpls import Vpls
 
 from ..techniques.analytic import camera, scene
 from .inputs import gbuffers, hdr, radii, seeds

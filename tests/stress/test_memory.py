@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.drivers import FORMS, Form
+from ssgi_cl.device.drivers import FORMS, Form
 
 OPTIONS = "-O0 -Dalways_inline=unused -D__has_builtin(x)=0"
 """oclgrind knows neither what LLVM notes about arguments of functions that it inlines, nor minima

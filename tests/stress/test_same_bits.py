@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
-from ssgi_cl.image_limits import VARIABLE
-from ssgi_cl.kernel import Kernel
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.image_limits import VARIABLE
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
 
 SIZE = (30, 40)
 TEXELS = 16
@@ -30,7 +30,7 @@ WRITE = """
 import sys
 import numpy as np
 from ssgi_cl.bench.every import inputs, results
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
 runtime = Runtime.open(lanes=1)
 np.savez(sys.argv[1], **results(inputs(runtime, (30, 40), 16), runtime))
 """

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import DirectionalLight, PointLight
-from ssgi_cl.rasterize.scene import Material
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, PointLight
+from ssgi_cl.core.scene import Material
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
-from ssgi_cl.runtime import Runtime
 
 BOUNCES: dict[str, Callable[..., Any]] = {
     "multires_splat": lambda *given, **options: gi.multires_splat(*given, vpls=64, **options),

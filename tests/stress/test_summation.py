@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench import summation
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
 
 MOST = 1e-5
 """Relative error of a pixel's irradiance."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera, look_at_matrix
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera, look_at_matrix
+from ssgi_cl.core.gbuffer import GBuffer
 
 Doubles = NDArray[np.float64]
 

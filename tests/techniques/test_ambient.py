@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ambient import ambient_reference, irradiance
 from ssgi_cl.reference.shade import world_surface
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ambient import AMBIENT_SIZE, Ambient, irradiance_map, vertices
-from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.shading.ambient import AMBIENT_SIZE, Ambient, irradiance_map, vertices
+from ssgi_cl.techniques.shading.shade import shade
 
 from .analytic import camera, scene
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as rasterized
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.gtao import arc_directions, arc_integral, bent_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.sampling import basis, directions, hashed, r2_points, wrapped
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
 
 from .analytic import CAMERAS, SCENES, Ball, camera, scene, tilted, trace
 from .walls import wall_and_floor
@@ -141,7 +141,7 @@ def test_hills_seen_from_above_bend_as_marched_rays_say(
 
 def test_cornell_box_bends_as_rays_through_the_mesh_say(runtime: Runtime) -> None:
     pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
-    from ssgi_cl.raycast import RayCaster
+    from ssgi_cl.truth.raycast import RayCaster
 
     made = BUILTIN_SCENES["cornell_box"]()
     view = made.camera(100, 75)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.bilateral import bilateral_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams, bilateral_blur
 
 from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.bitmask_ao import bitmask_reference, turn
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import gtao
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import gtao
 
 from ..closed_forms import hidden_by_wall
 from .analytic import camera, scene, tilted, trace

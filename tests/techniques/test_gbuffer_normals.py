@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import downloaded
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.runtime import Runtime
 
 from .analytic import CAMERAS, SCENES, Plane, camera, scene, tilted, trace
 

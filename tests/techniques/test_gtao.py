@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gtao import gtao_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.gtao import GtaoParams, gtao
-from ssgi_cl.techniques.slices import SIMILAR
+from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
+from ssgi_cl.techniques.ao.slices import SIMILAR
 
 from ..closed_forms import hidden_by_wall
 from .analytic import camera, scene

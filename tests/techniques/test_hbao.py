@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.hbao import hbao
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.hbao import hbao
 
 from ..closed_forms import hidden_by_wall
 from .analytic import camera, scene

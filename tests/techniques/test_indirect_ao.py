@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.frame import Frame
-from ssgi_cl.lights import SpotLight
+from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
+from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference
-from ssgi_cl.render import render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.shading.shade import shade
 
 from .analytic import camera, scene
 from .test_vpl_glossy import SPOT, polished_scene

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.lights import DirectionalLight, Environment
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.multi_bounce import multi_bounce_reference
 from ssgi_cl.reference.shade import shade_reference
-from ssgi_cl.render import render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multi_bounce import multi_bounce
-from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
+from ssgi_cl.techniques.shading.shade import shade
 
 from .analytic import camera, scene
 

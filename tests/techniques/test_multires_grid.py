@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer, on_device
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.multires_grid import multires_grid_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_grid import MultiresGrid, MultiresGridParams, tile_order
+from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGridParams, tile_order
 
 from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
 

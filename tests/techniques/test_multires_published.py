@@ -9,19 +9,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.multires_published import (
     multires_published_reference,
     subsplats,
     upsampled,
 )
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_published import MultiresPublished, MultiresPublishedParams
-from ssgi_cl.techniques.multires_splat import multires_splat
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import Vpls
+from ssgi_cl.techniques.indirect.multires_published import (
+    MultiresPublished,
+    MultiresPublishedParams,
+)
+from ssgi_cl.techniques.indirect.multires_splat import multires_splat
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpls import Vpls
 
 from .analytic import CAMERAS, Plane, camera, scene, tilted, trace
 from .test_multires_splat import box, relative, spots, wall
@@ -276,7 +279,7 @@ def test_lights_of_maps_are_those_of_splatting(runtime: Runtime) -> None:
     from ssgi_cl.rasterize import gbuffer as drawn
     from ssgi_cl.rasterize import rsm
     from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-    from ssgi_cl.techniques.vpl_splat import vpl_splat
+    from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
 
     made = BUILTIN_SCENES["cornell_box"]()
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]

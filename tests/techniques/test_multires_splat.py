@@ -10,23 +10,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.multires_splat import multires_splat_reference
-from ssgi_cl.reference.sight_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams, multires_splat
-from ssgi_cl.techniques.vpl_splat import VplSplatParams, vpl_splat
-from ssgi_cl.techniques.vpl_tree import SHARES
+from ssgi_cl.techniques.indirect.multires_splat import (
+    MultiresSplat,
+    MultiresSplatParams,
+    multires_splat,
+)
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.vpl_tree import SHARES
+from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 from ssgi_cl.truth import one_bounce
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 from .analytic import Plane, camera, scene, trace
 from .test_vpl_tree import lights, uploaded

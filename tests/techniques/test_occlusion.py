@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssao import ssao_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssao import SsaoParams, ssao
+from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
 
 from .analytic import camera, scene, tilted, trace
 

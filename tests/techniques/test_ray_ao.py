@@ -16,14 +16,14 @@ import pytest
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-import ssgi_cl.techniques.ray_ao as module
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
+import ssgi_cl.truth.ray_ao as module
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import gbuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ray_ao import RayAo, ray_ao
+from ssgi_cl.truth.ray_ao import RayAo, ray_ao
 
 from ..closed_forms import (
     FAR,

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import DeviceRsm, on_device_rsm
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import DeviceRsm, on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as rasterized
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.rsm_gather import rsm_gather_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
-from ssgi_cl.techniques.rsm_samples import (
+from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
+from ssgi_cl.techniques.indirect.rsm_samples import (
     RECORD,
     FluxSamples,
     TexelRecords,

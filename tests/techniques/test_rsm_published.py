@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.rsm_published import Settings, rsm_published_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.rsm_gather import rsm_gather
-from ssgi_cl.techniques.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
 
 from .analytic import CAMERAS, camera, scene
 from .test_rsm_gather import LIGHTS, box, box_map, facing, relative, texel

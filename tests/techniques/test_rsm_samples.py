@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.device_rsm import DeviceRsm
-from ssgi_cl.opencl import opencl
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.rsm_samples import FluxSamples, TexelRecords
+from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.indirect.rsm_samples import FluxSamples, TexelRecords
 
 
 def test_kernels_are_compiled_for_two_widths_of_work_groups_at_most(

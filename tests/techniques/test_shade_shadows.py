@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference, shadow_reference, world_surface
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import shade
+from ssgi_cl.techniques.shading.shade import shade
 
 from .analytic import Plane, camera, scene, trace
 from .test_shade import FLIPS, off, white

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shadow_blocks import BLOCK, IMAGES, ShadowBlocks
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.shading.shadow_blocks import BLOCK, IMAGES, ShadowBlocks
 
 Doubles = NDArray[np.float64]
 SIZE = 29

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ambient import irradiance
 from ssgi_cl.reference.sky import texel
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.sky import BRIGHTEST, Sky, directions, filtered
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.shading.sky import BRIGHTEST, Sky, directions, filtered
 
 from .analytic import camera, tilted, trace
 

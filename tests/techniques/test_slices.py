@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.bitmask_ao import bitmask_reference
 from ssgi_cl.reference.gtao import gtao_reference
 from ssgi_cl.reference.hbao import hbao_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
-from ssgi_cl.techniques.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.slices import STRIP, SliceParams, SliceTechnique, pattern
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
+from ssgi_cl.techniques.ao.slices import STRIP, SliceParams, SliceTechnique, pattern
 
 from .analytic import CAMERAS, SCENES, Ball, Plane, camera, scene, tilted, trace
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssao import ssao_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams, reflected_points, ssao
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, reflected_points, ssao
 
 from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
 

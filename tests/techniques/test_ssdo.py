@@ -11,17 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.device_gbuffer import on_device
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import shade
-from ssgi_cl.techniques.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.ssdo_back import SenderOpenness
-from ssgi_cl.techniques.ssdo_params import METHODS, SsdoParams
-from ssgi_cl.techniques.ssdo_view_senders import ViewSenders
-from ssgi_cl.techniques.ssdo_views import ViewsParams
+from ssgi_cl.techniques.indirect.ssdo import Ssdo, ssdo
+from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness
+from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.indirect.ssdo_views import ViewsParams
+from ssgi_cl.techniques.shading.shade import shade
 
 from .analytic import camera, scene, tilted, trace
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import Environment
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo_bitmask import ssdo_bitmask_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.sky import Sky, filtered
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.shading.sky import Sky, filtered
 
 from .analytic import camera, scene
 from .walls import wall_and_floor

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.extra_cameras import extra_cameras
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import Environment
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo import ssdo
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.indirect.auxiliary_cameras import extra_cameras
+from ssgi_cl.techniques.indirect.ssdo import ssdo
 
 from ..closed_forms import lit_by_wall
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo import ssdo
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.indirect.ssdo import ssdo
 
 RADIUS = 2.0
 PIXELS = 64

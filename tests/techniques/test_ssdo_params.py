@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl.params import Params
-from ssgi_cl.techniques.bilateral import BilateralParams
-from ssgi_cl.techniques.lamp_shadows import LampShadowParams
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmaskParams
-from ssgi_cl.techniques.ssdo_params import METHODS, METHODS_OF, SsdoParams
-from ssgi_cl.techniques.ssdo_points import PointsParams
+from ssgi_cl.core.params import Params
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmaskParams
+from ssgi_cl.techniques.indirect.ssdo_params import METHODS, METHODS_OF, SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
+from ssgi_cl.techniques.shading.light_shadows import LampShadowParams
 
 BACK_ENDS: dict[str, Callable[[SsdoParams], Params]] = {
     "bitmask": SsdoParams.bitmask, "points": SsdoParams.points, "published": SsdoParams.points,

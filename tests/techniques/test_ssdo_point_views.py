@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo_point_views import ssdo_point_views_reference
 from ssgi_cl.reference.ssdo_points import Gathered, ssdo_points_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.lit_layers import SenderRecords
-from ssgi_cl.techniques.ssdo_point_views import SsdoPointViews
-from ssgi_cl.techniques.ssdo_points import POINT_METHODS, PointsParams, SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_point_views import SsdoPointViews
+from ssgi_cl.techniques.indirect.ssdo_points import POINT_METHODS, PointsParams, SsdoPoints
+from ssgi_cl.techniques.shading.layer_shading import SenderRecords
 
 from .analytic import camera, scene
 from .test_ssdo_points import FLIPS, ROUNDING

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo_points import Gathered, ssdo_points_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo_directions import cell_centres, cell_flux
-from ssgi_cl.techniques.ssdo_points import PointsParams, SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_directions import cell_centres, cell_flux
+from ssgi_cl.techniques.indirect.ssdo_points import PointsParams, SsdoPoints
 
 from .analytic import CAMERAS, camera, scene, tilted, trace
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.ssdo_sides import sides_of
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo_sides import Sides
+from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 
 from .analytic import camera
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.skip_scenes import SKIP_SCENES
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import Environment, Light, PointLight
-from ssgi_cl.memory import Plane as Images
-from ssgi_cl.plan import SKIPS
-from ssgi_cl.render import Frame, render
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo import Ssdo
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
-from ssgi_cl.techniques.ssdo_params import SsdoParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer
-from ssgi_cl.tiles import OpenTiles, Tiles
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment, Light, PointLight
+from ssgi_cl.device.arrays import Plane as Images
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.render import Frame, render
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
+from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.tiles import OpenTiles, Tiles
 
 from .analytic import CAMERAS, Plane, camera, trace
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import DeviceArray, Plane
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo_views import ssdo_views_reference
 from ssgi_cl.reference.ssdo_views_unseen import unseen_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
-from ssgi_cl.techniques.ssdo_views import SsdoViews, ViewsParams
-from ssgi_cl.techniques.upsample import ReducedGBuffer
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.indirect.ssdo_views import SsdoViews, ViewsParams
 
 from .analytic import CAMERAS, camera, scene
 

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 
 from ..closed_forms import Quad, lit_by_wall, made
 from .analytic import camera as camera_of

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo_views_unseen import unseen_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssdo_views_unseen import UnseenDepth
+from ssgi_cl.techniques.indirect.ssdo_views_unseen import UnseenDepth
 
 from .analytic import CAMERAS, camera, scene
 from .test_ssdo_views import aside, layered, uploaded

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lamp_reach import reaching
-from ssgi_cl.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.tiles import by_tile, nearness, rises_reference, too_far
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques import TECHNIQUES
-from ssgi_cl.techniques.lamps import Lamp, Lamps
-from ssgi_cl.techniques.slices import SliceTechnique
-from ssgi_cl.techniques.ssao import Ssao, SsaoParams
-from ssgi_cl.tiles import TILE, Reach, Tiles
+from ssgi_cl.techniques.ao.slices import SliceTechnique
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.shading.light_data import Lamp, Lamps
+from ssgi_cl.techniques.shading.light_reach import reaching
+from ssgi_cl.techniques.tiles import TILE, Reach, Tiles
 
 from . import analytic
 

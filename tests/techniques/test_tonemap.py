@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.tonemap import auto_exposure_reference, encoded_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.tonemap import CURVES, MIDDLE_GREY, Tonemap, auto_exposure, tonemap
+from ssgi_cl.techniques.shading.tonemap import CURVES, MIDDLE_GREY, Tonemap, auto_exposure, tonemap
 
 HALF_STEP = 0.5 + 1e-3
 """Of 255: values are rounded to whole ones; the power is off by 2e-7, 255 times that is nothing."""

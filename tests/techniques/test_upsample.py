@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bilateral import BilateralParams, bilateral_blur
-from ssgi_cl.techniques.upsample import (
+from ssgi_cl.techniques.filters.bilateral import BilateralParams, bilateral_blur
+from ssgi_cl.techniques.filters.upsample import (
     ReducedGBuffer,
     Upsample,
     UpsampleBlur,

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
-from ssgi_cl.lights import DirectionalLight
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.device.rsm import on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.reference.sight_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
 from ssgi_cl.reference.view_importance import GROUP, run_weights, view_importance_reference
 from ssgi_cl.reference.vpl_splat import receivers
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.vpls import ChosenVpls, choose_vpls, cut_evenly
+from ssgi_cl.techniques.indirect.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpls import ChosenVpls, choose_vpls, cut_evenly
 
 from ..closed_forms import quads
 from .test_vpl_tree import uploaded

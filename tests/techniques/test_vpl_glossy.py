@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import DeviceRsm, mirrored_axes, on_device_rsm
-from ssgi_cl.device_vpls import lobe_share
-from ssgi_cl.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.light_maps import LightMaps
-from ssgi_cl.lights import DirectionalLight, Light, PointLight, SpotLight
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import DeviceRsm, mirrored_axes, on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.rasterize.scene import Material, Scene
 from ssgi_cl.reference.vpl_splat import (
     form_factor,
     lobe_share_exact,
     vpl_splat_reference,
 )
 from ssgi_cl.reference.vpls import choose_vpls_reference
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
-from ssgi_cl.vpls import Vpls, choose_vpls
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.packed_vpls import lobe_share
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
+from ssgi_cl.techniques.shading.light_maps import LightMaps
 
 from ..closed_forms import quads
 from .analytic import Plane, camera, scene, trace

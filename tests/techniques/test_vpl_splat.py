@@ -10,25 +10,25 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_rsm import on_device_rsm
-from ssgi_cl.device_vpls import NEAR_ROOM
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import SpotLight
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import on_device_rsm
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference.sight_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import (
     receivers,
     vpl_sight_reference,
     vpl_splat_reference,
 )
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.sight_grid import cells_for
-from ssgi_cl.techniques.vpl_splat import VplSplat, VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.occupancy_grid import cells_for
+from ssgi_cl.techniques.indirect.packed_vpls import NEAR_ROOM
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
+from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 from ssgi_cl.truth import one_bounce
-from ssgi_cl.vpls import Vpls, choose_vpls
 
 from ..closed_forms import quads
 from .analytic import CAMERAS, Plane, camera, scene, trace

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ssgi_cl.device_gbuffer import DeviceGBuffer
-from ssgi_cl.device_vpls import DeviceVpls
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.memory import DeviceArray
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference, group_of
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.vpl_splat import VplSplatParams
-from ssgi_cl.techniques.vpl_tree import GROUP, VplTree
-from ssgi_cl.vpls import Vpls, choose_vpls
+from ssgi_cl.techniques.indirect.packed_vpls import DeviceVpls
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
+from ssgi_cl.techniques.indirect.vpl_tree import GROUP, VplTree
+from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 
 from .analytic import CAMERAS, camera, scene
 

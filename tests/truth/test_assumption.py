@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 import ssgi_cl.reference.ssao as model
 import ssgi_cl.truth.store as store
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.patterns import reflected_points
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.ssao import SsaoParams, sample_points, ssao
+from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points, ssao
 from ssgi_cl.truth import assumption
 
 from ..techniques.analytic import camera, scene

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl.truth.store as store
-from ssgi_cl.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.truth import bent_normals
 
 from ..closed_forms import FLOOR, WALL, above, quads

@@ -13,16 +13,15 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-import ssgi_cl.techniques.ray_ao as estimator
+import ssgi_cl.truth.ray_ao as estimator
 import ssgi_cl.truth.store as store
-from ssgi_cl import metrics
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import gbuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.truth import Truth, ambient_occlusion, layered_occlusion
+from ssgi_cl.truth import Truth, ambient_occlusion, layered_occlusion, metrics
 from ssgi_cl.truth.layer_mesh import JOINS, layer_mesh
 
 from ..closed_forms import hidden_by_wall, quads, with_mesh

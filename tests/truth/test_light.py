@@ -14,19 +14,18 @@ import pytest
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl import metrics
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.shadow_map import rsm
 from ssgi_cl.rasterize.view import gbuffer
 from ssgi_cl.reference.shade import direct_reference, world_surface
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.shade import shade
-from ssgi_cl.truth import mitsuba_scene, path_tracer, store
+from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.truth import metrics, mitsuba_scene, path_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.path_tracer import DirectLight

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError
-from ssgi_cl.lights import DirectionalLight, Environment, Light
-from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import gbuffer
-from ssgi_cl.runtime import Runtime
 from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.path_tracer import BounceThroughWalls, DirectLight, PathTracer, Surface

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import ssgi_cl.techniques.ray_ao as estimator
+import ssgi_cl.truth.ray_ao as estimator
 import ssgi_cl.truth.store as store
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import MissingExtraError, TruthError
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.rasterize.scene import Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import MissingExtraError, TruthError
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import Truth, ambient_occlusion
 
 from ..closed_forms import (
@@ -271,7 +271,7 @@ def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.Monke
         (scene, camera, 1.0, 16, {"gbuffer": GBuffer(camera=camera, depth=depth, normal=up)}),
     ]
     keys = [ambient_occlusion(*call[:-1], **call[-1]).key for call in calls]
-    monkeypatch.setattr("ssgi_cl.raycast.embree_version", lambda: "0.0")
+    monkeypatch.setattr("ssgi_cl.truth.raycast.embree_version", lambda: "0.0")
     keys.append(ambient_occlusion(scene, camera, 1.0, 16).key)
     assert len(set(keys)) == len(keys)
 

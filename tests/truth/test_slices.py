@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.camera import Camera
-from ssgi_cl.gbuffer import GBuffer
-from ssgi_cl.runtime import Runtime
-from ssgi_cl.techniques.bitmask_ao import BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.gtao import GtaoParams, gtao
-from ssgi_cl.techniques.hbao import HbaoParams, hbao
-from ssgi_cl.techniques.ssao import SsaoParams
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
+from ssgi_cl.techniques.ao.hbao import HbaoParams, hbao
+from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.truth.slices import converged
 
 from ..closed_forms import hidden_by_wall

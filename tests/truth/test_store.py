@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 import ssgi_cl.truth.digests as digests
 import ssgi_cl.truth.store as module
-from ssgi_cl.camera import Camera
-from ssgi_cl.errors import TruthError
-from ssgi_cl.lights import Environment, PointLight, SpotLight
-from ssgi_cl.rasterize.scene import Material, Scene
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import TruthError
+from ssgi_cl.core.lights import Environment, PointLight, SpotLight
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.truth.digests import (
     camera_description,
     digest,

@@ -9,8 +9,8 @@ from random import Random
 import click
 import numpy as np
 
-from ssgi_cl import exr
-from ssgi_cl.cli import main
+from ssgi_cl.cli.command import main
+from ssgi_cl.io import exr
 
 NUMBERS = (
     "0", "-1", "1", "2", "3", "8", "0.5", "1e-300", "1e300", "-1e300", "nan", "inf", "-inf", "1e39",

@@ -16,8 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-from ssgi_cl import drivers, probing
-from ssgi_cl.device_info import FORMS, DeviceInfo
+from ssgi_cl.device import drivers, probing
+from ssgi_cl.device.info import FORMS, DeviceInfo
 
 PATIENCE = 200.0
 """Seconds for one process that compiles everything."""
@@ -25,7 +25,7 @@ COMPUTES = """
 import hashlib, sys
 import numpy as np
 import ssgi_cl as gi
-from ssgi_cl.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime
 depth = np.full((24, 32), 2.0, np.float32)
 depth[:, 16:] = 2.3
 camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), width=32, height=24)

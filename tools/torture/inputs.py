@@ -25,9 +25,9 @@ from click.testing import CliRunner
 from PIL import Image
 
 import ssgi_cl as gi
-from ssgi_cl import exr
-from ssgi_cl.cli import main
-from ssgi_cl.exr_header import read_header
+from ssgi_cl.cli.command import main
+from ssgi_cl.io import exr
+from ssgi_cl.io.exr_header import read_header
 from ssgi_cl.rasterize.scenes import make_scene
 
 from .command_lines import line, make_files
@@ -132,7 +132,7 @@ def _in_process(arguments: list[str]) -> tuple[int, str, str]:
 
 def _as_process(arguments: list[str]) -> tuple[int, str, str]:
     done = subprocess.run(
-        [sys.executable, "-m", "ssgi_cl.cli", *arguments], capture_output=True, text=True,
+        [sys.executable, "-m", "ssgi_cl.cli.command", *arguments], capture_output=True, text=True,
         errors="replace", timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL,
     )
     return done.returncode, done.stdout, done.stderr

@@ -15,8 +15,8 @@ from pathlib import Path
 from random import Random
 
 import ssgi_cl as gi
-from ssgi_cl import exr
-from ssgi_cl.errors import DeviceMemoryError
+from ssgi_cl.core.errors import DeviceMemoryError
+from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 PROGRAM = Path(__file__).parents[2] / "ssgi_cl_command.py"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import ssgi_cl as gi
-from ssgi_cl.errors import DeviceError
+from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 CALLS = 10_000

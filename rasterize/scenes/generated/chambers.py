@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 
 from . import furniture, solids
 from .chance import Chance

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment
+from ssgi_cl.core.lights import DirectionalLight, Environment
 
 from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import Part, complete

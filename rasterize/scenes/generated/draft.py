@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ssgi_cl.lights import Light
+from ssgi_cl.core.lights import Light
 
 from .chance import Chance
 from .model import Model

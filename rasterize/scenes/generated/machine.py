@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ssgi_cl.lights import Environment, PointLight, SpotLight
+from ssgi_cl.core.lights import Environment, PointLight, SpotLight
 
 from ..scatter import Doubles, rotation
 from ..shapes import lathe, rounded

@@ -10,9 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ssgi_cl.core.scene import Material, Scene
+
 from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import Part, assemble, complete
-from ...scene import Material, Scene
 from ..scatter import Doubles, copies, rotation
 from ..shapes import box, of_material
 from . import solids

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssgi_cl.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 
 from ..scatter import rotation
 from ..shapes import quad

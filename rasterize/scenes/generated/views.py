@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.camera import Camera
+from ssgi_cl.core.camera import Camera
 
 from ...parts import Part
 from ..builtin import Vector

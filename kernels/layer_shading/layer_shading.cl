@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+// layer_shading: the radiance that one layer's surfaces send, on the side that the camera sees or,
+// with `facing` -1, on the other.
+//
+// L = albedo / pi (E_lamps + A E_ambient) + emission.
+// Reads:   depth, normal, albedo, emission  with margin: image `layer`, or 3 layer + c
+//          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
+//          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
+//          ambient   W/m^2 (LIT_AMBIENT 1), see shade/ambient.clh
+// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is; with LIT_RECORDS 1
+//                    layer `image` of records, see layer_shading/records.clh, where something is
+// Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS (0, 1); LIT_STEP;
+//          AMBIENT_SIZE, see `ambient`
+// Params:  view to world rotation, margin; open_size columns and rows of `openness`
+// Launch:  SSGI_LANES pixels of a row per work-item
+// Cost:    memory: 13 planes read, 3 or 4 written; one scattered read per pixel with openness
+
+#include "common/gbuffer.clh"
+#include "layer_shading/records.clh"
+#include "raster/quads.clh"
+#include "shade/ambient.clh"
+
+#if !defined(LIT_LAMPS) || !defined(LIT_AMBIENT) || !defined(LIT_OPENNESS) ||                      \
+    !defined(LIT_EMISSION) || !defined(LIT_RECORDS) || !defined(LIT_STEP) ||                       \
+    !defined(AMBIENT_SIZE)
+#error "LIT_LAMPS, _AMBIENT, _OPENNESS, _EMISSION, _RECORDS, _STEP, AMBIENT_SIZE must be defined"
+#endif
+
+__kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
+                         ssgi_plane emission, ssgi_plane lamps, ssgi_plane openness,
+                         __global const float *restrict ambient, __global float *restrict radiance,
+                         const int2 size, const LitParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int first = 3 * params.layer;
+    const vfloat zero = v_splat(0.0f);
+    const vmask there = v_lt(ssgi_load(depth, size, params.layer, x, y), v_splat(INFINITY));
+    if (!v_any(there)) {
+#if !LIT_RECORDS
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(zero, radiance, size, params.image + c, x, y, 0.0f);
+        }
+#endif
+        return;
+    }
+#if LIT_AMBIENT || LIT_RECORDS
+    const vfloat vx = ssgi_load(normal, size, first, x, y) * params.facing;
+    const vfloat vy = ssgi_load(normal, size, first + 1, x, y) * params.facing;
+    const vfloat vz = ssgi_load(normal, size, first + 2, x, y) * params.facing;
+#endif
+#if LIT_AMBIENT
+    const vfloat nx = params.xx * vx + params.xy * vy + params.xz * vz;
+    const vfloat ny = params.yx * vx + params.yy * vy + params.yz * vz;
+    const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
+#if LIT_OPENNESS
+    // The nearest pixel that has one; the margin takes the border's.
+    const int2 open_size = (int2)(params.open_columns, params.open_rows);
+    const vint column = (v_iclamp(v_iota() + (x - params.margin_columns), 0,
+                                  open_size.x * LIT_STEP - 1) + (LIT_STEP / 2)) / LIT_STEP;
+    const int row = (clamp(y - params.margin_rows, 0, open_size.y * LIT_STEP - 1) + LIT_STEP / 2) /
+                    LIT_STEP;
+    const vfloat a = ssgi_gather(openness, open_size, 0,
+                                 v_imin(column, v_splat_int(open_size.x - 1)),
+                                 v_splat_int(min(row, open_size.y - 1)));
+#endif
+#endif
+    vfloat sent[3];
+#if LIT_AMBIENT
+    vfloat environment[3];
+    ssgi_ambient(ambient, nx, ny, nz, environment);
+#endif
+    for (int c = 0; c < 3; ++c) {
+        vfloat light = zero;
+#if LIT_AMBIENT
+        light = environment[c];
+#if LIT_OPENNESS
+        light = light * a;
+#endif
+#endif
+#if LIT_LAMPS
+        light = light + ssgi_load(lamps, size, c, x, y);
+#endif
+        vfloat sum = ssgi_load(albedo, size, first + c, x, y) * light * M_1_PI_F;
+#if LIT_EMISSION
+        sum = sum + ssgi_load(emission, size, first + c, x, y);
+#endif
+        sent[c] = v_select(zero, sum, there);
+    }
+#if LIT_RECORDS
+    const vint place = ssgi_record(size, v_splat_int(params.image), v_splat_int(x), v_splat_int(y));
+    raster_store_quads((RasterQuad){v_bits(sent[0]), v_bits(sent[1]), v_bits(sent[2]),
+                                    ssgi_packed_normal(vx, vy, vz)},
+                       radiance + 4 * v_first(place));
+#else
+    for (int c = 0; c < 3; ++c) {
+        ssgi_store(sent[c], radiance, size, params.image + c, x, y, 0.0f);
+    }
+#endif
+}

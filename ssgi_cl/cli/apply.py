@@ -1,0 +1,251 @@
+"""The command `ssgi apply`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.errors import shown
+from ssgi_cl.core.gbuffer import NAN, GBuffer
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light
+from ssgi_cl.core.params import Params, describe
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.io import exr
+from ssgi_cl.io.console import (
+    DEFAULT_FOV,
+    checked_output,
+    device_option,
+    human_errors,
+    json_option,
+    progress,
+    report,
+    wrapped,
+    yfov_of,
+)
+from ssgi_cl.io.exr_header import ExrHeader, read_header
+from ssgi_cl.techniques import TECHNIQUES, Entry
+from ssgi_cl.techniques.indirect.ssdo import ssdo
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+
+
+@click.command("apply")
+@click.argument("technique", type=click.Choice(sorted([*TECHNIQUES, "ssdo"])))
+@click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
+@click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is "
+              "added to its channels.")
+@click.option("--fov", type=float, help="Vertical field of view of the file's display window in "
+              "degrees; 50 by default.")
+@click.option("--ortho", type=float, metavar="HEIGHT",
+              help="Orthographic camera whose display window is this high, in scene units.")
+@click.option("--intrinsics", nargs=4, type=float, metavar="FX FY CX CY",
+              help="Calibrated camera, in pixels; CX CY from the display window's corner.")
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
+              help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
+              "lists them with their units.")
+@click.option("--method", metavar="NAME", help="Short for --set method=NAME: how ssdo finds "
+              "surfaces, 'published' as its paper has it if there is such a method.")
+@click.option("--preset", metavar="NAME", help="Where parameters without --set come from: low, "
+              "medium, high or ultra; by default the technique's defaults.")
+@click.option("--error", type=float, metavar="RMSE", help="Instead of a preset: the fastest "
+              "recorded setting that is expected to be no further from cast rays.")
+@click.option("--budget-ms", type=float, metavar="MS", help="Instead of a preset: the best "
+              "recorded setting that is expected to take no longer on this device.")
+@click.option("--sky", nargs=3, type=float, metavar="R G B",
+              help="ssdo: a constant environment of this radiance, W m^-2 sr^-1.")
+@click.option("--sun", nargs=4, type=float, metavar="X Y Z E", help="ssdo: parallel light that "
+              "travels along X Y Z in camera space, with irradiance E in W/m^2.")
+@click.option("--lit", is_flag=True, help="ssdo: the file's R, G and B are the light that surfaces "
+              "send, W m^-2 sr^-1.")
+@click.option("--nan", type=click.Choice(NAN), default="refuse", show_default=True,
+              help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and "
+              "other NaN for 0.")
+@click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
+              "are used.")
+@device_option
+@json_option
+@human_errors
+def apply_command(
+    technique: str, source: Path | None, output: Path | None, overwrite: bool, fov: float | None,
+    ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
+    method: str | None, preset: str | None, error: float | None, budget_ms: float | None,
+    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, nan: str,
+    no_normals: bool, device: str | None, as_json: bool,
+) -> None:
+    """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
+
+    Depth is linear along the line of sight, in scene units; 1e10 and more is where nothing is.
+    Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
+    the file's are in world space, as those of `ssgi render` and of Blender are. The result covers
+    the file's data window, overscan included.
+
+    ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
+    radiance 1.
+    """
+    params = SsdoParams if technique == "ssdo" else TECHNIQUES[technique].params
+    if "help" in settings:
+        _list_parameters(params, as_json)
+        return
+    if source is None:
+        raise click.UsageError("Missing argument 'IN.exr'.")
+    if output is None:
+        raise click.UsageError("Missing option '-o' / '--output'.")
+    checked_output(output, (".exr",))
+    adds = _is_same_file(source, output)
+    if adds and not overwrite:
+        raise click.UsageError(
+            f"--output is {output}: that is the input; --overwrite adds the result to its channels"
+        )
+    if method is not None:
+        settings = (*settings, f"method={method}")
+    parameters = dict(_setting(text, technique, params) for text in settings)
+    asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
+    parameters |= {name: value for name, value in asked.items() if value is not None}
+    _check_lights(technique, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
+    if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
+        raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
+    with progress(as_json) as step:
+        step("opening the device")
+        runtime = Runtime.open(device)
+        step(f"reading {source}")
+        header = read_header(source)
+        camera = _apply_camera(header, fov, ortho, intrinsics)
+        with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
+            arrays = exr.read_gbuffer(source)
+        # Ambient occlusion needs neither albedo nor emission, so they may hold anything.
+        unused = () if technique == "ssdo" else ("albedo", "emission")
+        for name in (*unused, "normal") if no_normals else unused:
+            arrays.pop(name, None)
+        gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
+        step(f"computing {technique}")
+        if technique == "ssdo":
+            parameters["radiance"] = _image(source) if lit else None
+            lights = _lights(sky, sun, none=lit)
+            direct, bounce, *bent = ssdo(gbuffer, lights, runtime=runtime, **parameters)
+            channels = {"direct": direct, "bounce": bounce, **_bent_channels(*bent)}
+        else:
+            channels = _channels(TECHNIQUES[technique], gbuffer, runtime, parameters)
+        passes = runtime.times()
+        step("writing the file")
+        if adds:
+            exr.add(output, channels)
+        else:
+            exr.write(output, channels, data=header.data, display=header.display)
+    report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height})
+
+
+def _is_same_file(source: Path, output: Path) -> bool:
+    """Return whether both paths lead to one file, by links too."""
+    return source.exists() and output.exists() and source.samefile(output)
+
+
+def _channels(
+    entry: Entry, gbuffer: GBuffer, runtime: Runtime, parameters: dict[str, Any]
+) -> dict[str, Any]:
+    """Return what the technique finds, by the names that it has in a file."""
+    result = entry.function(gbuffer, runtime=runtime, **parameters)
+    if isinstance(result, tuple):  # with bent normals
+        a, bent = result
+        return {entry.channel: a, **_bent_channels(bent)}
+    return {entry.channel: result}
+
+
+def _bent_channels(bent: Any = None) -> dict[str, Any]:
+    """Return bent normals, if there are any, by the names that they have in a file."""
+    return {} if bent is None else {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
+
+
+def _check_lights(technique: str, lights: dict[str, Any], asked: dict[str, Any]) -> None:
+    """Raise for options that the technique doesn't have."""
+    if technique == "ssdo":
+        wrong = [name.replace("_", "-") for name, value in asked.items() if value is not None]
+        if wrong:
+            raise click.UsageError(f"--{wrong[0]} is not for ssdo: it has no recorded settings")
+        return
+    wrong = [name for name, value in lights.items() if value is not None]
+    if wrong:
+        raise click.UsageError(f"{wrong[0]} is for ssdo: {technique} knows no light")
+
+
+def _lights(
+    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, *, none: bool
+) -> list[Light]:
+    """Return the lights that were asked for; an even sky if none was and none is not allowed."""
+    lights: list[Light] = []
+    if sky is not None:
+        lights.append(Environment(sky))
+    if sun is not None:
+        lights.append(DirectionalLight(sun[:3], sun[3]))
+    return lights if lights or none else [Environment(1.0)]
+
+
+def _image(path: Path) -> NDArray[np.float32]:
+    """Return R, G and B of an OpenEXR file, [rows, columns, 3]."""
+    with redirect_stdout(StringIO()):
+        present = exr.read(path)
+    missing = [name for name in "RGB" if name not in present]
+    if missing:
+        raise ValueError(
+            f"{path} has no channel {missing[0]}, which --lit needs; it has {', '.join(present)}"
+        )
+    return np.stack([present[name].astype(np.float32, copy=False) for name in "RGB"], axis=-1)
+
+
+def _apply_camera(
+    header: ExrHeader, fov: float | None, ortho: float | None,
+    intrinsics: tuple[float, ...] | None,
+) -> Camera:
+    """Return the camera of the data window, from the options, which are of the display window."""
+    left, top, right, bottom = header.display
+    size: dict[str, Any] = {"width": right - left + 1, "height": bottom - top + 1}
+    eye, target = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)
+    if intrinsics is not None:
+        camera = Camera.from_intrinsics(*intrinsics, **size)
+    elif ortho is not None:
+        camera = Camera.orthographic(eye, target, view_height=ortho, **size)
+    else:
+        yfov = yfov_of({"fov": fov}, math.radians(DEFAULT_FOV))
+        camera = Camera.look_at(eye, target, yfov=yfov, **size)
+    rows, columns = header.size
+    return camera.cropped(header.data[0] - left, header.data[1] - top, columns, rows)
+
+
+def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise click.UsageError(f"--set {shown(text)}: expected NAME=VALUE")
+    names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
+    if name not in names:
+        raise click.UsageError(
+            f"--set {shown(text)}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
+        )
+    special = {"true": True, "false": False, "inf": math.inf}
+    if value.lower() in special:
+        return name, special[value.lower()]
+    try:
+        return name, json.loads(value)
+    except ValueError:
+        return name, value
+    except RecursionError:
+        raise click.UsageError(f"--set {name}: the value is nested too deeply") from None
+
+
+def _list_parameters(params: type[Params], as_json: bool) -> None:
+    rows = describe(params)
+    if as_json:
+        keys = ("name", "default", "meaning")
+        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=1))
+        return
+    for name, default, meaning in rows:
+        click.echo(f"{name}={default}")
+        click.echo(wrapped(meaning, "    "))

@@ -1,0 +1,95 @@
+"""The command line: `ssgi render`, `ssgi apply`, `ssgi bench`, `ssgi truth`, `ssgi devices`."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import click
+
+from ssgi_cl.bench.command import bench_command, truth_command
+from ssgi_cl.cli.apply import apply_command
+from ssgi_cl.cli.render import render_command
+from ssgi_cl.device import drivers
+from ssgi_cl.device.drivers import DeviceInfo
+from ssgi_cl.io.console import human_errors, json_option, progress, wrapped
+from ssgi_cl.version import __version__
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="ssgi")
+def main() -> None:
+    """Image-space global illumination on G-buffers, on any OpenCL device."""
+
+
+for _command in (render_command, apply_command, bench_command, truth_command):
+    main.add_command(_command)
+
+
+@main.command("devices")
+@json_option
+@click.option("--refresh", is_flag=True, help="Time all devices anew, whatever is recorded.")
+@human_errors
+def devices_command(as_json: bool, refresh: bool) -> None:
+    """List OpenCL devices, and the build of the kernels that each gets and why.
+
+    What was found is recorded in the cache folder (SSGI_CL_CACHE, or ssgi_cl in the user's caches).
+    """
+    if refresh:
+        drivers.look_again()
+    with progress(as_json) as step:
+        step("timing devices not seen before")
+        found = drivers.devices()
+    if as_json:
+        print(json.dumps([
+            {"label": info.label, "kind": info.kind, "units": info.units, "driver": info.driver,
+             "form": str(info.best), "million_reads_per_second": info.speeds}
+            for info in found
+        ], indent=1))
+        return
+    if not found:
+        reasons = "".join(f"\n{wrapped(reason, '  ')}" for reason in drivers.problems())
+        raise click.ClickException(f"no OpenCL device found. {drivers.INSTALL}.{reasons}")
+    usable = [info for info in found if info.best is not None]
+    chosen = max(usable, key=lambda info: info.speed, default=None)
+    for info in found:
+        _list_device(info, default=info == chosen)
+    for reason in drivers.problems():
+        click.echo(wrapped(f"Without a device: {reason}", "") + "\n")
+    if chosen is None:
+        click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
+        return
+    click.echo(wrapped(
+        "Numbers are million scattered reads a second with each form of the kernels. In use (*) is "
+        "the widest form within 15 % of the fastest.", ""
+    ))
+
+
+def _list_device(info: DeviceInfo, *, default: bool) -> None:
+    units = f"{info.units} compute unit{'s' if info.units != 1 else ''}"
+    click.echo(wrapped(info.label, ""))
+    click.echo(f"  {info.kind}, {units}{', used by default' if default else ''}")
+    for form in drivers.FORMS:
+        speed = info.speeds.get(str(form), "not tried")
+        mark = "*" if form == info.best else " "
+        if isinstance(speed, str):
+            click.echo(f"  {mark} {form!s:17} does not run:")
+            for line in speed.splitlines():
+                if line.strip():
+                    click.echo(wrapped(line, " " * 8))
+        else:
+            why = ""
+            if form == info.best:
+                within = "fastest" if speed == info.speed else "widest within 15 %"
+                why = f"  in use: {within}"
+            click.echo(f"  {mark} {form!s:17} {speed:7.0f}{why}")
+    if info.best is None:
+        click.echo("  no form of the kernels runs on it, so it is not used")
+    if info.failures and info.driver:
+        click.echo(wrapped(drivers.standing(info), "  "))
+    click.echo()
+
+
+
+if __name__ == "__main__":
+    sys.exit(main())

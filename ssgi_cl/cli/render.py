@@ -1,0 +1,251 @@
+"""The command `ssgi render`."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.render import Frame, render
+from ssgi_cl.frame.render_params import AO_DEFAULT, BOUNCES
+from ssgi_cl.io import exr, png
+from ssgi_cl.io.console import (
+    DEFAULT_FOV,
+    VECTOR,
+    checked_output,
+    device_option,
+    human_errors,
+    json_option,
+    progress,
+    report,
+    yfov_of,
+)
+from ssgi_cl.io.previews import VIEWS, gbuffer_views, levels_view, share_view
+from ssgi_cl.rasterize.load import READERS
+from ssgi_cl.techniques import TECHNIQUES
+
+if TYPE_CHECKING:
+    from ssgi_cl.core.scene import Scene
+    from ssgi_cl.rasterize.scenes import BuiltinScene
+
+
+@click.command("render")
+@click.argument("scene", metavar="SCENE")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
+              help="The picture: .png, or .exr for linear radiance with AO and the G-buffer.")
+@click.option("--views", is_flag=True, help="Write .exr and views of AO, depth, normal and albedo "
+              "beside the picture too.")
+@click.option("--width", type=int, help="Pixels; 800 by default.")
+@click.option("--height", type=int, help="Pixels; 600 by default.")
+@click.option("--eye", help="Where the camera is: world space, scene units.", **VECTOR)
+@click.option("--target", help="What it looks at: world space, scene units.", **VECTOR)
+@click.option("--up", help="Which way is up in the picture: world space; y by default.", **VECTOR)
+@click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
+@click.option("--camera", "camera_file", type=click.Path(path_type=Path),
+              help="JSON file with origin, forward, up (world space) and fov_deg (horizontal). "
+              "A file named like the scene with .scene.json at its end is found by itself.")
+@click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
+              "W m^-2 sr^-1.")
+@click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
+              show_default=True, help="What dims ambient light.")
+@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
+              "diagonal.")
+@click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
+@click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
+              "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
+              "triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
+              "hides ambient light too; by default none.")
+@click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
+              "it: 'published' for the method as its paper has it; by default the library's own.")
+@click.option("--vpls", type=int, default=1024, show_default=True,
+              help="Virtual point lights of --indirect multires and vpl.")
+@click.option("--glossy-vpls", type=int, default=0, show_default=True,
+              help="More lights of --indirect vpl, for what glossy surfaces mirror.")
+@click.option("--indirect-ao", is_flag=True,
+              help="Let --ao dim the light of --indirect multires, vpl and gather too.")
+@click.option("--layers", type=int, default=1, show_default=True,
+              help="Depth layers.")
+@click.option("--extra-cameras", type=int, default=0, show_default=True,
+              help="Cameras that show --indirect ssdo what the camera misses.")
+@click.option("--shadow-size", type=int, default=1024, show_default=True,
+              help="Texels along a shadow map's side.")
+@click.option("--rsm-size", type=int, default=512, show_default=True,
+              help="Of them, at most so many along a side are what reflected light is chosen from.")
+@click.option("--explain", is_flag=True, help="Say of all that was left out how much time that "
+              "saves, by estimate.")
+@click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
+@click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
+@device_option
+@json_option
+@human_errors
+def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
+    """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, a built-in scene (cornell_box,
+    hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
+    room, colonnade, foliage, machine, street or terrain.
+
+    A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
+    the device.
+    """
+    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
+
+    endings: tuple[str, ...] = ()
+    if options["views"]:
+        endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
+    for path in (output, *map(output.with_suffix, endings)):
+        checked_output(path, (".png", ".exr"))
+    _check_view_options(options)
+    if not is_scene(scene):
+        _check_file(Path(scene), SCENE_NAMES)
+    with progress(as_json) as step:
+        step("opening the device")
+        runtime = Runtime.open(options["device"])
+        step(f"loading {scene}")
+        loaded, camera, lights, radius = (
+            _builtin(make_scene(scene), options)
+            if is_scene(scene)
+            else _from_file(Path(scene), options, runtime)
+        )
+        if options["ambient"] is not None:
+            lights = (*lights, Environment(options["ambient"]))
+        arguments: dict[str, Any] = {
+            "ao": False if options["ao"] == "none" else options["ao"],
+            "indirect": options["indirect"],
+            "method": options["method"],
+            "vpls": options["vpls"],
+            "glossy_vpls": options["glossy_vpls"],
+            "indirect_ao": options["indirect_ao"],
+            "layers": options["layers"],
+            "extra_cameras": options["extra_cameras"],
+            "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
+            "ao_samples": options["ao_samples"],
+            "shadow_size": options["shadow_size"],
+            "rsm_size": options["rsm_size"],
+            "exposure": options["exposure"],
+            # A single picture is a first one, though it is the second here.
+            "skips": () if options["no_skips"] else set(SKIPS) - {"unchanged"},
+            "runtime": runtime,
+        }
+        step("compiling kernels")
+        render(loaded, camera, lights, **arguments)
+        step("rendering")
+        frame = render(loaded, camera, lights, gbuffer=True, **arguments)
+        step("writing files")
+        files = _write(frame, output, views=options["views"])
+    report(
+        as_json, runtime, frame.passes, files,
+        {"scene": scene, "width": camera.width, "height": camera.height,
+         "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3)},
+        explain=options["explain"],
+    )
+
+
+def _check_view_options(options: dict[str, Any]) -> None:
+    given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
+    if options["camera_file"] is not None and given:
+        raise click.UsageError(f"--camera and {given[0]} exclude each other")
+
+
+def _check_file(path: Path, scenes: str) -> None:
+    """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
+    name = os.fspath(path)
+    if path.is_dir():
+        raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
+    if not path.exists() and path.suffix.lower() not in READERS:
+        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}")
+
+
+def _size(options: dict[str, Any]) -> tuple[int, int]:
+    """Return (width, height); the camera checks them."""
+    width, height = options["width"], options["height"]
+    return 800 if width is None else width, 600 if height is None else height
+
+
+def _builtin(
+    builtin: BuiltinScene, options: dict[str, Any]
+) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
+    width, height = _size(options)
+    if options["camera_file"] is not None:
+        camera = _camera_file(options["camera_file"], options)
+    else:
+        camera = Camera.look_at(
+            builtin.eye if options["eye"] is None else options["eye"],
+            builtin.target if options["target"] is None else options["target"],
+            builtin.up if options["up"] is None else options["up"],
+            yfov=yfov_of(options, builtin.yfov), width=width, height=height,
+        )
+    return builtin.scene, camera, builtin.lights, builtin.ao_radius
+
+
+def _from_file(
+    path: Path, options: dict[str, Any], runtime: Runtime
+) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
+    from ssgi_cl.rasterize import load_scene
+    from ssgi_cl.rasterize.default_camera import default_camera, default_lights
+
+    if (options["eye"] is None) != (options["target"] is None):
+        raise click.UsageError("--eye and --target go together")
+    if options["up"] is not None and options["eye"] is None:
+        raise click.UsageError("--up needs --eye and --target")
+    width, height = _size(options)
+    yfov = yfov_of(options, math.radians(DEFAULT_FOV))
+    # The camera's size and the rest of it are checked before a large scene is loaded.
+    camera = Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
+    beside = path.with_name(path.stem + ".scene.json")
+    if options["eye"] is not None:
+        camera = Camera.look_at(
+            options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov,
+            width=width, height=height,
+        )
+    elif options["camera_file"] is not None:
+        camera = _camera_file(options["camera_file"], options)
+    scene = load_scene(path)
+    if options["eye"] is None and options["camera_file"] is None:
+        if beside.is_file() and options["fov"] is None:
+            camera = _camera_file(beside, options)
+        else:
+            camera = default_camera(scene, width, height, yfov, runtime)
+    return scene, camera, default_lights(scene, camera, runtime), None
+
+
+def _camera_file(path: Path, options: dict[str, Any]) -> Camera:
+    from ssgi_cl.rasterize.default_camera import camera_from_json
+
+    return camera_from_json(path, options["width"], options["height"])
+
+
+def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
+    gbuffer = frame.gbuffer
+    assert gbuffer is not None  # noqa: S101  it was asked for
+    arrays = {"image": frame.radiance}
+    if frame.ao is not None:
+        arrays["ao"] = frame.ao
+    if frame.indirect is not None:
+        arrays["indirect"] = frame.indirect
+    for name in ("depth", "normal", "albedo", "emission"):
+        array = gbuffer.first(name)
+        if array is not None:
+            arrays[name] = gbuffer.inner(array)
+    is_picture = output.suffix.lower() == ".png"
+    wanted: list[tuple[Path, Any]] = [(output, frame.image if is_picture else arrays)]
+    if is_picture and views:
+        wanted.append((output.with_suffix(".exr"), arrays))
+    if views:
+        pictures = gbuffer_views(gbuffer)
+        if frame.ao is not None:
+            pictures["ao"] = share_view(frame.ao)
+        if frame.levels is not None:
+            pictures["levels"] = levels_view(frame.levels)
+        wanted += [(output.with_suffix(f".{name}.png"), view) for name, view in pictures.items()]
+    for path, content in wanted:
+        if path.suffix.lower() == ".exr":
+            exr.write(path, content)
+        else:
+            png.write(path, content)
+    return [path for path, _ in wanted]

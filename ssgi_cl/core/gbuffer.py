@@ -1,0 +1,336 @@
+"""G-buffers and reflective shadow maps: numpy arrays with the camera that saw them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.immutable import Immutable, frozen
+from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.io import exr
+from ssgi_cl.io.exr_header import read_header
+
+Floats = NDArray[np.float32]
+
+LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
+"""Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
+holds at any angle."""
+
+NAN = ("refuse", "hole")
+"""What NaN in a G-buffer's arrays may mean."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GBuffer:
+    """What a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
+
+    Arrays may be larger than the camera's image by an even number of rows and columns: the margin
+    (overscan) then surrounds the image, and results have the size of the camera's image.
+
+    Attributes:
+        camera: the camera; its size is that of the results.
+        depth: [rows, columns] or [layers, rows, columns] float32, linear view depth in scene
+            units, > 0; +inf where nothing is there. Layers go from front to back: none is nearer
+            than the one before it. Depths below 1e-30 or above 1e30 count as these.
+        normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
+            With None, and where it is 0 on a surface, the normal is reconstructed from depth.
+            [layers, rows, columns, 3] gives the deeper layers' normals too.
+        albedo: [rows, columns, 3] (or with layers) float32, linear reflectance in [0, 1]; None
+            stands for 0.8 everywhere.
+        emission: [rows, columns, 3] float32 radiance in W m^-2 sr^-1, in [0, 1e30], or None.
+        specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
+        gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
+        thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
+            seen of them along the line of sight, scene units, >= 0 (+inf: without end), or None.
+        nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
+            (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
+            are reconstructed from depth.
+
+    Raises:
+        TypeError: an array is not of real numbers.
+        ValueError: a wrong shape, NaN, a value outside its range, or layers out of order; the
+            message names the pixel.
+    """
+
+    camera: Camera
+    depth: ArrayLike
+    normal: ArrayLike | None = None
+    albedo: ArrayLike | None = None
+    emission: ArrayLike | None = None
+    specular: ArrayLike | None = None
+    gloss: ArrayLike | None = None
+    thickness: ArrayLike | None = None
+    nan: Literal["refuse", "hole"] = "refuse"
+    margin: tuple[int, int] = field(init=False)
+    """(rows, columns) by which the arrays exceed the camera's image on every side."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
+        if checks.choice("nan", self.nan, NAN) == "hole":
+            self._fill_nan()
+        depth = _layered(
+            "depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True,
+            infinite=True,
+        )
+        _in_order(depth)
+        self._set("depth", depth)
+        margin = np.subtract(depth.shape[-2:], self.camera.size)
+        if (margin < 0).any() or (margin % 2).any():
+            raise ValueError(
+                f"depth has {depth.shape[-2]} rows and {depth.shape[-1]} columns: expected "
+                f"{self.camera.height} x {self.camera.width} as the camera, or more by an even "
+                "number (a margin of equal size on opposite sides)"
+            )
+        object.__setattr__(self, "margin", (int(margin[0]) // 2, int(margin[1]) // 2))
+        if self.normal is not None:
+            self._set("normal", _unit(self._attribute("normal", self.normal, low=-np.inf)))
+        for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0)):
+            value = getattr(self, name)
+            if value is not None:
+                self._set(name, self._attribute(name, value, low=0.0, high=high))
+        if self.gloss is not None:
+            gloss = checks.plane("gloss", self.gloss, unit="Phong exponent", low=0.0)
+            self._same_size("gloss", gloss.shape)
+            self._set("gloss", gloss)
+        if self.thickness is not None:
+            thickness = checks.plane(
+                "thickness", self.thickness, unit="scene units", low=0.0, infinite=True
+            )
+            if thickness.shape != depth.shape[-2:]:
+                raise ValueError(
+                    f"thickness has shape {thickness.shape}: expected {depth.shape[-2:]} as the "
+                    "depth"
+                )
+            self._set("thickness", thickness)
+
+    def _fill_nan(self) -> None:
+        """Replace the arrays that hold NaN."""
+        for name in ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"):
+            value = getattr(self, name)
+            array = None if value is None else checks.as_array(name, value)
+            if array is None or array.dtype.kind != "f":
+                continue
+            missing = np.isnan(array)
+            if name == "depth" and array.ndim == 3:
+                missing = np.logical_or.accumulate(missing)
+            if missing.any():
+                self._set(name, np.where(missing, np.inf if name == "depth" else 0.0, array))
+
+    def _set(self, name: str, value: Floats) -> None:
+        object.__setattr__(self, name, value)
+
+    def _attribute(
+        self, name: str, value: ArrayLike, *, low: float, high: float = np.inf
+    ) -> Floats:
+        array = _layered(name, value, 3, low=low, high=high)
+        self._same_size(name, array.shape[:-1])
+        return array
+
+    def _same_size(self, name: str, shape: tuple[int, ...]) -> None:
+        depth: Floats = self.depth  # type: ignore[assignment]
+        if shape not in (depth.shape, depth.shape[-2:]):
+            raise ValueError(f"{name} has shape {shape}: expected {depth.shape} as the depth")
+
+    @property
+    def layers(self) -> int:
+        """Number of depth layers."""
+        depth: Floats = self.depth  # type: ignore[assignment]
+        return 1 if depth.ndim == 2 else int(depth.shape[0])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(rows, columns) of the camera's image, which is that of every result."""
+        return self.camera.size
+
+    def first(self, name: str) -> Floats | None:
+        """Return the front layer of the array called `name`, margin included, or None."""
+        array = getattr(self, name)
+        if array is None:
+            return None
+        flat = 2 if name in ("depth", "gloss", "thickness") else 3
+        result: Floats = array if array.ndim == flat else array[0]
+        return result
+
+    def inner(self, array: Floats) -> Floats:
+        """Return `array` [rows, columns, ...] without the margin (a view)."""
+        rows, columns = self.margin
+        return array[rows : array.shape[0] - rows, columns : array.shape[1] - columns]
+
+    @classmethod
+    def from_exr(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        camera: Camera,
+        channels: Mapping[str, str | tuple[str, ...]] | None = None,
+        nan: Literal["refuse", "hole"] = "refuse",
+    ) -> Self:
+        """Read a G-buffer from an OpenEXR file.
+
+        Args:
+            path: the file.
+            camera: the camera that saw it, of the file's display window or of its data window
+                (`Camera.cropped`).
+            channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
+                {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
+                given.
+            nan: as the attribute.
+
+        Raises:
+            ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
+                with a camera of the display window, the data window does not exceed that equally
+                on opposite sides (overscan).
+        """
+        header = read_header(Path(path))
+        data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
+        before, after = display[0] - data[0], data[1] - display[1]
+        if camera.size != header.size and ((before != after).any() or (before < 0).any()):
+            raise ValueError(
+                f"{os.fspath(path)} has the data window {data.tolist()} and the display window "
+                f"{display.tolist()}: expected the same window, or a margin of equal size on "
+                "opposite sides, or camera.cropped(...) to the data window"
+            )
+        return cls(camera=camera, nan=nan, **exr.read_gbuffer(path, channels))
+
+    def to_exr(self, path: str | os.PathLike[str]) -> None:
+        """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""
+        names = ("depth", "normal", "albedo", "emission")
+        arrays = {name: self.first(name) for name in names}
+        exr.write(path, {name: array for name, array in arrays.items() if array is not None})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReflectiveShadowMap(Immutable):
+    """What a light sees, and how much of its light every texel reflects. Its arrays are read-only.
+
+    Attributes:
+        light: the light whose map this is.
+        camera: its camera, or a tuple of six for a point light, whose faces are stacked from top
+            to bottom in the arrays.
+        depth: [rows, columns] float32, linear depth from the light in scene units; +inf = nothing.
+        position: [rows, columns, 3] float32, world space; 0 where nothing is there.
+        normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
+        flux: [rows, columns, 3] float32, reflected radiant flux of the texel in W.
+        specular_flux: [rows, columns, 3] float32, likewise, what goes into the Phong lobe round
+            the mirrored ray of light; or None, as of scenes without gloss.
+        gloss: [rows, columns] float32, exponent of that lobe, >= 0; expected with
+            `specular_flux`, else None.
+    """
+
+    light: SpotLight | PointLight | DirectionalLight
+    camera: Camera | tuple[Camera, ...]
+    depth: ArrayLike
+    position: ArrayLike
+    normal: ArrayLike
+    flux: ArrayLike
+    specular_flux: ArrayLike | None = None
+    gloss: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        depth = checks.plane(
+            "depth", self.depth, unit="scene units", low=0.0, above=True, infinite=True
+        )
+        heights = sum(camera.height for camera in self.cameras)
+        if depth.shape != (heights, self.cameras[0].width):
+            raise ValueError(
+                f"depth has shape {depth.shape}: expected {(heights, self.cameras[0].width)} "
+                "as the light's cameras, stacked"
+            )
+        object.__setattr__(self, "depth", frozen(depth, self.depth))
+        kinds = [("position", 3, -np.inf), ("normal", 3, -np.inf), ("flux", 3, 0.0)]
+        if (self.specular_flux is None) != (self.gloss is None):
+            raise ValueError("expected both of specular_flux and gloss, or neither")
+        if self.gloss is not None:
+            kinds += [("specular_flux", 3, 0.0), ("gloss", 0, 0.0)]
+        for name, channels, low in kinds:
+            given = getattr(self, name)
+            array = checks.plane(name, given, channels=channels, low=low)
+            shape = (*depth.shape, channels) if channels else depth.shape
+            if array.shape != shape:
+                raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
+            object.__setattr__(self, name, frozen(array, given))
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras of the faces, one or six."""
+        return self.camera if isinstance(self.camera, tuple) else (self.camera,)
+
+
+def _layered(
+    name: str,
+    value: ArrayLike,
+    channels: int,
+    *,
+    low: float,
+    high: float = np.inf,
+    unit: str = "",
+    infinite: bool = False,
+    above: bool = False,
+) -> Floats:
+    array = checks.as_array(name, value)
+    flat = 3 if channels else 2
+    if array.ndim == flat + 1 and array.shape[0] > 0:
+        array = checks.floats(name, array)
+        if channels and array.shape[-1] != channels:
+            raise ValueError(f"{name} has shape {array.shape}: expected {channels} channels")
+        checks.values_in_range(
+            name, array, unit=unit, low=low, high=high, infinite=infinite, above=above
+        )
+        return array
+    return checks.plane(
+        name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite,
+        above=above,
+    )
+
+
+def _in_order(depth: Floats) -> None:
+    """Raise ValueError where a layer is nearer than the one before it."""
+    if depth.ndim == 2:
+        return
+    for layer in range(1, len(depth)):
+        wrong = depth[layer] < depth[layer - 1]
+        if wrong.any():
+            row, column = (int(i) for i in np.unravel_index(int(np.argmax(wrong)), wrong.shape))
+            raise ValueError(
+                f"depth[{layer}, {row}, {column}] is {depth[layer, row, column]}: expected at "
+                f"least that of layer {layer - 1} there, {depth[layer - 1, row, column]} (scene "
+                "units); layers go from front to back"
+            )
+
+
+def _limited(depth: ArrayLike) -> NDArray[Any]:
+    """Return depths within LEAST_DEPTH and MOST_DEPTH; the same array if they are.
+
+    What is infinite, NaN or not above 0 stays as it is. Float64 is limited before it is rounded.
+    """
+    array = checks.as_array("depth", depth)
+    if array.dtype.kind != "f" or array.size == 0:
+        return array
+    least, most = np.float32(LEAST_DEPTH), np.float32(MOST_DEPTH)
+    far, near = array > most, array < least
+    if not (near.any() or np.isfinite(array[far]).any()):
+        return array
+    far, near = far & (array < np.inf), near & (array > 0.0)
+    return np.where(far, most, np.where(near, least, array))
+
+
+def _unit(normal: Floats) -> Floats:
+    """Return normals of length 1 or 0; the same array where they are so already."""
+    squared = np.einsum("...i,...i->...", normal, normal)
+    # The square of a length below 1e-19 is 0 in float32.
+    wrong = (np.abs(squared - 1.0) > 1e-5) & ((squared != 0.0) | normal.any(axis=-1))
+    if not wrong.any() and np.isfinite(squared).all():
+        return normal
+    wide = normal.astype(np.float64)
+    length = np.linalg.norm(wide, axis=-1, keepdims=True)
+    scaled: Floats = (wide / np.where(length > 0.0, length, 1.0)).astype(np.float32)
+    return scaled

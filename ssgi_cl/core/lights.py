@@ -1,0 +1,121 @@
+"""Light sources, in world space and radiometric units. Their arrays are read-only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.immutable import Immutable, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class SpotLight(Immutable):
+    """A point that shines into a cone.
+
+    Attributes:
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
+        direction: [3], world space, the axis of the cone; any length but zero.
+        cone_angle: half-angle of the cone in radians, in (0, 1.5].
+        intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside;
+            in [0, 1e30].
+        radius: of the sphere round `position` that shines, scene units, >= 0; screen-space
+            shadows soften by it, shadow maps and reflected light take a point.
+    """
+
+    position: ArrayLike
+    direction: ArrayLike
+    cone_angle: float
+    intensity: ArrayLike
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        _set(self, "position", checks.point("position", self.position))
+        _set(self, "direction", checks.direction("direction", self.direction))
+        angle = checks.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians")
+        object.__setattr__(self, "cone_angle", angle)
+        _set(self, "intensity", checks.rgb("intensity", self.intensity, "W/sr"))
+        radius = checks.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
+        object.__setattr__(self, "radius", radius)
+
+
+@dataclass(frozen=True, eq=False)
+class PointLight(Immutable):
+    """A point that shines into all directions.
+
+    Attributes:
+        position: [3], world space, scene units, within 1e30 of the origin along each axis.
+        intensity: [3] or a number, RGB radiant intensity in W/sr, in [0, 1e30].
+        radius: of the sphere that shines, scene units, as a spot light's.
+    """
+
+    position: ArrayLike
+    intensity: ArrayLike
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        _set(self, "position", checks.point("position", self.position))
+        _set(self, "intensity", checks.rgb("intensity", self.intensity, "W/sr"))
+        radius = checks.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
+        object.__setattr__(self, "radius", radius)
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionalLight(Immutable):
+    """Parallel light from infinitely far away.
+
+    Attributes:
+        direction: [3], world space, the way the light travels; any length but zero.
+        irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light, in
+            [0, 1e30].
+        angle: between the centre of its disc and the rim, radians, in [0, 0.5]; the sun's is
+            0.00465. Screen-space shadows soften by it, shadow maps take a point.
+    """
+
+    direction: ArrayLike
+    irradiance: ArrayLike
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        _set(self, "direction", checks.direction("direction", self.direction))
+        _set(self, "irradiance", checks.rgb("irradiance", self.irradiance, "W/m^2"))
+        angle = checks.number("angle", self.angle, low=0.0, high=0.5, unit="radians")
+        object.__setattr__(self, "angle", angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Environment(Immutable):
+    """Light from all around, infinitely far away; no shadow map, ambient occlusion dims it.
+
+    Attributes:
+        radiance: [3] or a number for the same RGB radiance everywhere, or [rows, columns, 3] as a
+            latitude-longitude image (row 0 looks up +y, the middle column down -z, columns run to
+            +x); W m^-2 sr^-1, in [0, 1e38].
+    """
+
+    radiance: ArrayLike
+
+    def __post_init__(self) -> None:
+        radiance = checks.as_array("radiance", self.radiance)
+        if radiance.ndim == 3:
+            image = checks.plane(
+                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0, high=MOST_RADIANCE
+            ).astype(np.float64)
+            if image.size == 0:
+                raise ValueError(f"radiance has shape {image.shape}: expected at least one texel")
+            _set(self, "radiance", image)
+        else:
+            constant = checks.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
+            _set(self, "radiance", constant)
+
+
+MOST_RADIANCE = 1e38
+"""W m^-2 sr^-1 of an environment: times pi it is a float32."""
+
+Light = SpotLight | PointLight | DirectionalLight | Environment
+
+
+def _set(light: object, name: str, value: NDArray[np.float64]) -> None:
+    object.__setattr__(light, name, frozen(value))

@@ -1,0 +1,165 @@
+"""A scene as the rasteriser and the ray caster want it: triangles, materials, textures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.immutable import Immutable, frozen
+
+MOST_TEXELS = 2**29 - 1
+"""Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Material:
+    """What a surface is made of.
+
+    Attributes:
+        albedo: [3] linear reflectance in [0, 1]; multiplies the texture and the vertex colour.
+        texture: index into `Scene.textures`, or -1.
+        alpha_cutoff: where the texture's alpha times `alpha` is below it, there is a hole;
+            0 for an opaque surface.
+        alpha: opacity factor in [0, 1], used for the cut-out only.
+        emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
+        specular: [3] reflectance of the Phong lobe in [0, 1].
+        gloss: exponent of the Phong lobe, >= 1.
+    """
+
+    name: str = ""
+    albedo: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    texture: int = -1
+    alpha_cutoff: float = 0.0
+    alpha: float = 1.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gloss: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0)):
+            unit = "W m^-2 sr^-1" if name == "emission" else ""
+            values = checks.rgb(name, getattr(self, name), unit, high=high)
+            object.__setattr__(self, name, tuple(float(v) for v in values))
+        checks.number("alpha_cutoff", self.alpha_cutoff, low=0, high=1)
+        checks.number("alpha", self.alpha, low=0, high=1)
+        checks.number("gloss", self.gloss, low=1, high=1e6)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene(Immutable):
+    """Triangles in world space with what is needed to shade them.
+
+    Arrays are read-only, since devices and ray casters keep what they made of them: a changed scene
+    is another one, such as `dataclasses.replace(scene, positions=scene.positions * 2)`.
+
+    Attributes:
+        origin: [3] float64, world space; `positions` count from here, so that a scene far from
+            the world's origin keeps its precision.
+        positions: [vertices, 3] float32, scene units, relative to `origin`.
+        normals: [vertices, 3] float32, world space, unit length, as the mesh gives them.
+        uvs: [vertices, 2] float32, texture coordinates, v = 0 at the bottom row, repeated.
+        colors: [vertices, 3] float32, linear vertex colour that multiplies the albedo.
+        triangles: [triangles, 3] int32 indices of vertices, counter-clockwise seen from outside.
+        material_ids: [triangles] int32 indices into `materials`.
+        materials: at least one.
+        textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
+            top. With their mip levels at most 2^29 - 1 texels in all.
+    """
+
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    uvs: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    material_ids: NDArray[np.int32]
+    materials: tuple[Material, ...] = (Material(),)
+    textures: tuple[NDArray[np.uint8], ...] = ()
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "origin", frozen(checks.point("origin", self.origin)))
+        for name, width in (("positions", 3), ("normals", 3), ("uvs", 2), ("colors", 3)):
+            given = getattr(self, name)
+            set_(self, name, frozen(checks.plane_list(name, given, width), given))
+            if len(getattr(self, name)) != len(self.positions):
+                raise ValueError(
+                    f"{name} has {len(getattr(self, name))} rows: expected {len(self.positions)}, "
+                    "one for each vertex"
+                )
+        triangles = np.ascontiguousarray(checks.as_array("triangles", self.triangles))
+        if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise ValueError(
+                f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape "
+                "(triangles, 3)"
+            )
+        if len(triangles) == 0:
+            raise ValueError("the scene has 0 triangles: expected at least one")
+        if triangles.min() < 0 or triangles.max() >= len(self.positions):
+            raise ValueError(
+                f"triangles refers to vertices {triangles.min()} to {triangles.max()}: expected "
+                f"0 to {len(self.positions) - 1}"
+            )
+        set_(self, "triangles", frozen(triangles.astype(np.int32), triangles))
+        ids = np.ascontiguousarray(checks.as_array("material_ids", self.material_ids))
+        if ids.shape != (len(triangles),) or ids.dtype.kind not in "iu":
+            raise ValueError(
+                f"material_ids is {ids.dtype} {ids.shape}: expected {len(triangles)} integers"
+            )
+        if not self.materials:
+            raise ValueError("materials is empty: expected at least one")
+        if ids.min() < 0 or ids.max() >= len(self.materials):
+            raise ValueError(
+                f"material_ids runs from {ids.min()} to {ids.max()}: expected 0 to "
+                f"{len(self.materials) - 1}"
+            )
+        set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
+        set_(self, "materials", tuple(self.materials))
+        set_(self, "textures", _textures(self.textures))
+        for material in self.materials:
+            checks.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
+
+    @cached_property
+    def key(self) -> object:
+        """What tells the scene from others without keeping it."""
+        return object()
+
+    @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """[2, 3] float64, world space: least and greatest corner of the box round all triangles."""
+        used = np.zeros(len(self.positions), np.bool_)
+        used[self.triangles] = True
+        corners = self.positions[used]
+        box = np.stack([corners.min(axis=0), corners.max(axis=0)]) + self.origin
+        box.flags.writeable = False
+        return box
+
+
+def _textures(given: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ...]:
+    arrays = [checks.as_array(f"textures[{index}]", one) for index, one in enumerate(given)]
+    for index, array in enumerate(arrays):
+        if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 4 or not array.size:
+            raise ValueError(
+                f"textures[{index}] is {array.dtype} {array.shape}: expected uint8 "
+                "(rows, columns, 4)"
+            )
+    texels = sum(mip_texels(*array.shape[:2]) for array in arrays)
+    if texels > MOST_TEXELS:
+        raise ValueError(
+            f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}"
+        )
+    return tuple(map(frozen, arrays, given))
+
+
+def mip_texels(rows: int, columns: int) -> int:
+    """Return the number of texels of all mip levels of a texture."""
+    count = rows * columns
+    while max(rows, columns) > 1:
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        count += rows * columns
+    return count

@@ -1,0 +1,226 @@
+"""Device memory: lists of numbers, and planes of pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device.active_region import Window, copy_window
+from ssgi_cl.device.opencl import opencl
+
+if TYPE_CHECKING:
+    from ssgi_cl.device.runtime import Runtime
+
+GUARD = 16
+"""Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
+
+Size = tuple[int, int]
+"""(rows, columns)"""
+
+
+def plane_shape(count: int, size: Size) -> tuple[int, int]:
+    """Return (rows, floats in a row) of the memory of a plane."""
+    # One row before, one after; a guard behind each.
+    return count * size[0] + 2, (size[1] + 15) // 16 * 16 + GUARD
+
+
+class DeviceArray:
+    """A list of numbers in device memory."""
+
+    def __init__(self, runtime: Runtime, values: NDArray[Any], *, fill: bool = True) -> None:
+        self.runtime = runtime
+        self.dtype = values.dtype
+        self.count = values.size
+        self.buffer = runtime.allocate(max(values.nbytes, 4), self)
+        self._sent: Any = None  # holds what the device may still read
+        if fill:
+            self.upload(values)
+
+    def upload(self, values: NDArray[Any]) -> None:
+        """Replace the contents; same dtype, at most the same number of elements."""
+        self._copy(np.ascontiguousarray(values, self.dtype), wait=True)
+        self._sent = None
+
+    def send(self, values: NDArray[Any]) -> None:
+        """As `upload`, but of a copy, which the device takes when it has done what was queued."""
+        self._sent = self._copy(np.array(values, self.dtype, order="C"), wait=False)
+
+    def _copy(self, values: NDArray[Any], wait: bool) -> Any:
+        cl = opencl()
+
+        if values.size > self.count:
+            raise ValueError(f"values has {values.size} elements: expected at most {self.count}")
+        if not values.size:
+            return None
+        self.runtime.touch()
+        return cl.enqueue_copy(
+            self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait
+        )
+
+    def download(self) -> NDArray[Any]:
+        """Return a copy of the contents."""
+        cl = opencl()
+
+        values = np.empty(self.count, self.dtype)
+        cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
+        return values
+
+    @contextmanager
+    def mapped(self) -> Iterator[NDArray[Any]]:
+        """Give the contents to the host to be read, without a copy where memory is shared."""
+        if not self.runtime.shares_memory:
+            yield self.download()
+            return
+        cl = opencl()
+
+        queue, flags = self.runtime.queue, cl.map_flags.READ
+        memory, _ = cl.enqueue_map_buffer(
+            queue, self.buffer, flags, 0, (self.count,), self.dtype
+        )
+        try:
+            yield memory
+        finally:
+            memory.base.release(queue)
+
+    def argument(self) -> Any:
+        """Return what a kernel takes."""
+        return self.buffer
+
+
+class Plane:
+    """`count` images of the same size in device memory, float32.
+
+    Layout: kernels/common/gbuffer.clh. On a device that shares the host's memory, uploads and
+    downloads are one copy between numpy's array and the mapped memory, and `view` is none at all.
+
+    Raises:
+        DeviceError: kernels read images, and the device has none so large.
+        DeviceMemoryError: there is no room.
+    """
+
+    def __init__(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
+        self.runtime = runtime
+        self.count = count
+        self.size = size
+        self.outside = outside
+        self._rows, self.pitch = plane_shape(count, size)
+        self._image_shape = runtime.image_shape(self._rows, self.pitch)
+        self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
+        self._image: Any = None
+        self._image_is_current = False
+        with self._mapped(write_only=True) as memory:
+            memory[...] = outside
+
+    @contextmanager
+    def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
+        """Give the whole memory [rows, pitch] to the host; written back at the end."""
+        cl = opencl()
+
+        self.runtime.touch()
+        self._image_is_current = False
+        queue, shape = self.runtime.queue, (self._rows, self.pitch)
+        if self.runtime.shares_memory:
+            flags = cl.map_flags.READ | cl.map_flags.WRITE
+            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, shape, np.float32)
+            try:
+                yield memory
+            finally:
+                memory.base.release(queue)
+        else:
+            memory = np.empty(shape, np.float32)
+            if not write_only or self._image is not None:
+                cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
+            else:
+                memory[...] = self.outside
+            yield memory
+            cl.enqueue_copy(queue, self.buffer, memory, is_blocking=True)
+
+    def _images(self, memory: NDArray[np.float32]) -> NDArray[np.float32]:
+        rows, columns = self.size
+        inner = memory[1 : 1 + self.count * rows]
+        return inner.reshape(self.count, rows, self.pitch)[:, :, :columns]
+
+    def upload(self, values: NDArray[np.float32]) -> None:
+        """Replace the contents by `values` [count, rows, columns], any strides."""
+        with self._mapped(write_only=True) as memory:
+            np.copyto(self._images(memory), values)
+
+    def download(
+        self, out: NDArray[np.float32] | None = None, window: Window | None = None
+    ) -> NDArray[np.float32]:
+        """Return a copy [count, rows, columns], written to `out` if given (any strides).
+
+        Outside of `window` all pixels of an image are the same.
+        """
+        cl = opencl()
+
+        if out is None:
+            self.runtime.memory.require_host(4 * self.count * self.size[0] * self.size[1])
+            out = np.empty((self.count, *self.size), np.float32)
+        queue, shape = self.runtime.queue, (self._rows, self.pitch)
+        beyond = None if window is None else window.beyond(self.size)
+        if self.runtime.shares_memory:
+            memory, _ = cl.enqueue_map_buffer(
+                queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
+            )
+        else:
+            memory = np.empty(shape, np.float32)
+            cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
+        images = self._images(memory)
+        if beyond is not None:
+            copy_window(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), window, beyond)
+        else:
+            # One by one: numpy is slow where strides are in different order.
+            for target, image in zip(out, images, strict=True):
+                np.copyto(target, image)
+        if self.runtime.shares_memory:
+            memory.base.release(queue)
+        return out
+
+    def copy_image(self, index: int, source: Plane, count: int = 1) -> None:
+        """Queue a copy of the first images of `source`, of the same size, to those from `index` on.
+        """
+        import pyopencl as cl
+
+        if source.size != self.size:
+            raise ValueError(f"source has size {source.size}: expected {self.size}")
+        size = self.size[0] * self.pitch * 4
+        self.runtime.touch()
+        self._image_is_current = False
+        event = cl.enqueue_copy(
+            self.runtime.queue, self.buffer, source.buffer, byte_count=count * size,
+            src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
+        )
+        self.runtime.record("copy", event)
+
+    def written(self) -> None:
+        """Note that a kernel is about to write to this plane."""
+        self._image_is_current = False
+
+    def argument(self) -> Any:
+        """Return what a kernel reads: the buffer, or an image with the same contents."""
+        if self._image_shape is None:
+            return self.buffer
+        cl = opencl()
+
+        rows, columns = self._image_shape
+        if self._image is None:
+            layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
+            flags = cl.mem_flags.READ_ONLY
+            self.runtime.take(rows * columns * 4, self)
+            self._image = cl.create_image(self.runtime.context, flags, layout, (columns, rows))
+        if not self._image_is_current:
+            # Rows that are too many for an image lie to the right of the first.
+            for number, first in enumerate(range(0, self._rows, rows)):
+                event = cl.enqueue_copy(
+                    self.runtime.queue, self._image, self.buffer, offset=first * self.pitch * 4,
+                    origin=(number * self.pitch, 0),
+                    region=(self.pitch, min(self._rows - first, rows)),
+                )
+                self.runtime.record("copy to image", event)
+            self._image_is_current = True
+        return self._image

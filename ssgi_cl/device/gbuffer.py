@@ -1,0 +1,205 @@
+"""A G-buffer in device memory, in the form that kernels read."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import Floats, GBuffer
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+
+VIEW_ROTATION = Struct("GbufferRotation", floats(*ROTATION))
+
+
+class DeviceGBuffer:
+    """A G-buffer that stays on the device from frame to frame.
+
+    Attributes:
+        size: (rows, columns) of the camera's image and of every result.
+        margin: (rows, columns) by which the planes exceed it on every side.
+        layers: of depth.
+        attributes: layers, from the front, that have normal, albedo and emission: 1 or all.
+        front: the layer that shading works on, see `layer`.
+        facing: 1, or -1 to shade the sides that turn away from the viewer.
+        depth: `layers` images, scene units; INFINITY where nothing is.
+        linear: 1 / depth (orthographic: depth) of layer 0; INFINITY where nothing is.
+        normal: 3 images a layer (number 3 layer + channel), view space, facing the viewer; 0 where
+            nothing is.
+        normal_world: likewise, as given.
+        albedo, emission: likewise.
+        thickness: 1 image, scene units, or None if the contents have none.
+        window: pixels of the planes, margin and all, outside which nothing is; None if that is not
+            known.
+        traces: of what was drawn into each layer.
+        camera: the camera of the current contents; `camera_struct` is what kernels get.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        *,
+        layers: int = 1,
+        margin: Size = (0, 0),
+        attributes: int = 1,
+    ) -> None:
+        if attributes not in (1, layers):
+            raise ValueError(f"attributes is {attributes}: expected 1 or {layers}, all layers")
+        self.runtime = runtime
+        self.size = size
+        self.margin = margin
+        self.layers = layers
+        self.attributes = attributes
+        self.front = 0
+        self.facing = 1.0
+        self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
+        self.depth = runtime.plane(layers, self.whole, math.inf)
+        self.linear = runtime.plane(1, self.whole, math.inf)
+        self.normal, self.normal_world, self.albedo, self.emission = (
+            runtime.plane(3 * attributes, self.whole) for _ in range(4)
+        )
+        self.emits = False
+        self.window: Window | None = None
+        self.traces = [Trace() for _ in range(layers)]
+        self._derived = Trace()
+        self.thickness: Plane | None = None
+        self._thickness: Plane | None = None
+        self.camera: Camera | None = None
+        self.camera_struct: Any = None
+        self._kernels = [
+            runtime.kernel(
+                "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": given}, (CAMERA, VIEW_ROTATION)
+            )
+            for given in (0, 1)
+        ]
+
+    def upload(self, gbuffer: GBuffer) -> None:
+        """Replace the contents by a G-buffer of the same size, margin and number of layers.
+
+        A deeper layer has what the G-buffer's array has for it; else it is taken as one where the
+        array is None.
+        """
+        shape = (gbuffer.size, gbuffer.margin, gbuffer.layers)
+        if shape != (self.size, self.margin, self.layers):
+            raise ValueError(
+                f"the G-buffer has size, margin and layers {shape}: expected "
+                f"{(self.size, self.margin, self.layers)}"
+            )
+        self.window = None
+        self.traces = [Trace() for _ in range(self.layers)]
+        depth = np.asarray(gbuffer.depth)
+        self.depth.upload(depth.reshape(self.layers, *self.whole))
+        if gbuffer.normal is not None or self.attributes > 1:  # else it is never read
+            self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
+        self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
+        self.emits = gbuffer.emission is not None
+        if self.emits:
+            self.emission.upload(self._layered(gbuffer.emission, 0.0))
+        thickness = gbuffer.first("thickness")
+        if thickness is not None:
+            self._thickness = self._thickness or self.runtime.plane(1, self.whole)
+            self._thickness.upload(thickness[None])
+        self.thickness = None if thickness is None else self._thickness
+        self.set_camera(gbuffer.camera)
+        with self.runtime.frame():
+            self.derive(given=gbuffer.normal is not None)
+
+    def _layered(self, array: ArrayLike | None, instead: float) -> Floats:
+        """Return [3 attributes, rows, columns] of an array with or without layers."""
+        if array is None:
+            return np.full((3 * self.attributes, *self.whole), instead, np.float32)
+        given = np.asarray(array).reshape(-1, *self.whole, 3)[: self.attributes]
+        planar = np.moveaxis(given, -1, 1).reshape(-1, *self.whole)
+        missing = 3 * self.attributes - len(planar)
+        if missing:
+            rest = np.full((missing, *self.whole), instead, np.float32)
+            planar = np.concatenate([planar, rest])
+        return planar
+
+    def layer(self, number: int, *, back: bool = False) -> DeviceGBuffer:
+        """Return a layer of the current contents as an image of its own that has no margin.
+
+        It shares all memory: planes still hold every layer, `front` says which is meant, and
+        `facing` whether its sides towards the viewer are or, with `back`, those away from it.
+        Shading (`Shade`, `LitLayers`) looks at that layer; other techniques read layer 0.
+
+        Raises:
+            ValueError: the layer has no normals, albedo and emission.
+        """
+        if not 0 <= number < self.attributes:
+            raise ValueError(
+                f"number is {number}: expected 0 to {self.attributes - 1}, the layers that have "
+                "normals, albedo and emission"
+            )
+        view = copy(self)
+        view.size, view.margin, view.front = self.whole, (0, 0), number
+        view.facing = -1.0 if back else 1.0
+        return view
+
+    def set_camera(self, camera: Camera) -> None:
+        """Note the camera that saw the contents."""
+        self.camera = camera
+        self.camera_struct = CAMERA.pack(camera_values(camera, self.margin))
+
+    def derive(self, *, given: bool = True) -> None:
+        """Queue the pass that makes `linear` and `normal` from `depth` and `normal_world`."""
+        camera = self.camera
+        if camera is None:
+            raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
+        rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
+        with self._derived.over(self.window) as window:
+            for layer in range(self.attributes):
+                self._kernels[given].run(
+                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
+                    self.whole,
+                    reads=[self.depth, self.normal_world],
+                    writes=[self.linear, self.normal],
+                    values=[self.camera_struct, rotation, np.int32(layer)],
+                    window=window,
+                )
+
+    @property
+    def seen(self) -> Window | None:
+        """`window` in pixels of the camera's image."""
+        return None if self.window is None else self.window.inside(self.size, self.margin)
+
+    def seen_every(self, step: int) -> Window | None:
+        """Return `seen` in a result that has every step-th pixel of the camera's image."""
+        seen = self.seen
+        return None if seen is None else seen.reduced(step)
+
+
+def on_device(
+    gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, place: int = 0
+) -> DeviceGBuffer:
+    """Return the G-buffer in device memory, uploaded unless it is there already.
+
+    Memory for uploads is kept by the runtime and used again for G-buffers of the same size;
+    several that are needed at a time have a `place` each.
+    """
+    if isinstance(gbuffer, DeviceGBuffer):
+        return gbuffer
+    if not isinstance(gbuffer, GBuffer):
+        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
+    runtime = runtime or Runtime.open()
+    shapes = [np.shape(a) for a in (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
+              if a is not None]
+    attributes = gbuffer.layers if any(len(shape) == 4 for shape in shapes) else 1
+    key = (DeviceGBuffer, gbuffer.size, gbuffer.margin, gbuffer.layers, attributes, place)
+    device: DeviceGBuffer = runtime.prepared(
+        key,
+        lambda: DeviceGBuffer(
+            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+            attributes=attributes,
+        ),
+    )
+    device.upload(gbuffer)
+    return device

@@ -1,0 +1,167 @@
+"""The plan of a frame: which outputs are asked for, and what may be left out of making them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.device.runtime import Runtime
+
+_VALUES = (Camera, SpotLight, PointLight, DirectionalLight, Environment)
+_PLAIN = (bool, int, float, str, frozenset, type(None))
+
+OUTPUTS = ("image", "radiance", "ao", "indirect", "gbuffer")
+"""What a frame can hold; by default all but the G-buffer, of AO and indirect light what is needed
+for the image."""
+
+SKIPS = {
+    "outputs": "what no output takes: neither light nor picture where only AO is asked for",
+    "dark": "ambient occlusion where there is no ambient light",
+    "maps": "maps of lamps, where neither lamp nor scene changed, and reading those texels of "
+    "kept maps that blocks of 8 x 8 prove to be all lit or all in shadow",
+    "unchanged": "stages all of whose inputs are those of the frame before: G-buffer, ambient "
+    "occlusion, light, picture",
+    "tiles": "ambient occlusion or SSDO and its blur in tiles where A is proven to be 1 and the "
+    "bounce 0: empty, so far away that the radius is below a pixel, or flat",
+    "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
+    "lights": "lamps from which everything seen is turned away or outside the cone, and their maps",
+    "layers": "depth layers that have no pixel",
+}
+"""What may be left out of a frame. Each leaves the same bits."""
+
+
+def chosen_skips(skips: object) -> frozenset[str]:
+    """Return the names of the skips that are on.
+
+    Args:
+        skips: True for all, False for none, or names from `SKIPS`.
+
+    Raises:
+        TypeError, ValueError: anything else.
+    """
+    if isinstance(skips, bool):
+        return frozenset(SKIPS) if skips else frozenset()
+    return frozenset(_names("skips", skips, tuple(SKIPS)))
+
+
+def chosen_outputs(outputs: object) -> frozenset[str] | None:
+    """Return the names of the outputs asked for, or None for those of a picture.
+
+    Raises:
+        TypeError, ValueError: neither None nor at least one name from `OUTPUTS`.
+    """
+    if outputs is None:
+        return None
+    names = frozenset(_names("outputs", outputs, OUTPUTS))
+    if not names:
+        raise ValueError(f"outputs is {outputs!r}: expected at least one of {_listed(OUTPUTS)}")
+    return names
+
+
+def _names(argument: str, names: object, allowed: tuple[str, ...]) -> list[str]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise TypeError(f"{argument} is {names!r}: expected names out of {_listed(allowed)}")
+    found = list(names)
+    for name in found:
+        if name not in allowed:
+            raise ValueError(f"{argument} has {name!r}: expected names out of {_listed(allowed)}")
+    return found
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(repr(name) for name in names)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What the outputs of a frame need.
+
+    Attributes:
+        outputs: names asked for.
+        ao: whether A is asked for by itself, be there ambient light or not.
+        bounce, light, picture: whether reflected light, the light of all pixels, and its tone
+            mapping are computed.
+        given: outputs that a frame gets if they are there.
+    """
+
+    outputs: frozenset[str]
+    ao: bool
+    bounce: bool
+    light: bool
+    picture: bool
+    given: frozenset[str]
+
+    @classmethod
+    def of(cls, outputs: object, skips: frozenset[str]) -> Self:
+        """Return what outputs need, given by name or None for those of a picture."""
+        chosen = chosen_outputs(outputs)
+        names = chosen or frozenset({"image", "radiance"})
+        all_ = "outputs" not in skips
+        picture = all_ or "image" in names
+        light = picture or "radiance" in names
+        return cls(
+            names, ao=chosen is not None and "ao" in names, bounce=light or "indirect" in names,
+            light=light, picture=picture,
+            given=names | ({"ao", "indirect"} if chosen is None else set()),
+        )
+
+
+class Stages:
+    """The stages of a frame and what they last made, which stays where all it is made of stays.
+
+    Args:
+        runtime: the device.
+        keep: whether anything stays.
+    """
+
+    def __init__(self, runtime: Runtime, *, keep: bool) -> None:
+        self.runtime = runtime
+        self._keep = keep
+        self._made: dict[str, tuple[tuple[object, ...], Any]] = {}
+        self._versions: dict[str, int] = {}
+
+    def stays(self, name: str, inputs: tuple[object, ...]) -> bool:
+        """Return whether `make` would return what is there."""
+        made = self._made.get(name)
+        return self._keep and made is not None and same(made[0], inputs)
+
+    def make(self, name: str, inputs: tuple[object, ...], run: Callable[[], Any]) -> Any:
+        """Return what `run` returned for the same inputs last time, or its result now.
+
+        `inputs` are scenes, cameras, lights, plain values, and `versions` of earlier stages.
+        """
+        if self.stays(name, inputs):
+            self.runtime.skip(name, "all that it is made of stays the same")
+            return self._made[name][1]
+        # Should it fail, nothing is taken for made.
+        self._made.pop(name, None)
+        self._versions[name] = self._versions.get(name, 0) + 1
+        with self.runtime.part(name):
+            value = run()
+        self._made[name] = inputs, value
+        return value
+
+    def versions(self, *names: str) -> tuple[int, ...]:
+        """Return how often each stage has run: an input of what is made of its result."""
+        return tuple(self._versions.get(name, 0) for name in names)
+
+
+def same(a: object, b: object) -> bool:
+    """Return whether two inputs are the same: cameras, lights and plain values by their values, all
+    else, such as a scene, as objects."""
+    if a is b:
+        return True
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, np.asarray(b))
+    if isinstance(a, _VALUES):
+        return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return isinstance(a, _PLAIN) and bool(a == b)

@@ -1,0 +1,171 @@
+"""The whole pipeline: a scene, a camera and lights to a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.frame.plan import Needs, chosen_skips
+from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params
+from ssgi_cl.frame.renderer import Renderer
+from ssgi_cl.frame.result import Frame
+from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
+from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.shading.tonemap import CURVES
+
+__all__ = ["Frame", "Renderer", "render"]
+
+AO_RADIUS_SHARE = 0.05
+"""Default radius of ambient occlusion, as a share of the diagonal of the scene's box."""
+
+
+
+@serialised
+def render(
+    scene: Scene,
+    camera: Camera,
+    lights: Sequence[Light],
+    *,
+    ao: bool | str = True,
+    ao_radius: float | None = None,
+    ao_samples: int | None = None,
+    multi_bounce: bool = False,
+    indirect: bool | str | None = None,
+    method: str | None = None,
+    vpls: int = 1024,
+    glossy_vpls: int = 0,
+    indirect_ao: bool = False,
+    layers: int = 1,
+    overscan: float = 0.0,
+    extra_cameras: int = 0,
+    shadow_size: int = 1024,
+    rsm_size: int = 512,
+    exposure: float | None = None,
+    curve: str = "filmic",
+    gbuffer: bool = False,
+    outputs: Iterable[str] | None = None,
+    skips: bool | Iterable[str] = True,
+    runtime: Runtime | None = None,
+) -> Frame:
+    """Render a scene: direct light with shadows, ambient light with occlusion, emission, a bounce.
+
+    Args:
+        scene: what `rasterize.load_scene` returns, or one of your own making.
+        camera: gives the size of the picture too.
+        lights: any number of lights.
+        ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
+            for none. All but "ssao" look into all `layers`, all four into the overscan.
+        ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the diagonal of
+            the scene's box.
+        ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
+        multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
+        indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
+            the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); all
+            triangles of the scene, seen or not, block that of the first two. That of
+            lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
+            light of environments too, so `ao` is not needed). What surfaces emit is
+            seen and lights nothing. True for "multires", None or False for none.
+        method: how `indirect` computes it, out of the methods of its technique: those of
+            `multires_splat`, `rsm_gather` and `ssdo`, "published" among them; None for the default.
+            "multires" as published lets no wall block light.
+        vpls: virtual point lights of "multires" and "vpl" in all, 1 to 2^24.
+        glossy_vpls: more lights of "vpl" for what glossy surfaces mirror, 0 to 2^24.
+        indirect_ao: whether A dims the light that "multires", "vpl" and "gather" reflect too, for
+            want of knowing what blocks it; `Frame.indirect` stays as it was gathered.
+        layers: depth layers of the G-buffer, 1 to 16.
+        overscan: share of the image by which the G-buffer exceeds it on every side, in [0, 1].
+        extra_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to 64,
+            up to half of them at spot and directional lights, the others where
+            `extra_cameras` says.
+        shadow_size: texels along the side of each shadow map, 16 to 8192.
+        rsm_size: at most so many of them along a side, 16 to 8192, are what reflected light is
+            chosen from: all, or every second, third and so on.
+        exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
+        curve: "filmic" or "clip".
+        gbuffer: whether the frame holds the G-buffer too.
+        outputs: what the frame is to hold, out of "image", "radiance", "ao", "indirect" and
+            "gbuffer": what they don't need is not computed. By default image and radiance, and AO
+            and indirect light where the image needs them.
+        skips: what may be left out where the scene shows that it is idle: True for all, False for
+            none, or names from `ssgi_cl.frame.plan.SKIPS`. None changes a bit of any output.
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        The picture, its radiance, AO, indirect light and G-buffer if asked for, and the table of
+        passes.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+    """
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    lights = tuple(lights)
+    for index, light in enumerate(lights):
+        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
+            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
+    shadow_size = checks.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
+    rsm_size = checks.integer("rsm_size", rsm_size, low=16, high=8192, unit="texels")
+    checks.choice("curve", curve, CURVES)
+    for name, switch in (
+        ("multi_bounce", multi_bounce), ("gbuffer", gbuffer), ("indirect_ao", indirect_ao)
+    ):
+        checks.switch(name, switch)
+    outputs, skips = outputs if outputs is None else tuple(outputs), chosen_skips(skips)
+    Needs.of(outputs, skips)
+    dims, indirect = ao_name(ao, ao_samples), bounce_name(indirect)
+    method = bounce_method(indirect, method)
+    if multi_bounce and indirect == "ssdo":
+        raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
+    if indirect_ao and (dims is None or indirect in (None, "ssdo")):
+        raise ValueError(
+            f"indirect_ao is True: expected False with ao={ao!r} and indirect={indirect!r}, it "
+            "needs ambient occlusion and the bounce of lamps"
+        )
+    if glossy_vpls and indirect != "vpl":
+        raise ValueError(
+            f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of "
+            "'vpl'"
+        )
+    extra_cameras = checks.integer("extra_cameras", extra_cameras, low=0, high=64)
+    if extra_cameras and indirect != "ssdo":
+        raise ValueError(
+            f"extra_cameras is {extra_cameras}: expected 0 with indirect={indirect!r}, they are of "
+            "'ssdo'"
+        )
+    if exposure is not None:
+        exposure = checks.number("exposure", exposure, low=0.0, above=True)
+    margin = margin_of(camera, overscan)
+    runtime = runtime or Runtime.open()
+    device_scene(scene, runtime)
+    if ao_radius is None:
+        extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+        ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
+    bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
+    params: Any = None
+    if dims is not None and indirect != "ssdo":
+        samples = {} if ao_samples is None else {"samples": ao_samples}
+        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)  # type: ignore[call-arg]
+    key = (
+        Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size,
+        rsm_size, curve, indirect_ao, skips,
+    )
+    renderer: Renderer = runtime.prepared(
+        key,
+        lambda: Renderer(
+            runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
+            views=extra_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
+            curve=curve, indirect_ao=indirect_ao, skips=skips,
+        ),
+    )
+    return renderer(
+        scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce,
+        outputs=outputs,
+    )

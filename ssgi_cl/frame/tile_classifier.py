@@ -1,0 +1,105 @@
+"""Ambient occlusion of a frame, where it is not known before it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render_params import ao_technique
+from ssgi_cl.techniques.ao.occlusion import OcclusionParams
+from ssgi_cl.techniques.tiles import OpenTiles, Reach, TileFacts, Tiles
+
+WORTH = 0.125
+"""Share of open tiles that saves what it costs to find them."""
+
+
+class Opener:
+    """Finds the open tiles of frames for a technique, and notes what they save.
+
+    Args:
+        runtime: the device.
+        name, cost: of the technique, and of its pass that open tiles save.
+
+    Attributes:
+        pays: whether the latest frame had enough of them.
+    """
+
+    def __init__(self, runtime: Runtime, name: str, cost: str) -> None:
+        self.runtime = runtime
+        self.name = name
+        self.pays = False
+        self._cost = cost
+        self._busy = 0  # tiles that the latest frame computed
+        self._pace = (0, 0.0)  # of the frame with the most: their number, ms for each
+
+    def find(
+        self, seen: DeviceGBuffer, tiles: Tiles | None, reach: Reach | None
+    ) -> OpenTiles | None:
+        """Queue the passes that find open tiles; None if none is, or nothing is known of tiles or
+        of how far the technique looks."""
+        self._busy = 0
+        self.pays = False
+        if tiles is None or reach is None:
+            return None
+        known = tiles.open(seen, reach)
+        self._busy = known.total - known.open
+        self.pays = known.open >= WORTH * known.total
+        if not known.open:
+            return None  # so that kernels need not look at the tiles
+        self.runtime.skip(f"{self.name} tiles", known.why, known.open * self._pace[1])
+        return known
+
+    def learn(self, costs: Mapping[str, float]) -> None:
+        """Take from what the passes of a frame took, in ms by name, what a tile takes."""
+        if self._busy and self._busy >= self._pace[0] and self._cost in costs:
+            self._pace = self._busy, costs[self._cost] / self._busy
+
+
+class Occluder:
+    """A technique of ambient occlusion that leaves out tiles and layers, prepared for one size.
+
+    Args:
+        runtime: the device.
+        size, margin, layers: of the G-buffers.
+        params: of the technique, which say which it is.
+        skips: see `plan.SKIPS`; "tiles" and "layers" count.
+
+    Attributes:
+        name: of the technique.
+        pays: whether the latest run left out enough to look at tiles for.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: OcclusionParams, margin: Size, layers: int,
+        skips: frozenset[str],
+    ) -> None:
+        self.runtime = runtime
+        self.name, self._technique = ao_technique(runtime, size, params, margin, layers)
+        self._layers = layers
+        self._skips = skips
+        self._all_open = runtime.plane(1, size, 1.0) if params.channels == 1 else None
+        self.pays = False
+        self._opener = Opener(runtime, self.name, self.name)
+
+    def run(self, seen: DeviceGBuffer, tiles: Tiles | None, facts: TileFacts | None) -> Plane:
+        """Queue the passes; return the plane of A.
+
+        `facts` are what `tiles` found in the G-buffer, both None if nothing is to be left out.
+        """
+        layers = None
+        if facts is not None and "layers" in self._skips and facts.layers < self._layers:
+            layers = facts.layers
+            missing = f"{self._layers - layers} of {self._layers} have no pixel"
+            self.runtime.skip(f"{self.name} layers", missing)
+        look = facts is not None and "tiles" in self._skips
+        known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
+        self.pays = layers is not None or self._opener.pays
+        if known is not None and known.open == known.total and self._all_open is not None:
+            return self._all_open
+        return self._technique.run(seen, known, layers)
+
+    def learn(self, costs: Mapping[str, float]) -> None:
+        """Take from what the passes of a frame took, in ms by name, what a tile takes."""
+        self._opener.learn(costs)

@@ -1,0 +1,181 @@
+"""What the commands share: options, error messages, progress, the report at the end."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import resource
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.errors import KernelBuildError, SsgiError
+from ssgi_cl.device.runtime import PassTime, Runtime
+
+DEFAULT_FOV = 50.0
+"""Degrees, vertical."""
+
+device_option = click.option(
+    "--device", metavar="WORDS", help="Words of the device's label, such as 'pocl 3.1'; by default "
+    "SSGI_CL_DEVICE, else the fastest found.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+VECTOR: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
+
+
+def human_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn the library's errors into one line (a compiler's log apart) and exit status 1."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except BrokenPipeError:
+            raise  # whoever reads the output has gone, such as `head`
+        except (click.exceptions.Exit, click.Abort, click.ClickException):
+            raise
+        except Exception as error:
+            if not is_expected(error):
+                raise
+            raise click.ClickException(printable(one_line(error))) from error
+
+    return run
+
+
+def is_expected(error: Exception) -> bool:
+    """Return whether a command may meet the error; any other is a fault of the program."""
+    kinds = (SsgiError, ValueError, TypeError, OSError, MemoryError, RecursionError)
+    return isinstance(error, kinds) or _is_opencl(error)
+
+
+def _is_opencl(error: Exception) -> bool:
+    module = sys.modules.get("pyopencl")  # imported with the first device
+    return module is not None and isinstance(error, module.Error)
+
+
+def one_line(error: Exception) -> str:
+    """Return what is said of an error: one line, but for a compiler's log."""
+    if isinstance(error, KernelBuildError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    first, *rest = str(error).splitlines() or [type(error).__name__]
+    text = " ".join([first, "; ".join(line.strip() for line in rest)]).strip()
+    if _is_opencl(error):
+        text = f"the OpenCL driver failed: {text}"
+    elif isinstance(error, MemoryError):
+        text = f"out of memory: {text}"
+    elif isinstance(error, RecursionError):
+        text = f"nested too deeply: {text}"
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if (_is_opencl(error) or isinstance(error, MemoryError)) and most != resource.RLIM_INFINITY:
+        text += f" (ulimit -v allows the process {most / 2**20:.0f} MiB)"
+    return text
+
+
+def printable(text: str) -> str:
+    """Return text with bytes of file names that are not UTF-8 as \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+@contextmanager
+def progress(silent: bool) -> Iterator[Callable[[str], None]]:
+    """Give a function that names the step under way; shown on a terminal, on standard error."""
+    console = Console(stderr=True)
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
+        console=console, transient=True, disable=silent or not console.is_terminal,
+    ) as progress:
+        task = progress.add_task("", total=None)
+        yield lambda text: progress.update(task, description=escape(printable(text)))
+
+
+def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Raise if `path` has another suffix or can't be written, before work is spent on it."""
+    if path.suffix.lower() not in suffixes:
+        raise click.UsageError(
+            f"--output is {path}: expected a name that ends in {' or '.join(suffixes)}"
+        )
+    if not path.parent.is_dir():
+        raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise click.ClickException(f"--output is {path}: it is a folder, expected a file's name")
+
+
+def yfov_of(options: dict[str, Any], default: float) -> float:
+    """Return the vertical field of view in radians."""
+    if options["fov"] is None:
+        return default
+    return math.radians(checks.number("--fov", options["fov"], low=0.01, high=179.0, unit="degrees"))
+
+
+def wrapped(text: str, indent: str) -> str:
+    width = max(40, min(100, shutil.get_terminal_size().columns))
+    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent,
+                         break_long_words=False, break_on_hyphens=False)
+
+
+def report(
+    as_json: bool, runtime: Runtime, passes: list[PassTime] | tuple[PassTime, ...],
+    files: list[Path], facts: dict[str, Any], *, explain: bool = False,
+) -> None:
+    """Print what ran; with `explain` also what was left out, why, and what that saves."""
+    if as_json:
+        print(json.dumps({
+            **facts,
+            "device": runtime.info.label,
+            "form": str(runtime.form),
+            "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None,
+                        "saved_ms": round(p.saved, 4)} for p in passes],
+            "files": [printable(str(path)) for path in files],
+        }, indent=1))
+        return
+    click.echo(f"{runtime.info.label}, {runtime.form}")
+    table = Table("pass", "ms")
+    table.columns[1].justify = "right"
+    for name, (count, ms, skipped) in _merged(passes).items():
+        label = f"{name} x {count}" if count > 1 else name
+        table.add_row(label, f"{ms:.2f}" if not skipped else f"skipped: {skipped}")
+    table.add_section()
+    table.add_row("sum", f"{sum(p.ms for p in passes):.2f}")
+    console = Console()
+    console.print(table)
+    if explain:
+        console.print(_explanation(passes))
+    for path in files:
+        console.print(printable(f"wrote {path}"), highlight=False, markup=False)
+
+
+def _explanation(passes: list[PassTime] | tuple[PassTime, ...]) -> Table:
+    """Return the table of what was left out."""
+    table = Table("left out", "why", "saves ms, by estimate")
+    table.columns[2].justify = "right"
+    left_out = [p for p in passes if p.skipped]
+    for p in left_out:
+        table.add_row(p.name, p.skipped, f"{p.saved:.2f}" if p.saved else "not known")
+    table.add_section()
+    ran, saved = (sum(times) for times in ((p.ms for p in passes), (p.saved for p in left_out)))
+    table.add_row("sum", f"beside {ran:.2f} ms that ran", f"{saved:.2f}")
+    return table
+
+
+def _merged(passes: list[PassTime] | tuple[PassTime, ...]) -> dict[str, tuple[int, float, str]]:
+    """Return name -> (count, milliseconds, why skipped) in order of first appearance."""
+    merged: dict[str, tuple[int, float, str]] = {}
+    for p in passes:
+        count, ms, _ = merged.get(p.name, (0, 0.0, ""))
+        merged[p.name] = (count + 1, ms + p.ms, p.skipped)
+    return merged

@@ -1,0 +1,306 @@
+"""OpenEXR files: linear float32 channels with conventional names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import atomic, checks
+from ssgi_cl.io.exr_header import Window, read_header
+
+BACKGROUND_DEPTH = 1e10
+"""Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
+
+_STEMS = {"": "", "image": "", "normal": "N"}
+_SINGLES = {"depth": "Z"}
+_SUFFIXES = {"normal": ("X", "Y", "Z")}
+
+# Usual names, in order of preference. "*." stands for any prefix (a layer and a pass).
+_DEPTH_NAMES = ("Z", "depth", "depth.V", "Depth", "Depth.V", "depth.Z", "*.Depth.Z", "*.Depth.V")
+_STEMS_OF = {
+    "normal": ("N", "normal", "Normal", "normals", "*.Normal", "*.normal"),
+    "albedo": (
+        *("albedo", "Albedo", "diffuse_albedo", "DiffCol", "*.DiffCol", "*.albedo"),
+        *("*.Diffuse Color", "*.Denoising Albedo"),
+    ),
+    "emission": ("emission", "Emission", "*.Emit", "*.Emission", "*.emission"),
+}
+
+
+def write(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, ArrayLike],
+    *,
+    data: Window | None = None,
+    display: Window | None = None,
+) -> None:
+    """Write arrays as float32 channels of one OpenEXR file (ZIP, lossless), whole or not at all.
+
+    Args:
+        path: the file; one that exists is replaced.
+        arrays: by name, [rows, columns] or [rows, columns, 3], all of one size, row 0 on top.
+            "image" (or "") becomes the channels R, G, B (Y with one channel), "depth" Z, "normal"
+            N.X, N.Y, N.Z; any other name stands for itself, with .R, .G, .B if it has 3 channels.
+            Infinities and NaN are kept.
+        data: (first column, first row, last column, last row) of the arrays' pixels, in pixels;
+            by default the first are 0.
+        display: likewise of the image; by default the same as `data`.
+
+    Raises:
+        TypeError: an array is not of real numbers.
+        ValueError: no array, a wrong shape, sizes that differ, a window of another size, or a
+            channel that is there twice.
+        OSError: the file can't be written; the message names it.
+    """
+    channels = _planes(arrays)
+    rows, columns = next(iter(channels.values())).shape
+    data = (0, 0, columns - 1, rows - 1) if data is None else data
+    if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
+        raise ValueError(
+            f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays"
+        )
+    _save(path, {"dataWindow": _box(data), "displayWindow": _box(display or data)}, channels)
+
+
+def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
+    """Add arrays to an OpenEXR file, in place of channels of the same names.
+
+    The file keeps its windows, its other attributes and the values of its other channels, in their
+    own types. It is written anew with ZIP compression, whole or not at all.
+
+    Args:
+        path: a file as for `read`.
+        arrays: as of `write`, of the size of the file's data window.
+
+    Raises:
+        FileNotFoundError, ValueError, OSError: as `read` and `write`.
+        TypeError: as `write`.
+    """
+    new, size = _planes(arrays), read_header(Path(path)).size
+    for name, plane in new.items():
+        if plane.shape != size:
+            raise ValueError(
+                f"{name} has {plane.shape[0]} rows and {plane.shape[1]} columns: expected "
+                f"{size[0]} x {size[1]} as the file's data window"
+            )
+    header, present = _decoded(os.fspath(path), size)
+    own = {"channels", "compression", "type", "tiles", "lineOrder", "chunkCount", "version"}
+    kept = {name: value for name, value in header.items() if name not in own}
+    _save(path, kept, {**present, **new})
+
+
+def _save(path: str | os.PathLike[str], header: dict[str, Any], channels: dict[str, Any]) -> None:
+    """Write a file of scan lines, whole or not at all."""
+    header = {**header, "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with atomic.replacement(path) as temporary:
+        try:
+            with _utf8(os.fspath(temporary), os.O_WRONLY) as writable:
+                OpenEXR.File(header, channels).write(writable)
+        except RuntimeError as error:
+            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
+            raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
+
+
+@contextmanager
+def _utf8(name: str, flags: int) -> Iterator[str]:
+    """Give another name of a file if its own is not UTF-8, which OpenEXR does not take."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        opened = os.open(name, flags)
+        try:
+            yield f"/dev/fd/{opened}"
+        finally:
+            os.close(opened)
+    else:
+        yield name
+
+
+def _box(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    return np.array(window[:2], np.int32), np.array(window[2:], np.int32)
+
+
+def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
+    """Return channel -> [rows, columns], all of one size."""
+    channels: dict[str, NDArray[np.float32]] = {}
+    size: tuple[int, ...] = ()
+    for name, value in arrays.items():
+        array = checks.floats(name, value)
+        if array.ndim not in (2, 3) or array.shape[2:] not in ((), (1,), (3,)) or array.size == 0:
+            raise ValueError(
+                f"{name} has shape {array.shape}: expected (rows, columns) or (rows, columns, 3)"
+            )
+        size = size or array.shape[:2]
+        if array.shape[:2] != size:
+            raise ValueError(
+                f"{name} has {array.shape[0]} rows and {array.shape[1]} columns: expected "
+                f"{size[0]} x {size[1]} as the arrays before it"
+            )
+        for channel, plane in _split(name, array):
+            if channel in channels:
+                raise ValueError(f"{name} needs the channel {channel!r}, which is taken already")
+            channels[channel] = plane
+    if not channels:
+        raise ValueError("arrays is empty: expected at least one array")
+    return channels
+
+
+def _split(name: str, array: NDArray[np.float32]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Yield (channel, contiguous plane); the writer reads any other memory layout wrongly."""
+    stem = _STEMS.get(name, name)
+    if array.shape[2:] == (3,):
+        for index, suffix in enumerate(_SUFFIXES.get(name, ("R", "G", "B"))):
+            plane = np.ascontiguousarray(array[..., index])
+            yield (f"{stem}.{suffix}" if stem else suffix), plane
+    else:
+        plane = np.ascontiguousarray(array.reshape(array.shape[:2]))
+        yield _SINGLES.get(name, stem) or "Y", plane
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """Return the channels of an OpenEXR file by name.
+
+    Args:
+        path: a file with one part of flat pixels (scan lines or tiles) without subsampling.
+
+    Returns:
+        [rows, columns] of the data window each, row 0 on top: float32 for half and float, uint32
+        for integers. See `exr_header.read_header` for where the image (the display window) lies.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: not an OpenEXR file, damaged, cut short, or of a kind not named above.
+        OSError: the file can't be read.
+    """
+    name = os.fspath(path)
+    header = read_header(Path(name))
+    size = header.size
+    for channel in header.channels:
+        if channel.sampling != (1, 1):
+            raise ValueError(
+                f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
+                f"{channel.sampling[1]}: expected one value for each pixel"
+            )
+    arrays: dict[str, NDArray[Any]] = {}
+    for key, pixels in _decoded(name, size)[1].items():
+        kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
+        arrays[key] = np.ascontiguousarray(pixels, dtype=kind)
+    return arrays
+
+
+def _decoded(
+    name: str, size: tuple[int, int]
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the attributes of a file and its channels, of the size of the data window."""
+    try:
+        with _utf8(name, os.O_RDONLY) as readable:
+            file = OpenEXR.File(readable, separate_channels=True)
+            header, channels = file.header(), file.channels()
+    except MemoryError as error:
+        raise ValueError(
+            f"{name}: {size[1]} x {size[0]} pixels need more memory than there is"
+        ) from error
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
+    for key, channel in channels.items():
+        if channel.pixels is None or channel.pixels.shape != size:
+            raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
+    return header, {key: channel.pixels for key, channel in channels.items()}
+
+
+def read_gbuffer(
+    path: str | os.PathLike[str], channels: Mapping[str, str | tuple[str, ...]] | None = None
+) -> dict[str, NDArray[np.float32]]:
+    """Return the arrays of a G-buffer that an OpenEXR file holds.
+
+    Args:
+        path: a file as for `read`.
+        channels: channel names for some of "depth" (one name), "normal", "albedo", "emission"
+            (three names each, or the stem of three: "N" for N.X, N.Y, N.Z). What isn't given is
+            looked for under its usual names, such as Z, depth.V or ViewLayer.Depth.Z.
+
+    Returns:
+        "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
+        file has them. Depths of 1e10 and more, Blender's background, are +inf.
+
+    Raises:
+        FileNotFoundError, OSError: as `read`.
+        ValueError: as `read`; or no depth, or a given channel that the file doesn't have: the
+            message lists those that it has.
+    """
+    name = os.fspath(path)
+    given = dict(channels or {})
+    unknown = sorted(set(given) - {"depth", *_STEMS_OF})
+    if unknown:
+        raise ValueError(
+            f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'"
+        )
+    present = read(name)
+    arrays: dict[str, NDArray[np.float32]] = {}
+    for key in ("depth", *_STEMS_OF):
+        if key in given:
+            names: tuple[str, ...] | None = _given(name, key, given[key], present)
+        elif key == "depth":
+            names = next(((found,) for found in _matches(_DEPTH_NAMES, present)), None)
+        else:
+            names = next(_triples(_STEMS_OF[key], present), None)
+        if names is None and key == "depth":
+            raise ValueError(f"{name} has no depth channel; it has {_listed(present)}")
+        if names is not None:
+            planes = [present[channel].astype(np.float32, copy=False) for channel in names]
+            arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
+    depth = arrays["depth"].copy()
+    depth[depth >= BACKGROUND_DEPTH] = np.inf
+    arrays["depth"] = depth
+    return arrays
+
+
+def _given(
+    path: str, key: str, wanted: str | tuple[str, ...], present: Mapping[str, object]
+) -> tuple[str, ...]:
+    if isinstance(wanted, str) and key != "depth":
+        return next(_triples((wanted,), present), None) or _missing(path, f"{wanted}.*", present)
+    names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    count = 1 if key == "depth" else 3
+    if len(names) != count:
+        raise ValueError(f"channels[{key!r}] is {wanted!r}: expected {count} channel name(s)")
+    for channel in names:
+        if channel not in present:
+            _missing(path, channel, present)
+    return names
+
+
+def _missing(path: str, channel: str, present: Mapping[str, object]) -> tuple[str, ...]:
+    raise ValueError(f"{path} has no channel {channel!r}; it has {_listed(present)}")
+
+
+def _matches(patterns: tuple[str, ...], present: Mapping[str, object]) -> Iterator[str]:
+    """Yield the names that fit a pattern, best pattern first, then in alphabetical order."""
+    for pattern in patterns:
+        tail = pattern.removeprefix("*")
+        for channel in sorted(present):
+            if channel == pattern or (tail != pattern and channel.endswith(tail)):
+                yield channel
+
+
+def _triples(
+    stems: tuple[str, ...], present: Mapping[str, object]
+) -> Iterator[tuple[str, str, str]]:
+    for stem in stems:
+        for first, second, third in (("X", "Y", "Z"), ("R", "G", "B"), ("x", "y", "z")):
+            for channel in _matches((f"{stem}.{first}",), present):
+                prefix = channel.removesuffix(first)
+                names = channel, prefix + second, prefix + third
+                if all(one in present for one in names):
+                    yield names
+
+
+def _listed(present: Mapping[str, object]) -> str:
+    return ", ".join(sorted(present)) or "none"

@@ -1,0 +1,45 @@
+"""Bent normals in world space, from what scans of slices found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import rotation_values
+
+LEAST_OPEN = 0.02
+"""What a bent normal has along the normal at least, relative to where all is open: where less is
+open than noise, it leans to the normal, and it never lies below the surface."""
+
+
+class BentNormals:
+    """Turns what bends normals into bent normals, prepared for images of one size."""
+
+    def __init__(self, runtime: Runtime, size: Size) -> None:
+        self._kernel = runtime.kernel("gtao/gtao_bent.cl", {}, (VIEW_ROTATION,))
+        self._size = size
+        self._bent = runtime.plane(4, size)
+
+    def run(self, scanned: Plane, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the pass; return A and x, y, z of unit length in world space, 0 where nothing is.
+
+        Args:
+            scanned: A, then 3 images of what bends the normal in view space; more may follow.
+            gbuffer: whose normals are bent.
+        """
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        to_world = camera.view[:3, :3].T
+        self._kernel.run(
+            "bent normals",
+            self._size,
+            reads=[scanned, gbuffer.normal],
+            writes=[self._bent],
+            values=[
+                np.array(gbuffer.margin[::-1], np.int32), np.float32(LEAST_OPEN),
+                VIEW_ROTATION.pack(rotation_values(to_world)),
+            ],
+        )
+        return self._bent

@@ -1,0 +1,152 @@
+"""Ambient occlusion with a visibility bitmask: surfaces have a thickness, light passes behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import param
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
+
+SECTORS = ("cosine", "angle")
+ENDS = ("thickness", "layer")
+MOST_TAPS = 64
+"""Of a side of a slice."""
+JOINED_SIGMA = 0.4
+"""Standard deviation of the blur of joined taps over its radius and a half pixel on either side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BitmaskParams(SliceParams):
+    """Parameters of the visibility bitmask (Therrien et al. 2023).
+
+    Joined taps find less between them than a horizon does: 14 a side come within a tenth of what
+    rays find in one depth layer. More layers make the first one's gaps tell: joined, it is read at
+    24 of two layers, at 28 of four (at most 64), each of the others at a third of that.
+
+    Thickness, slack and end were chosen on generated scenes: with two and four layers the RMSE is
+    3 and 7 % less on those for tuning than with .2, .35 and "thickness", and 6 and 9 % less on
+    those for validation; thin rods and wires are no walls.
+    """
+
+    taps: int = param(
+        14, "depths read on either side of a slice; of several layers' first one more, see above",
+        low=1, high=MOST_TAPS,
+    )
+    tap_power: float = param(
+        1.6, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
+    )
+    thickness: float = param(
+        0.15, "of surfaces, along the line of sight; joined, of those that a single tap meets",
+        low=0.0, high=1e3, unit="radii"
+    )
+    end: str = param(
+        "layer", "where such surfaces end: `thickness` behind their front (that of each pixel "
+        "where the G-buffer has it), or at the next depth layer if that is nearer", choices=ENDS
+    )
+    joined: bool = param(True, "surfaces cover what lies between neighbouring taps")
+    slack: float = param(
+        0.2, "depth by which a surface may miss the line through its other taps",
+        low=0.0, high=1e3, unit="radii",
+    )
+    sectors: str = param(
+        "cosine", "the 32 sectors of a slice are equal parts of the cosine-weighted measure, or "
+        "equal angles as published, all directions of a slice weighing the same", choices=SECTORS
+    )
+
+    def in_front_of(self, layers: int) -> Self:
+        """Return them as the first of so many depth layers is read."""
+        if not self.joined or layers == 1:
+            return self
+        return replace(self, taps=min(round(self.taps * (10 + layers) / 7), MOST_TAPS))
+
+    def deeper(self, layers: int) -> int:
+        """Return the most taps of a side in each of so many layers but the first."""
+        front = self.in_front_of(layers).taps
+        return -(-front // 3) if self.joined and layers > 1 else front
+
+    @property
+    def blur(self) -> BilateralParams:
+        """What A is blurred with: joined taps leave so little noise that a narrower one does."""
+        blur = super().blur
+        return replace(blur, sigma=JOINED_SIGMA * (blur.radius + 1)) if self.joined else blur
+
+    @property
+    def overshoot(self) -> float:
+        """Half of the last taps lie beyond the radius, where surfaces are cut off."""
+        return 0.5 if self.joined else 0.0
+
+
+class BitmaskAo(SliceTechnique[BitmaskParams]):
+    """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    Therrien et al. 2023. Departs: see `bitmask_ao`.
+    """
+
+    name = "bitmask_ao"
+    defaults = BitmaskParams
+    reads_thickness = True
+
+    def _macros(self) -> Mapping[str, int]:
+        params = self.params
+        return {
+            "BITMASK_ANGLE": SECTORS.index(params.sectors),
+            "BITMASK_JOINED": int(params.joined),
+            "SLICES_DEEPER": params.deeper(self.layers),
+            "SLICES_NEXT": int(params.end == "layer" and self.layers > 1),
+        }
+
+    def _values(self) -> Mapping[str, float]:
+        return {"thickness": self.params.thickness, "slack": self.params.slack}
+
+
+@serialised
+def bitmask_ao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = 0.5,
+    slices: int | None = None,
+    taps: int | None = None,
+    *,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from the sectors of slices that surfaces of some thickness cover.
+
+    Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask". Departs: sectors
+    are equal parts of the cosine-weighted measure (`sectors="angle"`: equal angles, as published);
+    neighbouring taps on one surface cover what lies between them; all depth layers are read.
+
+    Args:
+        gbuffer: depth, and normals if there are any; taps reach into its margin, and each covers
+            sectors with every depth layer.
+        radius: distance up to which surfaces occlude, scene units, > 0.
+        slices: planes through the line of sight, 1 to 32.
+        taps: depths read on either side of a slice, 1 to 64; of several layers see `BitmaskParams`.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `BitmaskParams`.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `BitmaskParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    technique, device = made_for(
+        BitmaskAo, gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
+        error=error, budget_ms=budget_ms, **params,
+    )
+    return technique(device)

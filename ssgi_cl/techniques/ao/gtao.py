@@ -1,0 +1,191 @@
+"""Ground-truth ambient occlusion: cosine-weighted, from the highest horizons of slices.
+
+With bent normals, the mean unoccluded direction comes from the same horizons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import param
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.ao.bent_normals import BentNormals
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.tiles import OpenTiles
+
+
+@dataclass(frozen=True, kw_only=True)
+class GtaoParams(SliceParams):
+    """Parameters of GTAO (Jimenez et al. 2016; XeGTAO, Intel 2021).
+
+    XeGTAO's High setting for a radius r is radius=1.457 * r, slices=3, taps=3 (it counts the taps
+    of both sides), tap_power=2, falloff=0.615, contrast=2.2.
+    """
+
+    falloff: float = param(
+        0.0, "part of the radius, at its end, over which a horizon moves down to the tangent "
+        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii",
+    )
+    thin_occluder: float = param(
+        0.0, "with a falloff: how much more depth counts in the distance, for thin things",
+        low=0.0, high=10.0,
+    )
+    bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
+
+    @property
+    def channels(self) -> int:
+        """A, and x, y and z of the bent normal."""
+        return 4 if self.bent_normals else 1
+
+
+class Gtao(SliceTechnique[GtaoParams]):
+    """GTAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    Jimenez et al. 2016. Departs: see `gtao`.
+
+    With `bent_normals`, the plane that `run` returns has four images: A, and x, y, z of the bent
+    normal in world space, of unit length; 0 where nothing is.
+    """
+
+    name = "gtao"
+    defaults = GtaoParams
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: GtaoParams | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+    ) -> None:
+        super().__init__(runtime, size, params, margin, layers)
+        if self.params.bent_normals:
+            self._bent = BentNormals(runtime, size)
+
+    def run(
+        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+    ) -> Plane:
+        """Queue the passes; return the plane. Nothing is allocated after the first call."""
+        plane = super().run(gbuffer, tiles, layers)
+        return self._bent.run(plane, gbuffer) if self.params.bent_normals else plane
+
+    def __call__(
+        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
+        if not self.params.bent_normals:
+            return super().__call__(gbuffer, out)
+        a, _ = self.both(gbuffer)
+        if out is None:
+            return a
+        out[...] = a
+        return out
+
+    def both(
+        self, gbuffer: GBuffer | DeviceGBuffer
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return A [rows, columns] and bent normals [rows, columns, 3]; see `gtao`."""
+        if not self.params.bent_normals:
+            raise ValueError("bent_normals is False: expected True for bent normals")
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download()
+        return result[0], np.ascontiguousarray(np.moveaxis(result[1:], 0, -1))
+
+    def _macros(self) -> Mapping[str, int]:
+        params = self.params
+        return {"GTAO_FALLOFF": int(params.falloff > 0.0), "GTAO_BENT": int(params.bent_normals)}
+
+    def _values(self) -> Mapping[str, float]:
+        params = self.params
+        return {
+            "falloff_scale": 1.0 / params.falloff if params.falloff > 0.0 else 0.0,
+            "thin": (1.0 + params.thin_occluder) ** 2 - 1.0,
+        }
+
+
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    bent_normals: Literal[False] = False,
+    preset: str | None = ...,
+    error: float | None = ...,
+    budget_ms: float | None = ...,
+    runtime: Runtime | None = ...,
+    **params: Any,
+) -> NDArray[np.float32]: ...
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    bent_normals: Literal[True],
+    preset: str | None = ...,
+    error: float | None = ...,
+    budget_ms: float | None = ...,
+    runtime: Runtime | None = ...,
+    **params: Any,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@serialised
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = 0.5,
+    slices: int | None = None,
+    taps: int | None = None,
+    *,
+    bent_normals: bool = False,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Compute cosine-weighted ambient occlusion from the highest horizons round each pixel.
+
+    Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion". Departs: a
+    horizon is measured from the tangent plane, slices weigh by the azimuth that they stand for, and
+    the sum is divided by that of open slices, so that a plane is unoccluded; `falloff` is that of
+    XeGTAO (Intel 2021); all depth layers are read.
+
+    Args:
+        gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
+            depth layers: a deeper one counts where those before it are out of the radius.
+        radius: distance up to which surfaces occlude, scene units, > 0.
+        slices: planes through the line of sight, 1 to 32.
+        taps: depths read on either side of a slice, 1 to 64.
+        bent_normals: whether bent normals are returned too: the mean unoccluded direction of each
+            pixel, weighted by its cosine to the normal.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `GtaoParams`.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `GtaoParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With
+        `bent_normals`, A and [rows, columns, 3] float32: bent normals in world space, of unit
+        length; the surface's normal where nothing occludes, 0 where nothing is there. In the
+        Cornell box they are off from those of 512 rays by 3.8 degrees, the normals by 12.4.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    technique, device = made_for(
+        Gtao, gbuffer, runtime, radius=radius, slices=slices, taps=taps,
+        bent_normals=bent_normals, preset=preset, error=error, budget_ms=budget_ms, **params,
+    )
+    return technique.both(device) if bent_normals else technique(device)

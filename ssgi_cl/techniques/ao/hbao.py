@@ -1,0 +1,104 @@
+"""Horizon-based ambient occlusion: all directions weigh the same, nearby occluders the most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import param
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+
+
+@dataclass(frozen=True, kw_only=True)
+class HbaoParams(SliceParams):
+    """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions.
+
+    As published the attenuation is 1. The default was chosen on generated scenes: the RMSE against
+    rays, which know no attenuation, is 4 % less than with 1 on those for tuning, 3 % on those for
+    validation.
+    """
+
+    attenuation: float = param(
+        0.6, "how much less an occluder at the radius hides than one nearby: by the square of its "
+        "distance; 0 for a sharp end", low=0.0, high=1.0,
+    )
+    angle_bias: float = param(
+        0.0, "elevation above the tangent plane up to which nothing occludes", low=0.0,
+        high=1.5, unit="radians",
+    )
+
+
+class Hbao(SliceTechnique[HbaoParams]):
+    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+
+    Bavoil and Sainz 2008. Departs: see `hbao`.
+    """
+
+    name = "hbao"
+    defaults = HbaoParams
+
+    def _macros(self) -> Mapping[str, int]:
+        return {
+            "HBAO_ATTENUATION": int(self.params.attenuation > 0.0),
+            "HBAO_BIAS": int(self.params.angle_bias > 0.0),
+        }
+
+    def _values(self) -> Mapping[str, float]:
+        params = self.params
+        return {
+            "attenuation": params.attenuation,
+            "bias_cos": math.cos(params.angle_bias),
+            "bias_sin": math.sin(params.angle_bias),
+        }
+
+
+@serialised
+def hbao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float = 0.5,
+    slices: int | None = None,
+    taps: int | None = None,
+    *,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
+
+    Bavoil and Sainz 2008, "Image-Space Horizon-Based Ambient Occlusion". Departs: elevations are
+    measured from the tangent plane across the line of sight, directions weigh by the azimuth that
+    they stand for, and the sum is divided by what they could hide, so that a plane is unoccluded.
+
+    Args:
+        gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
+            depth layers: a deeper one counts where those before it are out of the radius.
+        radius: distance up to which surfaces occlude, scene units, > 0.
+        slices: pairs of opposite directions, 1 to 32.
+        taps: depths read in each direction, 1 to 64.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `HbaoParams`.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `HbaoParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    technique, device = made_for(
+        Hbao, gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
+        error=error, budget_ms=budget_ms, **params,
+    )
+    return technique(device)

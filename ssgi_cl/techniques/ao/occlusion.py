@@ -1,0 +1,168 @@
+"""What techniques of ambient occlusion share: reduce, occlude, blur, bring back to full size."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import Params, param
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
+from ssgi_cl.techniques.tiles import OpenTiles, Reach
+
+RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+BLUR_DEPTH_SIGMA = 0.002
+"""Of the blur, a pixel of the result: so little off their plane, reliefs a few pixels wide stay."""
+BLUR_RESOLUTIONS = ("own", "full")
+"""Size at which the blur works: that at which occlusion is computed, or the full one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OcclusionParams(Params):
+    """Parameters of every technique of ambient occlusion."""
+
+    max_radius_px: float = param(
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
+        unit="px",
+    )
+    resolution: str = param(
+        "full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS)
+    )
+    blur_radius: int = param(
+        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
+        unit="px",
+    )
+    blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
+    blur_resolution: str = param(
+        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
+        choices=BLUR_RESOLUTIONS,
+    )
+
+    @property
+    def channels(self) -> int:
+        """Images of a result: A, and what else the technique finds; all are blurred alike."""
+        return 1
+
+    @property
+    def blur(self) -> BilateralParams:
+        """What A is blurred with."""
+        step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
+        return BilateralParams(
+            radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step
+        )
+
+
+class OcclusionTechnique(ABC):
+    """A technique of ambient occlusion, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+        params: of the technique.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, margin: Size, params: OcclusionParams
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.margin = margin
+        self._step = step = RESOLUTIONS[params.resolution]
+        coarse, channels = coarse_size(size, step), params.channels
+        self._openness = runtime.plane(channels, coarse, 1.0)
+        self._trace = Trace()
+        self._no_tiles = runtime.array(np.zeros(1, np.int32))
+        self._reduced: ReducedGBuffer | None = None
+        blur = params.blur
+        self._upsample: Upsample | UpsampleBlur | None = None
+        late = step > 1 and blur.passes * blur.radius > 0 and params.blur_resolution == "full"
+        if late and channels == 1:
+            self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0)
+            blur = replace(blur, passes=blur.passes - 1)
+        elif step > 1:
+            self._upsample = Upsample(runtime, size, step, channels, background=1.0)
+        self._blur = Bilateral(runtime, size if late else coarse, blur, channels)
+        self._blur_first = not late
+
+    def run(
+        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+    ) -> Plane:
+        """Queue the passes; return the plane of A, and of what else the technique finds.
+
+        In open `tiles`, found with `reach`, nothing is computed that is known. Only the front
+        `layers` of depth are looked at where the others have no pixel. Nothing is allocated after
+        the first call.
+        """
+        self._check(gbuffer)
+        source: Any = gbuffer
+        if self._upsample is not None:
+            if self._reduced is None:
+                self._reduced = ReducedGBuffer(gbuffer, self._step)
+            self._reduced.update(gbuffer)
+            source = self._reduced
+        window = gbuffer.seen_every(self._step)
+        with self._trace.over(window) as over:
+            self._occlude(gbuffer, source, tiles, layers, over)
+        result = self._openness
+        if self._blur_first:
+            result = self._blur.run(
+                result, source, tiles=tiles, step=self._step, window=window
+            )
+        if self._upsample is not None and self._reduced is not None:
+            result = self._upsample.run(result, self._reduced, gbuffer)
+        if not self._blur_first and self._blur.active:
+            result = self._blur.run(result, gbuffer, window=gbuffer.seen)
+        return result
+
+    def __call__(
+        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
+        device = on_device(gbuffer, self.runtime)
+        with self.runtime.frame():
+            result = self.run(device).download(None if out is None else out[None])
+        a: NDArray[np.float32] = result[0]
+        return a
+
+    @abstractmethod
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
+        """Raise ValueError if this was prepared for other G-buffers."""
+
+    @abstractmethod
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far the technique looks, or None if no tile with a surface is surely open."""
+
+    @abstractmethod
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
+    ) -> None:
+        """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced.
+
+        Only pixels in `window` are needed.
+        """
+
+    def _bits(self, tiles: OpenTiles | None) -> DeviceArray:
+        """Return what kernels read of the tiles."""
+        return self._no_tiles if tiles is None else tiles.bits
+
+    def _margins(self, source: Any) -> dict[str, int]:
+        """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""
+        rows, columns = self._openness.size
+        return {
+            "margin_left": source.margin[1],
+            "margin_right": source.whole[1] - columns - source.margin[1],
+            "margin_top": source.margin[0],
+            "margin_bottom": source.whole[0] - rows - source.margin[0],
+        }

@@ -1,0 +1,469 @@
+"""What HBAO, GTAO and the visibility bitmask share: a scan of the depth in slices round a pixel."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import param
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import GUARD, DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.ssao import TILE_ORDER
+from ssgi_cl.techniques.filters.upsample import coarse_size
+from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
+
+SLICES = Struct(
+    "SliceParams",
+    (
+        *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
+        *floats("thickness", "slack", "falloff_scale", "thin"),
+        *floats("attenuation", "bias_cos", "bias_sin"),
+        *(
+            (name, "int")
+            for name in (
+                "margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead",
+                "tile_columns", "tile_step",
+            )
+        ),
+    ),
+)
+
+GROUP = 16
+"""Pixels that scan together, every fourth of a row."""
+
+STRIP = 256
+"""Columns that are scanned from top to bottom, before those to the right of them."""
+
+SIMILAR = 0.4
+"""Those whose 1 / depth is at least this part of the nearest's share its slices."""
+
+TILE = 4
+"""Rows and columns after which the pattern of slices repeats; the blur is made for it."""
+
+NEAREST_TAP = 1.3
+"""Distance of the nearest tap, px: at any angle it lies in another pixel than the receiver."""
+
+DEPTH_BIAS = 4e-6
+"""Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
+
+LEAST_FACING = 0.05
+"""Cosine between normal and line of sight that a grazing or averted normal is taken to have.
+
+Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap
+lies at a whole pixel beside its slice counts more than what it shows, and pixels at silhouettes
+turn black. Planes stay open at any tilt: nothing of them is above them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliceParams(OcclusionParams):
+    """Parameters of every technique that scans slices.
+
+    Two slices of nine taps a side find occlusion better than three of six, and taps almost evenly
+    spread better than taps that crowd round the receiver: blurred, on the built-in scenes with
+    0.5 to 2.5 times their own radii, GTAO's RMSE is .082 with the defaults, .095 with three slices
+    of six taps and a power of 2.
+    """
+
+    radius: float = param(
+        0.5, "distance up to which surfaces occlude", low=0.0, high=1e30, above=True,
+        unit="scene units",
+    )
+    slices: int = param(2, "planes through the line of sight, each with two sides", low=1, high=32)
+    taps: int = param(9, "depths read on either side of a slice", low=1, high=64)
+    tap_power: float = param(
+        1.2, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
+    )
+    bias: float = param(
+        0.0, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
+        unit="radii",
+    )
+    contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
+
+    def in_front_of(self, layers: int) -> Self:
+        """Return them as the first of so many depth layers is read."""
+        return self
+
+    @property
+    def overshoot(self) -> float:
+        """By how many taps the taps are moved away from the receiver."""
+        return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Where the pixels of a tile scan.
+
+    Attributes:
+        angle: [4, 4, slices] of each slice from +columns towards +rows, radians, in [0, pi).
+        share: [4, 4, slices, taps] distance of each tap, in parts of the radius, rising.
+        dither: [4, 4, slices] in [0, 1), for roundings that are right on average.
+    """
+
+    angle: NDArray[np.float64]
+    share: NDArray[np.float64]
+    dither: NDArray[np.float64]
+
+
+def pattern(params: SliceParams) -> Pattern:
+    """Return the deterministic pattern of a tile: Hammersley's points in Bayer's order.
+
+    The 16 pixels turn their slices by 16 even steps and shift their taps by 16 others. On the
+    built-in scenes, blurred, GTAO's RMSE is 2 % (4 % with one slice) below that of the R2 sequence
+    along a Hilbert curve, 16 points of which crowd.
+    """
+    slices, taps = params.slices, params.taps
+    number = np.arange(slices)
+    bits = [((TILE_ORDER >> bit) & 1) << (3 - bit) for bit in range(4)]
+    reversed_bits = np.sum(bits, axis=0)
+    turn = (TILE_ORDER[..., None] + 0.5) / TILE**2
+    jitter = np.mod((reversed_bits[..., None] + 0.5) / TILE**2 + number / slices, 1.0)
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    return Pattern(
+        angle=np.pi * (number + turn) / slices,
+        share=((np.arange(taps) + jitter[..., None] + params.overshoot) / taps)
+        ** params.tap_power,
+        dither=np.mod(0.5 + golden * (TILE_ORDER[..., None] + TILE**2 * number), 1.0),
+    )
+
+
+def table(params: SliceParams) -> NDArray[np.float32]:
+    """Return the pattern as kernels read it: [4 rows, 4 columns, slices, 3 + taps].
+
+    Taps are filled up to a multiple of 16.
+    """
+    made = pattern(params)
+    rows = np.concatenate(
+        [
+            np.stack([np.cos(made.angle), np.sin(made.angle), made.dither], axis=-1),
+            made.share,
+            np.zeros((*made.share.shape[:3], -params.taps % GROUP)),
+        ],
+        axis=-1,
+    )
+    return rows.astype(np.float32)
+
+
+class SliceScan:
+    """What a scan of slices reads, prepared for G-buffers of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+        params: of the technique.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+        layers: depth layers of the G-buffers.
+
+    Attributes:
+        step: pixels of the image from one that is scanned to the next.
+        size: (rows, columns) of the result, every step-th pixel.
+        table: what kernels read of the pattern.
+        longest: distance of the farthest tap, in parts of the radius.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int
+    ) -> None:
+        self.runtime, self.params, self.layers = runtime, params, layers
+        self.step = step = RESOLUTIONS[params.resolution]
+        self.size = coarse_size(size, step)
+        self.table = runtime.array(table(params))
+        self.longest = float(pattern(params).share.max())
+        reduced_margin = (margin[0] // step, margin[1] // step)
+        self._whole = (self.size[0] + 2 * reduced_margin[0], self.size[1] + 2 * reduced_margin[1])
+        # Column 0 of the result begins a tile.
+        self._lead = -reduced_margin[1] % TILE
+        quarter = -(-(self._whole[1] + self._lead) // TILE)
+        self._stride = -(-quarter // GROUP) * GROUP + GROUP
+        self._first = (margin[0] % step, margin[1] % step)
+        # What lies outside differs between perspective and orthographic cameras.
+        self._near: dict[tuple[bool, bool, int], Plane] = {}
+        self._sorted: dict[int, DeviceArray] = {}
+        self._traces: defaultdict[object, Trace] = defaultdict(Trace)
+        self._slopes: DeviceArray | None = None
+
+    @property
+    def sorted_size(self) -> Size:
+        """Return (rows, columns) of the arrays that kernels scan."""
+        return self._whole[0], TILE * self._stride
+
+    @property
+    def grid(self) -> Size:
+        """Return (rows, columns) of work-items: a strip's are below one another's."""
+        rows, columns = self.size
+        return rows * -(-columns // STRIP), STRIP // self.runtime.form.lanes
+
+    def strips(self, window: Window | None) -> list[Window | None]:
+        """Return the parts of `grid` that scan a window of the result, one a strip."""
+        if window is None:
+            return [None]
+        _, columns = self.grid
+        first, (_, count) = window.cells((1, STRIP))
+        return [
+            Window(strip * self.size[0] + window.row, 0, window.rows, columns)
+            for strip in range(first[1], first[1] + count)
+        ]
+
+    def macros(
+        self, *, thick: bool, reads_thickness: bool, layers: int | None = None
+    ) -> dict[str, int]:
+        """Return the macros of a kernel that scans `layers`, without or with thickness by pixel."""
+        return {
+            "SLICES_COUNT": self.params.slices,
+            "SLICES_TAPS": self.params.taps,
+            "SLICES_LAYERS": layers or self.layers,
+            **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
+        }
+
+    def near(
+        self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None
+    ) -> Plane:
+        """Queue the pass that brings all layers or fewer into the measure and size of the scan."""
+        count = layers or self.layers
+        perspective = bool(gbuffer.camera_struct["perspective"])
+        thick = thickness is not None
+        kernel = self.runtime.kernel(
+            "slices/slices_near.cl",
+            {"NEAR_LAYERS": count, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
+        )
+        key = perspective, thick, count
+        if key not in self._near:
+            self._near[key] = self.runtime.plane(
+                count + thick, self.sorted_size, 0.0 if perspective else math.inf
+            )
+        near = self._near[key]
+        with self._traces[key].over(self._rows_of(gbuffer.window)) as over:
+            kernel.run(
+                "near",
+                near.size,
+                reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
+                writes=[near],
+                values=[
+                    *self._places(gbuffer.depth),
+                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                    gbuffer.camera_struct,
+                ],
+                window=over,
+            )
+        return near
+
+    def _rows_of(self, window: Window | None) -> Window | None:
+        """Return the whole rows of `near` that hold what is seen in a window of a G-buffer."""
+        if window is None:
+            return None
+        rows, columns = self.sorted_size
+        seen = window.inside((rows * self.step, columns * self.step), self._first)
+        coarse = seen.reduced(self.step)
+        return Window(coarse.row, 0, coarse.rows, columns)
+
+    def sorted(
+        self, name: str, images: Plane, window: Window | None = None
+    ) -> DeviceArray:
+        """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth.
+
+        They are 0 outside of `window`.
+        """
+        count = images.count
+        if count not in self._sorted:
+            self._sorted[count] = self._array(count)
+        kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
+        with self._traces["sorted", count].over(self._rows_of(window)) as over:
+            kernel.run(
+                name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
+                values=self._places(images),
+                window=over,
+            )
+        return self._sorted[count]
+
+    def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
+        """Queue the pass that finds the planes of all layers, from normals where there are any."""
+        if self._slopes is None:
+            self._slopes = self._array(2 * self.layers)
+        kernel = self.runtime.kernel(
+            "slices/slices_slopes.cl",
+            {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
+            (CAMERA,),
+        )
+        with self._traces["slopes"].over(self._rows_of(gbuffer.window)) as over:
+            kernel.run(
+                "slopes", self.sorted_size, reads=[gbuffer.depth, gbuffer.normal],
+                writes=[self._slopes],
+                values=[
+                    *self._places(gbuffer.depth),
+                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
+                    gbuffer.camera_struct,
+                ],
+                window=over,
+            )
+        return self._slopes
+
+    def _array(self, count: int) -> DeviceArray:
+        """Return images of `sorted_size`, zero."""
+        rows, columns = self.sorted_size
+        return self.runtime.array(np.zeros((count * rows + 2) * (columns + GUARD), np.float32))
+
+    def _places(self, fine: Plane) -> list[Any]:
+        """Return which pixels of a plane are picked and where they are put."""
+        rows, columns = fine.size
+        return [
+            np.array([columns, rows], np.int32), np.int32(self._whole[1]), np.int32(self._lead),
+            np.int32(self.step), np.int32(self._first[1]), np.int32(self._first[0]),
+        ]
+
+    def packed(self, source: Any, values: Mapping[str, float]) -> Any:
+        """Return the struct for a G-buffer, or it reduced, with the technique's own `values`."""
+        params = self.params
+        camera = source.camera_struct
+        unit = _ortho_unit(camera, 1)
+        pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
+        return SLICES.pack({
+            **dict.fromkeys(SLICES.dtype.names or (), 0.0),
+            "radius": params.radius,
+            "ortho_unit": unit,
+            "unit_px": pixels / (1.0 if camera["perspective"] else unit),
+            "most_px": params.max_radius_px / self.step,
+            "bias": params.bias,
+            "depth_bias": DEPTH_BIAS,
+            "contrast": params.contrast,
+            "stride": self._stride,
+            "lead": self._lead,
+            "margin_left": source.margin[1],
+            "margin_right": source.whole[1] - self.size[1] - source.margin[1],
+            "margin_top": source.margin[0],
+            "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
+            **values,
+        })
+
+
+P = TypeVar("P", bound=SliceParams)
+
+
+class SliceTechnique(OcclusionTechnique, Generic[P]):
+    """A technique that scans slices, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: of the technique.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+        layers: depth layers of the G-buffers.
+    """
+
+    name: ClassVar[str]
+    """Of the kernel and of its pass."""
+    defaults: ClassVar[type[SliceParams]]
+    reads_thickness: ClassVar[bool] = False
+    """Whether it looks at the thickness that a G-buffer may have for each pixel."""
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: P | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+    ) -> None:
+        chosen: Any = params or self.defaults()
+        super().__init__(runtime, size, margin, chosen)
+        self.params: P = chosen
+        self.layers = layers
+        self._scan = SliceScan(runtime, size, chosen.in_front_of(layers), margin, layers)
+        self._kernels: dict[tuple[bool, int], Kernel] = {}
+        self._kernel(thick=False, layers=layers)
+
+    def _kernel(self, *, thick: bool, layers: int) -> Kernel:
+        """Return the kernel that scans so many layers, without or with thickness by pixel."""
+        key = thick, layers
+        if key not in self._kernels:
+            scan = self._scan
+            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness, layers=layers)
+            self._kernels[key] = self.runtime.kernel(
+                f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
+            )
+        return self._kernels[key]
+
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
+        check_shape(gbuffer, self.size, self.margin, self.layers)
+
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far it looks: as far as the nearest pixel of those that scan together."""
+        step = self._step
+        return Reach(
+            radius=self.params.radius, stretch=1.01 * max(self._scan.longest, 1.0),
+            more_px=(NEAREST_TAP + 2.0) * step, most_px=self.params.max_radius_px, step=step,
+            group=TILE * GROUP * step,
+        )
+
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
+    ) -> None:
+        thickness = gbuffer.thickness if self.reads_thickness else None
+        layers = layers or self.layers
+        near = self._scan.near(gbuffer, thickness, layers)
+        packed = self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)})
+        kernel = self._kernel(thick=thickness is not None, layers=layers)
+        for strip in self._scan.strips(window):
+            kernel.run(
+                self.name,
+                self._openness.size,
+                reads=[near, source.normal, self._scan.table, self._bits(tiles)],
+                writes=[self._openness],
+                values=[source.camera_struct, packed],
+                grid=self._scan.grid, window=strip, cell=(1, 1),
+            )
+
+    def _macros(self) -> Mapping[str, int]:
+        """Return the technique's own switches."""
+        return {}
+
+    def _values(self) -> Mapping[str, float]:
+        """Return the technique's own members of the struct."""
+        return {}
+
+
+def check_shape(gbuffer: DeviceGBuffer, size: Size, margin: Size, layers: int) -> None:
+    """Raise ValueError if a G-buffer is not what a technique was prepared for."""
+    if (gbuffer.size, gbuffer.margin, gbuffer.layers) != (size, margin, layers):
+        raise ValueError(
+            f"the G-buffer's size, margin and layers are {gbuffer.size}, {gbuffer.margin} and "
+            f"{gbuffer.layers}: expected {size}, {margin} and {layers}"
+        )
+
+
+T = TypeVar("T", bound=SliceTechnique[Any])
+
+
+def _ortho_unit(camera: Any, step: int) -> float:
+    """Return 1 / the width of every `step`-th of a camera's pixels, per scene unit."""
+    return abs(float(camera["from_x"])) / step
+
+
+def made_for(
+    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+) -> tuple[T, DeviceGBuffer]:
+    """Return a technique, prepared unless it was before, and the G-buffer on its device.
+
+    Args:
+        technique: its class.
+        gbuffer, runtime, **given: what its function was called with; see `params_for`.
+    """
+    params = params_for(technique.name, gbuffer, runtime, **given)
+    device = on_device(gbuffer, runtime)
+    made: T = device.runtime.prepared(
+        (technique, device.size, device.margin, device.layers, params),
+        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
+    )
+    return made, device

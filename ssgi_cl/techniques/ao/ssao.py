@@ -1,0 +1,326 @@
+"""Screen-space ambient occlusion from points in a ball round each pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import param
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
+
+SSAO = Struct(
+    "SsaoParams",
+    (
+        *floats("radius_0", "radius_1", "radius_2", "radius_3"),
+        *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
+        *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
+        *floats("contrast", "border_depth"),
+        *(
+            (name, "int")
+            for name in (
+                "margin_left", "margin_right", "margin_top", "margin_bottom", "tile_columns",
+                "tile_step",
+            )
+        ),
+    ),
+)
+
+DEPTH_BIAS = 2e-6
+"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
+
+TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+"""Bayer's order of the pixels of a tile: those close in number lie far apart."""
+
+FALLOFFS = ("exponential", "ramp")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SsaoParams(OcclusionParams):
+    """Parameters of SSAO (Mittring 2007; Filion and McNaughton 2008), which have no contrast (1).
+
+    The default contrast was chosen on generated scenes: the RMSE is 10 % less than with 1 on those
+    for tuning, 7 % on those for validation.
+    """
+
+    radius: float | tuple[float, ...] = param(
+        0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
+        unit="scene units",
+    )
+    samples: int = param(16, "points per pixel and radius", low=1, high=256)
+    length_power: float = param(
+        0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly",
+        low=0.05, high=4.0,
+    )
+    hemisphere: bool = param(
+        True, "flip points to the normal's side; without, a flat wall is half occluded"
+    )
+    falloff: str | tuple[float, ...] = param(
+        "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
+        "equal steps from 0 to `falloff_end`"
+    )
+    rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
+    full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0,
+                        unit="radii")
+    none: float = param(2.0, "ramp: no occlusion from this d on", low=1e-3, high=1e3, unit="radii")
+    power: float = param(1.0, "ramp: exponent of its linear part", low=0.01, high=100.0)
+    falloff_end: float = param(2.0, "values: d of the last one, no occlusion beyond",
+                               low=1e-3, high=1e3, unit="radii")
+    bias: float = param(
+        0.02, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
+        unit="radii",
+    )
+    contrast: float = param(
+        1.4, "exponent of A before the blur; points find less occlusion than rays do, so that more "
+        "than 1 comes closer to the truth", low=0.1, high=10.0,
+    )
+    outside: str | float = param(
+        "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
+        "or the depth of a border in scene units"
+    )
+    near_px: float = param(
+        math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
+        low=1.0, high=math.inf, unit="px",
+    )
+    max_samples: int = param(0, "most points per pixel; 0 for `samples`", low=0, high=256)
+
+    def __post_init__(self) -> None:
+        OcclusionParams.__post_init__(self)
+        set_ = object.__setattr__
+        radii = self.radius if isinstance(self.radius, (Sequence, np.ndarray)) else (self.radius,)
+        if not 1 <= len(radii) <= 4:
+            raise ValueError(f"radius has {len(radii)} values: expected 1 to 4")
+        set_(self, "radius", tuple(
+            checks.number("radius", r, low=0, high=1e30, above=True, unit="scene units")
+            for r in radii
+        ))
+        if isinstance(self.falloff, str):
+            checks.choice("falloff", self.falloff, FALLOFFS)
+        else:
+            curve = checks.vector("falloff", self.falloff, np.size(self.falloff))
+            if len(curve) < 2 or len(curve) > 4096 or curve.min() < 0 or curve.max() > 1:
+                raise ValueError(
+                    f"falloff has {len(curve)} values from {curve.min():g} to {curve.max():g}: "
+                    "expected 2 to 4096 values in [0, 1]"
+                )
+            set_(self, "falloff", tuple(curve.tolist()))
+        if isinstance(self.outside, str):
+            checks.choice("outside", self.outside, ("unknown", "open"))
+        else:
+            set_(self, "outside", checks.number(
+                "outside", self.outside, low=0, above=True, unit="scene units"))
+        if self.none <= self.full and self.falloff == "ramp":
+            raise ValueError(f"none is {self.none}: expected more than full, which is {self.full}")
+        if self.max_samples and self.max_samples < self.samples:
+            raise ValueError(
+                f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
+            )
+
+
+def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
+    """Return [count, 3] points of the unit ball; any beginning of the list is well spread.
+
+    Directions and lengths follow the three-dimensional R sequence (Roberts 2018).
+    """
+    root = 1.22074408460575947536  # of g^4 = g + 1
+    steps = root ** -np.arange(1.0, 4.0)
+    u = np.mod(0.5 + np.outer(np.arange(1, count + 1), steps), 1.0)
+    z = 1.0 - 2.0 * u[:, 0]
+    ring = np.sqrt(1.0 - z * z)
+    angle = 2.0 * np.pi * u[:, 1]
+    direction = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
+    return direction * u[:, 2:] ** length_power
+
+
+def tile_vectors() -> NDArray[np.float64]:
+    """Return [4, 4, 3] unit vectors, neighbours far apart: the random vectors of a 4 x 4 tile."""
+    order = TILE_ORDER
+    # Reflection about v and about -v is the same, so the spiral covers half of the sphere.
+    z = (order + 0.5) / 16.0
+    angle = order * (np.pi * (3.0 - np.sqrt(5.0)))
+    ring = np.sqrt(1.0 - z * z)
+    return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
+
+
+def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
+    """Return [4, 4, count, 3]: points of each tile pixel, reflected about its vector.
+
+    Each pixel takes every 16th of one list, so that a tile has 16 times as many different points:
+    13 % less error on the built-in scenes than one list for all, whose few lengths would show as
+    contour lines, since a reflection keeps them.
+    """
+    points = sample_points(16 * count, length_power)
+    points = points[TILE_ORDER[..., None] + 16 * np.arange(count)]
+    mirror = tile_vectors()[:, :, None, :]
+    along = np.sum(points * mirror, axis=-1, keepdims=True)
+    reflected: NDArray[np.float64] = points - 2.0 * along * mirror
+    return reflected
+
+
+class Ssao(OcclusionTechnique):
+    """SSAO, prepared for images of one size.
+
+    Mittring 2007; Filion and McNaughton 2008. Departs: see `ssao`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: see `SsaoParams`.
+        margin: (rows, columns) by which the G-buffers exceed the result on every side.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: SsaoParams | None = None,
+        margin: Size = (0, 0),
+    ) -> None:
+        self.params = params = params or SsaoParams()
+        super().__init__(runtime, size, margin, params)
+        most = max(params.samples, params.max_samples)
+        curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
+        self._kernel = runtime.kernel(
+            "ssao/ssao.cl",
+            {
+                "SSAO_MOST_SAMPLES": most,
+                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]
+                "SSAO_HEMISPHERE": int(params.hemisphere),
+                "SSAO_FALLOFF": FALLOFFS.index(params.falloff)
+                if isinstance(params.falloff, str)
+                else len(FALLOFFS),
+                "SSAO_CURVE_SIZE": len(curve),
+                "SSAO_OUTSIDE": int(params.outside != "unknown"),
+            },
+            (CAMERA, SSAO),
+        )
+        points = reflected_points(most, params.length_power)  # row, column, point, axis
+        table = np.tile(points.transpose(0, 2, 3, 1), 4)  # row, point, axis, 16 columns
+        self._points = runtime.array(table.astype(np.float32))
+        self._curve = runtime.array(curve.astype(np.float32))
+
+    def _check(self, gbuffer: DeviceGBuffer) -> None:
+        if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
+            raise ValueError(
+                f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
+                f"expected {self.size} and {self.margin}"
+            )
+
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far it looks; None if a plane may occlude itself, or what is outside all."""
+        params = self.params
+        if not params.hemisphere or params.outside != "unknown":
+            return None
+        # A point r d of the ball round a receiver at depth z and slope s projects at an offset of
+        # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
+        return Reach(
+            radius=max(params.radius),  # type: ignore[arg-type]  # a tuple once checked
+            more_px=2.0 * self._step, most_px=params.max_radius_px, step=self._step, bulge=1.0,
+            slack=1e-6,
+        )
+
+    def _occlude(
+        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        window: Window | None,
+    ) -> None:
+        self._kernel.run(
+            "ssao",
+            self._openness.size,
+            reads=[source.depth, source.normal, self._points, self._curve, self._bits(tiles)],
+            writes=[self._openness],
+            values=[source.camera_struct, self._packed(source, tiles)],
+            window=window,
+        )
+
+    def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:
+        params = self.params
+        radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
+        curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
+        return SSAO.pack(
+            {
+                **{f"radius_{i}": radius for i, radius in enumerate(radii)},
+                "most_px": params.max_radius_px / self._step,
+                "samples_per_px": params.samples * self._step / params.near_px,
+                "fewest": params.samples,
+                "bias": params.bias,
+                "depth_bias": DEPTH_BIAS,
+                "rate": params.rate,
+                "none_at": params.none,
+                "ramp_scale": 1.0 / (params.none - params.full)
+                if params.none > params.full else 0.0,
+                "power": params.power,
+                "curve_end": params.falloff_end,
+                "curve_scale": (curve_size - 1) / params.falloff_end,
+                "contrast": params.contrast,
+                "border_depth": params.outside
+                if isinstance(params.outside, float) else math.inf,
+                **self._margins(source),
+                **tile_values(tiles, self._step),
+            }
+        )
+
+
+@serialised
+def ssao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: ArrayLike = 0.5,
+    samples: int | None = None,
+    *,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> NDArray[np.float32]:
+    """Compute ambient occlusion from points in a ball round each pixel.
+
+    Mittring 2007, "Finding Next Gen: CryEngine 2", and Filion and McNaughton 2008, "StarCraft II
+    Effects and Techniques". Departs: with `hemisphere` (the default) a surface occludes only where
+    it rises above the receiver's tangent plane; points are a low-discrepancy sequence; A is raised
+    to `contrast`.
+
+    Args:
+        gbuffer: depth, and normals if there are any; with a margin, samples reach into it.
+        radius: of the ball in scene units, > 0; up to 4 values, of which the greatest occlusion
+            counts in each pixel.
+        samples: points per pixel, 1 to 256; by default 16, or the preset's.
+        preset, error, budget_ms: at most one of them: where the fields that are not given come
+            from; see `ssgi_cl.choose`. By default the defaults of `SsaoParams`.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `SsaoParams`.
+
+    Returns:
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+
+    Raises:
+        TypeError, ValueError: a parameter of the wrong type or out of range; the message says
+            which, its value and what is allowed.
+    """
+    radii = checks.as_array("radius", radius)
+    if radii.dtype.kind not in "fiu":
+        raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
+    chosen: SsaoParams = params_for(
+        "ssao", gbuffer, runtime, radius=tuple(radii.ravel().tolist()), samples=samples,
+        preset=preset, error=error, budget_ms=budget_ms, **params,
+    )
+    device = on_device(gbuffer, runtime)
+    technique: Ssao = device.runtime.prepared(
+        (Ssao, device.size, device.margin, chosen),
+        lambda: Ssao(device.runtime, device.size, chosen, device.margin),
+    )
+    return technique(device)
+
+

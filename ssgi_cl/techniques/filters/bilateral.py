@@ -1,0 +1,201 @@
+"""Edge-aware blur: Gaussian in space, depth and normal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import Params, param
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
+
+BLUR = Struct(
+    "BlurParams",
+    (
+        *floats("depth_scale", "normal_scale"),
+        ("margin_columns", "int"),
+        ("margin_rows", "int"),
+        ("tile_columns", "int"),
+        ("tile_step", "int"),
+    ),
+)
+
+FIT_POWER = 4
+"""The weight of a sample is its fit to the surface to this power; see common/surface.clh."""
+
+SHAPES = ("rows", "columns", "square")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BilateralParams(Params):
+    """Parameters of the edge-aware blur (Tomasi and Manduchi 1998, as a cross-bilateral filter)."""
+
+    radius: int = param(4, "pixels on either side; 7 is a 15 x 15 blur", low=0, high=16, unit="px")
+    sigma: float = param(
+        0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px"
+    )
+    depth_sigma: float = param(
+        0.01, "standard deviation of the distance from the tangent plane, relative to depth; "
+        "beyond 2.8 of it samples are tossed", low=1e-6, high=10.0,
+    )
+    normal_sigma: float = param(
+        0.5, "standard deviation of the angle between normals; what is turned by more than about "
+        "twice as much is tossed: at 0.5, what is at right angles", low=1e-3, high=10.0,
+        unit="radians",
+    )
+    passes: int = param(1, "how often the blur is applied", low=0, high=64)
+    separable: bool = param(True, "rows, then columns, in place of the full square")
+
+    def weights(self) -> NDArray[np.float64]:
+        """Return the weights in space of distances 0 to `radius`."""
+        sigma = self.sigma or 0.5 * (self.radius + 1)
+        weights: NDArray[np.float64] = np.exp(-0.5 * (np.arange(self.radius + 1) / sigma) ** 2)
+        return weights
+
+    def scales(self) -> dict[str, float]:
+        """Return the scales of a fit, see kernels/common/surface.clh.
+
+        The weight (1 - d^2 / (2 n sigma^2) - (1 - cos) / (n sigma^2))^n is about that of Gaussians
+        of the distance d and of the angle, whose 1 - cos is half its square; n = FIT_POWER.
+        """
+        return {
+            "depth_scale": 1.0 / (math.sqrt(2.0 * FIT_POWER) * self.depth_sigma),
+            "normal_scale": 1.0 / (FIT_POWER * self.normal_sigma**2),
+        }
+
+
+class Bilateral:
+    """The blur, prepared for images of one size with `channels` values a pixel.
+
+    Tomasi and Manduchi 1998. Departs: see `bilateral_blur`.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: BilateralParams | None = None, channels: int = 1
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.params = params = params or BilateralParams()
+        self.channels = channels
+        self.active = params.passes > 0 and params.radius > 0
+        if not self.active:
+            return
+        # Rows of a work-item: on a CPU two of them share what they read.
+        self._rows = {0: 1, 1: 2 if runtime.form.lanes > 1 else 1, 2: 1}
+        self._shapes = (0, 1) if params.separable else (2,)
+        self._kernels = {
+            shape: runtime.kernel(
+                "bilateral/bilateral_blur.cl",
+                {"BLUR_RADIUS": params.radius, "BLUR_COUNT": channels, "BLUR_SHAPE": shape,
+                 "BLUR_ROWS": self._rows[shape]},
+                (CAMERA, BLUR),
+            )
+            for shape in self._shapes
+        }
+        self._no_tiles = runtime.array(np.zeros(1, np.int32))
+        weights = np.append(params.weights(), 0.0)
+        weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
+        self._weights = runtime.array(weights.astype(np.float32))
+        self._planes = [runtime.plane(channels, size) for _ in range(2)]
+        self._traces = [Trace() for _ in range(2)]
+
+    def run(
+        self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
+        tiles: OpenTiles | None = None, step: int = 1, window: Window | None = None,
+    ) -> Plane:
+        """Queue the passes and return the plane that holds the result (not `value`, if active).
+
+        In open `tiles` the value is the same in every pixel; it has every `step`-th pixel of their
+        image. Where all that the blur reads is open, the value stays. Outside `window` nothing is,
+        and the value the same in every call with one.
+        """
+        params = self.params
+        if params.passes * params.radius * step > TILE:
+            tiles = None  # it reads more than the tiles next to a pixel's
+        if not self.active:
+            self.runtime.skip(name, "no passes or radius 0")
+            return value
+        packed = BLUR.pack(
+            {
+                **params.scales(),
+                "margin_columns": gbuffer.margin[1],
+                "margin_rows": gbuffer.margin[0],
+                **tile_values(tiles, step),
+            }
+        )
+        bits = self._no_tiles if tiles is None else tiles.bits
+        lanes = self.runtime.form.lanes
+        for i in range(params.passes):
+            for shape in self._shapes:
+                out = self._planes[0] if value is not self._planes[0] else self._planes[1]
+                rows, columns = self.size
+                with self._traces[self._planes.index(out)].over(window) as over:
+                    self._kernels[shape].run(
+                        f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
+                        self.size,
+                        reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
+                        writes=[out],
+                        values=[gbuffer.camera_struct, packed],
+                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
+                        window=over,
+                        cell=(self._rows[shape], lanes),
+                    )
+                value = out
+        return value
+
+
+@serialised
+def bilateral_blur(
+    image: ArrayLike,
+    gbuffer: GBuffer | DeviceGBuffer,
+    *,
+    runtime: Runtime | None = None,
+    **params: float | bool,
+) -> NDArray[np.float32]:
+    """Blur an image without crossing the edges of what it shows.
+
+    Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", as a cross-bilateral
+    filter (Eisemann and Durand 2004; Petschnigg et al. 2004). Departs: depth is compared with the
+    pixel's tangent plane; the Gaussians of depth and normal are powers that end, so that what is
+    beyond weighs 0.
+
+    Args:
+        image: [rows, columns] or [rows, columns, 3] float32 of the G-buffer's size, finite.
+        gbuffer: whose depth and normals tell where the edges are.
+        runtime: the device; by default the fastest found.
+        **params: the fields of `BilateralParams`.
+
+    Returns:
+        The blurred image, same shape, float32. Where nothing is, the image itself.
+
+    Raises:
+        TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
+    """
+    values = checks.as_array("image", image)
+    channels = 3 if values.ndim == 3 else 0
+    values = checks.plane("image", values, channels=channels)
+    chosen = BilateralParams(**params)  # type: ignore[arg-type]
+    if values.shape[:2] != gbuffer.size:
+        raise ValueError(f"image has shape {values.shape}: expected {gbuffer.size} as the G-buffer")
+    device = on_device(gbuffer, runtime)
+    runtime = device.runtime
+    count = channels or 1
+    blur, plane = runtime.prepared(
+        (Bilateral, gbuffer.size, chosen, count),
+        lambda: (
+            Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)
+        ),
+    )
+    plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
+    with runtime.frame():
+        result = blur.run(plane, device).download()
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]

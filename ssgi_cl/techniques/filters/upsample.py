@@ -1,0 +1,321 @@
+"""Work at half or quarter size: reduce the G-buffer, and bring results back to full size."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
+
+UPSAMPLE = Struct(
+    "UpsampleParams",
+    (
+        *(
+            (name, "int")
+            for name in ("margin_columns", "margin_rows", "coarse_columns", "coarse_rows")
+        ),
+        *floats("depth_scale", "normal_scale", "background"),
+    ),
+)
+
+
+def coarse_size(size: Size, step: int) -> Size:
+    """Return (rows, columns) at 1 / step of `size`, rounded up."""
+    return -(-size[0] // step), -(-size[1] // step)
+
+
+class ReducedGBuffer:
+    """Every step-th pixel of a G-buffer, with a camera whose pixel centres are those pixels'.
+
+    Has the attributes of `DeviceGBuffer` that techniques read: runtime, size, margin, whole,
+    depth, linear, normal, camera_struct. Depth is made when it is first asked for.
+    """
+
+    def __init__(self, gbuffer: DeviceGBuffer, step: int) -> None:
+        self.runtime = runtime = gbuffer.runtime
+        self.step = step
+        self.size = coarse_size(gbuffer.size, step)
+        self.margin = (gbuffer.margin[0] // step, gbuffer.margin[1] // step)
+        # The pixel that coarse pixel 0 is picked from, so that the inner images' corners meet.
+        self.first = (gbuffer.margin[0] % step, gbuffer.margin[1] % step)
+        # The same margin on every side, as techniques expect, though one pixel more may fit.
+        self.whole = (self.size[0] + 2 * self.margin[0], self.size[1] + 2 * self.margin[1])
+        self._depth: Plane | None = None
+        self._source: DeviceGBuffer | None = None  # of depth, until that is made
+        self._traces: defaultdict[str, Trace] = defaultdict(Trace)
+        self.linear = runtime.plane(1, self.whole, math.inf)
+        self.normal = runtime.plane(3, self.whole)
+        self.camera_struct = gbuffer.camera_struct
+        self._kernels = {
+            count: runtime.kernel(
+                "gbuffer/gbuffer_reduce.cl", {"REDUCE_COUNT": count, "UPSAMPLE_STEP": step}
+            )
+            for count in (1, 3)
+        }
+
+    def update(self, gbuffer: DeviceGBuffer) -> None:
+        """Queue the passes that pick the pixels."""
+        self._reduce("linear", gbuffer.linear, self.linear, gbuffer.window)
+        self._reduce("normal", gbuffer.normal, self.normal, gbuffer.window)
+        self._source = gbuffer
+        struct = gbuffer.camera_struct.copy()
+        for axis, first in (("x", self.first[1]), ("y", self.first[0])):
+            # Centre of coarse pixel i, at i + 0.5, is centre i * step + first + 0.5 of the fine.
+            shift = first + 0.5 - 0.5 * self.step
+            to = float(struct[f"to_{axis}"])
+            struct[f"at_{axis}"] = float(struct[f"at_{axis}"]) + to * shift
+            struct[f"to_{axis}"] = to * self.step
+            struct[f"from_{axis}"] = 1.0 / (to * self.step)
+            struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) / (to * self.step)
+        self.camera_struct = struct
+
+    @property
+    def depth(self) -> Plane:
+        """Depth of the pixels, scene units; queues the pass that picks it if it is not there."""
+        if self._depth is None:
+            self._depth = self.runtime.plane(1, self.whole, math.inf)
+        if self._source is not None:
+            self._reduce("depth", self._source.depth, self._depth, self._source.window)
+            self._source = None
+        return self._depth
+
+    def _reduce(self, name: str, fine: Plane, coarse: Plane, window: Window | None) -> None:
+        rows, columns = fine.size
+        if window is not None:
+            whole = self.whole[0] * self.step, self.whole[1] * self.step
+            window = window.inside(whole, self.first).reduced(self.step)
+        with self._traces[name].over(window) as over:
+            self._kernels[coarse.count].run(
+                f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
+                values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
+                        np.float32(coarse.outside)],
+                window=over,
+            )
+
+
+class Upsample:
+    """The joint-bilateral upsampling, prepared for one full size, step and number of channels.
+
+    Kopf et al. 2007. Departs: see `upsample`.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        step: int,
+        channels: int = 1,
+        *,
+        background: float = 0.0,
+        depth_sigma: float = 0.005,
+        normal_sigma: float = 0.3,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.step = step
+        fit = BilateralParams(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
+        self._scales = {**fit.scales(), "background": background}
+        self._kernel = runtime.kernel(
+            "upsample/upsample_joint.cl",
+            {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": step},
+            (CAMERA, UPSAMPLE),
+        )
+        self._fine = runtime.plane(channels, size)
+        self._trace = Trace()
+
+    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the pass and return the plane at full size."""
+        packed = _packed(reduced, gbuffer, self._scales)
+        lanes = self.runtime.form.lanes
+        with self._trace.over(gbuffer.seen) as over:
+            self._kernel.run(
+                "upsample",
+                self.size,
+                reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
+                writes=[self._fine],
+                values=[gbuffer.camera_struct, packed],
+                grid=(self.size[0], -(-coarse.size[1] // lanes)),
+                window=over, cell=(1, lanes * self.step),
+            )
+        return self._fine
+
+
+class UpsampleBlur:
+    """Upsampling and an edge-aware blur in one, prepared for one full size and step.
+
+    Each pixel of the full size is the blur's weighted mean of the coarse pixels in its window of
+    2 radius + 1 pixels square: what the blur would make of the upsampled result, for a share
+    1 / step^2 of its samples. A first pass goes along the rows that have coarse pixels, a second
+    along all columns.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        step: 1, 2 or 4.
+        blur: its radius, at least step - 1 to join the coarse pixels, and sigmas; in pixels of the
+            result. Applied once, separably.
+        background: the value where nothing is.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        step: int,
+        blur: BilateralParams,
+        *,
+        background: float = 0.0,
+    ) -> None:
+        self.size = size
+        self.step = step
+        self._lanes = runtime.form.lanes
+        blur = replace(blur, radius=max(blur.radius, step - 1))
+        self._scales = {**blur.scales(), "background": background}
+        self._kernels = [
+            runtime.kernel(
+                f"upsample/upsample_blur_{direction}.cl",
+                {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius},
+                (CAMERA, UPSAMPLE),
+            )
+            for direction in ("rows", "columns")
+        ]
+        outwards = np.append(blur.weights(), np.zeros(step))
+        weights = np.concatenate([outwards[:0:-1], outwards])
+        self._weights = runtime.array(weights.astype(np.float32))
+        self._rows = runtime.plane(1, (coarse_size(size, step)[0], size[1]))
+        self._fine = runtime.plane(1, size)
+        self._traces = Trace(), Trace()
+
+    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes and return the plane at full size."""
+        packed = _packed(reduced, gbuffer, self._scales)
+        rows, columns = coarse.size
+        guides: list[Plane | DeviceArray] = [
+            coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal, self._weights
+        ]
+        along_rows, along_columns = self._kernels
+        seen, wide = gbuffer.seen, None
+        if seen is not None:
+            coarse_rows = seen.reduced(self.step)
+            wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
+        with self._traces[0].over(wide) as over:
+            along_rows.run(
+                "blur rows",
+                self._rows.size,
+                reads=guides,
+                writes=[self._rows],
+                values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
+                        packed],
+                grid=(rows, -(-columns // self._lanes)),
+                window=over, cell=(1, self._lanes * self.step),
+            )
+        with self._traces[1].over(seen) as over:
+            along_columns.run(
+                "blur columns",
+                self.size,
+                reads=[self._rows, *guides],
+                writes=[self._fine],
+                values=[gbuffer.camera_struct, packed],
+                grid=(rows, -(-self.size[1] // self._lanes)),
+                window=over, cell=(self.step, self._lanes),
+            )
+        return self._fine
+
+
+def _packed(
+    reduced: ReducedGBuffer, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
+) -> NDArray[np.void]:
+    return UPSAMPLE.pack(
+        {
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+            "coarse_columns": reduced.whole[1],
+            "coarse_rows": reduced.whole[0],
+            **scales,
+        }
+    )
+
+
+@serialised
+def upsample(
+    image: ArrayLike,
+    gbuffer: GBuffer | DeviceGBuffer,
+    *,
+    step: int = 2,
+    background: float = 0.0,
+    depth_sigma: float = 0.005,
+    normal_sigma: float = 0.3,
+    runtime: Runtime | None = None,
+) -> NDArray[np.float32]:
+    """Bring an image of half or quarter size to the size of the G-buffer, along surfaces.
+
+    Kopf et al. 2007, "Joint Bilateral Upsampling". Departs: of the 2 x 2 nearest pixels alone;
+    depth is compared with the pixel's tangent plane; a pixel that none of them fits takes the one
+    that fits best.
+
+    Args:
+        image: [ceil(rows / step), ceil(columns / step)] or with 3 channels, float32; its pixel
+            (i, j) belongs to the G-buffer's pixel (i * step, j * step).
+        gbuffer: at full size.
+        step: 1, 2 or 4.
+        background: the value where nothing is.
+        depth_sigma: standard deviation of the distance from the tangent plane, relative to depth.
+        normal_sigma: standard deviation of the angle between normals, radians.
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        [rows, columns] or [rows, columns, 3] float32.
+
+    Raises:
+        TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
+    """
+    step = checks.integer("step", step, low=1, high=4)
+    if step == 3:
+        raise ValueError("step is 3: expected 1, 2 or 4")
+    values = checks.as_array("image", image)
+    channels = 3 if values.ndim == 3 else 0
+    values = checks.plane("image", values, channels=channels)
+    if values.shape[:2] != coarse_size(gbuffer.size, step):
+        raise ValueError(
+            f"image has shape {values.shape}: expected {coarse_size(gbuffer.size, step)}, "
+            f"1/{step} of the G-buffer's {gbuffer.size}"
+        )
+    background = checks.number("background", background)
+    depth_sigma = checks.number("depth_sigma", depth_sigma, low=1e-6, high=10.0)
+    normal_sigma = checks.number("normal_sigma", normal_sigma, low=1e-3, high=10.0, unit="radians")
+    device = on_device(gbuffer, runtime)
+    runtime = device.runtime
+    count = channels or 1
+    key = (Upsample, device.size, device.margin, step, count, background, depth_sigma, normal_sigma)
+    reduced, technique, plane = runtime.prepared(
+        key,
+        lambda: (
+            ReducedGBuffer(device, step),
+            Upsample(
+                runtime, device.size, step, count, background=background,
+                depth_sigma=depth_sigma, normal_sigma=normal_sigma,
+            ),
+            runtime.plane(count, values.shape[:2]),
+        ),
+    )
+    plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
+    with runtime.frame():
+        reduced.update(device)
+        result = technique.run(plane, reduced, device).download()
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
+
+
+def _int2(x: int, y: int) -> NDArray[np.int32]:
+    return np.array([x, y], np.int32)

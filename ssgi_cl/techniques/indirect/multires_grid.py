@@ -1,0 +1,312 @@
+"""Where to compute a result that is smooth in most places, and what it is in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.params import Params, param
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+
+MULTIRES = Struct(
+    "MultiresParams",
+    (
+        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "unbent", "beyond"),
+        *((name, "int") for name in ("margin_columns", "margin_rows")),
+    ),
+)
+TILE = 16
+"""Points along a tile's side; MULTIRES_TILE in kernels/multires/list.clh, as is the next."""
+CHUNK = 16
+SPARE = 64
+"""Places after the longest list, so that what is read of it with its end is there."""
+STEPS = (1, 2, 4, 8, 16, 32)
+COARSE_BOUND = 4.0
+"""Error allowed at step 1, in parts of that which is asked for; see `bound_scale`."""
+BOUND_POWER = -1.0
+"""Of the step, by which coarser levels are allowed less."""
+BEGINS, ENDS = 0.8, 1.1
+"""In parts of the bound: estimated errors at which a point begins to be computed, and from which on
+nothing of it is interpolated. Neither a pixel nor its light jumps in between."""
+UNBENT = 0.15
+"""Estimated error where no second difference is known, in largest differences between corners."""
+BEYOND = 1.4
+"""Estimated slope next to corners that do not fit, in slopes beyond those that do."""
+MOST_CHANNELS = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultiresGridParams(Params):
+    """Which points of a level stand for which others."""
+
+    coarsest: int = param(
+        16, "between the points of the coarsest level, all of which are computed: 1, 2, 4, 8, 16 "
+        "or 32", unit="px", low=1, high=32,
+    )
+    plane_tolerance: float = param(
+        0.005, "distance from the tangent plane at which a point counts nothing",
+        unit="depths", low=1e-6, high=1.0,
+    )
+    normal_tolerance: float = param(
+        0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0
+    )
+
+    def __post_init__(self) -> None:
+        Params.__post_init__(self)
+        if self.coarsest not in STEPS:
+            raise ValueError(f"coarsest is {self.coarsest}: expected one of {STEPS} (px)")
+
+    @property
+    def spacings(self) -> tuple[int, ...]:
+        """Pixels between the points of each level, from the coarsest to 1."""
+        return tuple(step for step in reversed(STEPS) if step <= self.coarsest)
+
+
+def bound_scale(step: int) -> float:
+    """Return the largest error at a level, of that which is asked for.
+
+    A point of a coarse level moves the result at many pixels round it, and costs no more than one
+    of the finest: of step^-2/3, step^-5/6 and step^-1 the last makes the least RMSE of as many
+    lights looked at, on generated scenes (docs/limits.md).
+    """
+    return COARSE_BOUND * math.pow(step, BOUND_POWER)
+
+
+def tile_order(size: Size) -> NDArray[np.int32]:
+    """Return the tiles of an image of `size` points along a Z-curve, row << 16 | column each."""
+    rows, columns = -(-size[0] // TILE), -(-size[1] // TILE)
+    row, column = (axis.ravel() for axis in np.indices((rows, columns)))
+    key = sum(
+        ((column >> bit & 1) << 2 * bit) | ((row >> bit & 1) << (2 * bit + 1)) for bit in range(12)
+    )
+    return (row << 16 | column)[np.argsort(key)].astype(np.int32)
+
+
+class Points:
+    """Every second pixel of a finer source, as a G-buffer without margin.
+
+    Has the attributes of `DeviceGBuffer` that techniques read: runtime, size, margin, whole,
+    layers, depth, linear, normal, camera_struct. `rough` is how values change between the points.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size) -> None:
+        self.runtime = runtime
+        self.size = self.whole = size
+        self.margin = (0, 0)
+        self.layers = 1
+        self.depth = runtime.plane(1, size, math.inf)
+        self.linear = runtime.plane(1, size, math.inf)
+        self.normal = runtime.plane(3, size)
+        self.rough = runtime.plane(2, size)
+        self.camera_struct: Any = None
+        self._reduce = runtime.kernel("multires/multires_reduce.cl", structs=(CAMERA,))
+
+    def update(self, fine: Source) -> None:
+        """Queue the pass that picks the pixels."""
+        struct = fine.camera_struct.copy()
+        for axis, margin in (("x", fine.margin[1]), ("y", fine.margin[0])):
+            # Centre of point i, at i + 0.5, is the centre of fine pixel margin + 2 i.
+            to = float(struct[f"to_{axis}"])
+            struct[f"at_{axis}"] = float(struct[f"at_{axis}"]) + to * (margin - 0.5)
+            struct[f"to_{axis}"] = 2.0 * to
+            struct[f"from_{axis}"] = 0.5 / to
+            struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) * 0.5 / to
+        self.camera_struct = struct
+        self._reduce.run(
+            "multires reduce", self.size, reads=[fine.depth, fine.normal],
+            writes=[self.depth, self.linear, self.normal],
+            values=[int2(fine.whole), int2(fine.margin), struct],
+        )
+
+
+Source = DeviceGBuffer | Points
+
+
+class Level:
+    """The points of one level.
+
+    Attributes:
+        number, step: 0 for the coarsest; pixels between points.
+        size: (rows, columns) of points.
+        source: a G-buffer whose image is the points: the one given, for step 1.
+        values: of all points; to those on the list the caller adds what it computes, times its
+            share.
+        shares: 0 to 1, of points on the list alone; others hold anything.
+        list: how many points are to be computed, and so many times row << 16 | column. 16 points in
+            a row lie in a block of 4 x 4 where all are on the list, 64 in one of 8 x 8.
+        most: how many points there are, and thus the longest that the list can be.
+    """
+
+    source: Source  # known when the level is planned
+
+    def __init__(
+        self, runtime: Runtime, number: int, step: int, size: Size, channels: int
+    ) -> None:
+        self.number = number
+        self.step = step
+        self.size = size
+        self.most = size[0] * size[1]
+        self.values = runtime.plane(channels, size)
+        self.shares = runtime.plane(1, size)
+        self.list = runtime.array(np.zeros(1 + self.most + SPARE, np.int32))
+        order = tile_order(size)
+        self._tiles = runtime.array(order)
+        self._tile_count = len(order)
+        self._masks = runtime.array(np.zeros(len(order) * TILE, np.int32))
+        self._counts = runtime.array(np.zeros(-(-len(order) // TILE) * TILE, np.int32))
+        self._count = runtime.kernel("multires/multires_count.cl")
+        self._fill = runtime.kernel("multires/multires_list.cl")
+
+    def mark(
+        self, kernel: Kernel, name: str, reads: Sequence[Plane | DeviceArray],
+        values: Sequence[Any], grid: Size,
+    ) -> None:
+        """Queue a pass that writes values, shares and marks, and those that make the list."""
+        kernel.run(
+            name, self.size, reads, [self.values, self.shares, self._masks], values, grid=grid
+        )
+        count = np.int32(self._tile_count)
+        self._count.run(
+            "multires list", self.size, [self._masks, self._tiles], [self._counts], [count],
+            grid=(1, self._tile_count),
+        )
+        self._fill.run(
+            "multires list", self.size, [self._masks, self._counts, self._tiles], [self.list],
+            [count], grid=(1, -(-self._tile_count // CHUNK)), local=(1, 1),
+        )
+
+    def listed(self) -> NDArray[np.int32]:
+        """Return (row, column) of each point on the list, in its order. Waits for the device."""
+        values = self.list.download()
+        points = values[1 : 1 + values[0]]
+        return np.stack([points >> 16, points & 0xFFFF], axis=1)
+
+
+class MultiresGrid:
+    """Levels of points, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: see `MultiresGridParams`.
+        channels: images of the result, whose values are >= 0.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: MultiresGridParams | None = None,
+        channels: int = 3,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.params = params = params or MultiresGridParams()
+        if not 1 <= channels <= MOST_CHANNELS:
+            raise ValueError(f"channels is {channels}: expected 1 to {MOST_CHANNELS}")
+        self._levels = [
+            Level(runtime, number, step, (-(-size[0] // step), -(-size[1] // step)), channels)
+            for number, step in enumerate(params.spacings)
+        ]
+        self._points = [Points(runtime, level.size) for level in self._levels[:-1]]
+        self._macros = {"MULTIRES_CHANNELS": channels}
+        self._scales = {
+            "depth_scale": 1.0 / params.plane_tolerance,
+            "normal_scale": 1.0 / (1.0 - math.cos(params.normal_tolerance)),
+        }
+
+    @property
+    def result(self) -> Plane:
+        """Values of all pixels, once all levels are done; 0 where nothing is."""
+        return self._levels[-1].values
+
+    def half(self, gbuffer: DeviceGBuffer) -> Source:
+        """Return every second pixel, once a level is planned; all if there is one level alone."""
+        return self._points[-1] if self._points else gbuffer
+
+    def levels(self, gbuffer: DeviceGBuffer, bound: DeviceArray) -> Iterator[Level]:
+        """Queue the passes that plan a level, and yield it, from the coarsest to the finest.
+
+        The caller queues what computes the points on the level's list before it asks for the next.
+
+        Args:
+            gbuffer: what the camera sees; only the image counts, not its margin.
+            bound: [1] float32, the largest error that interpolation may make in any channel;
+                INFINITY leaves the decision to geometry. Read from the second level on.
+
+        Raises:
+            ValueError: a G-buffer of another size, or an empty one.
+        """
+        if gbuffer.size != self.size:
+            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
+        if gbuffer.camera is None:
+            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        finer: Source = gbuffer
+        for points in reversed(self._points):
+            points.update(finer)
+            finer = points
+        sources: list[Source] = [*self._points, gbuffer]
+        coarser: Level | None = None
+        for level, source in zip(self._levels, sources, strict=True):
+            level.source = source
+            if coarser is None:
+                level.mark(
+                    self.runtime.kernel("multires/multires_start.cl", self._macros),
+                    "multires start", [source.depth],
+                    [int2(source.whole), int2(source.margin)],
+                    (level.size[0], -(-level.size[1] // TILE)),
+                )
+            else:
+                self._interpolate(coarser, level, bound)
+            yield level
+            coarser = level
+
+    def counts(self) -> dict[int, int]:
+        """Return how many points of each step were computed. Waits for the device."""
+        return {level.step: int(level.list.download()[0]) for level in self._levels}
+
+    def computed(self) -> NDArray[np.int32]:
+        """Return [rows, columns] the step of the level that computed a pixel; 0: interpolated."""
+        steps = np.zeros(self.size, np.int32)
+        for level in self._levels:
+            row, column = level.listed().T * level.step
+            steps[row, column] = level.step
+        return steps
+
+    def _interpolate(self, coarser: Level, level: Level, bound: DeviceArray) -> None:
+        """Queue the passes that make a level's values from those of a coarser one."""
+        known, source = self._points[coarser.number], level.source
+        values = {
+            **self._scales, "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
+            "begins": BEGINS, "ends": ENDS, "unbent": UNBENT, "beyond": BEYOND,
+        }
+        self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(
+            "multires rough", coarser.size,
+            reads=[known.linear, known.normal, coarser.values, bound], writes=[known.rough],
+            values=[known.camera_struct, MULTIRES.pack(values)],
+        )
+        values["margin_rows"], values["margin_columns"] = source.margin
+        kernel = self.runtime.kernel(
+            "multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES)
+        )
+        level.mark(
+            kernel, "multires interpolate",
+            [known.linear, known.normal, coarser.values, known.rough, source.linear,
+             source.normal, bound],
+            [int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
+            (coarser.size[0], -(-coarser.size[1] // max(self.runtime.form.lanes, TILE // 2))),
+        )
+
+
+def int2(size: Size) -> NDArray[np.int32]:
+    """Return (rows, columns) as a kernel's int2 (columns, rows)."""
+    return np.array([size[1], size[0]], np.int32)

@@ -1,0 +1,344 @@
+"""Screen-space directional occlusion: direct light that near surfaces hide, and one bounce."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.device.active_region import Trace
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.techniques.ao.bent_normals import BentNormals
+from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end
+from ssgi_cl.techniques.indirect.ssdo_finish import Finish
+from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
+from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.shading.layer_shading import LitLayers
+from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
+from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.techniques.shading.sky import Sky
+from ssgi_cl.techniques.tiles import OpenTiles, Reach
+
+SPLIT = Struct(
+    "SplitParams",
+    (
+        *floats("red", "green", "blue"),
+        *((n, "int") for n in ("margin_columns", "margin_rows", "lamps_columns", "lamps_rows")),
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class SsdoPlanes:
+    """What a frame gives, in device memory.
+
+    Attributes:
+        direct: 3 images, irradiance by all lights, W/m^2; 0 where nothing is.
+        bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
+        openness: A, the first image of it, or None if no pass needed it.
+        bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
+            where nothing is. None without `bent_normals`. Further cameras change A alone.
+    """
+
+    direct: Plane
+    bounce: Plane | None
+    openness: Plane | None
+    bent: Plane | None = None
+
+
+class Ssdo:
+    """Directional occlusion and one bounce, prepared for images of one size.
+
+    Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image Space".
+    Departs: by default surfaces are found by visibility bitmasks (Therrien, Levesque and Gilet
+    2023, "Screen Space Indirect Lighting with Visibility Bitmask"), so that each direction is
+    either blocked, and brings the light of its sender, or open. Method "published" is the paper's.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the results.
+        params: see `SsdoParams`.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+        layers: depth layers of the G-buffers.
+        attributes: layers of them that have normals, albedo and emission, 1 or all: only these
+            send light.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: SsdoParams | None = None,
+        margin: Size = (0, 0),
+        layers: int = 1,
+        attributes: int = 1,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.params = params = params or SsdoParams()
+        self._shape = (size, margin, layers, attributes)
+        self._back = back_end(runtime, size, params, margin, layers)
+        whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
+        self._senders: LitLayers | None = None
+        if params.bounce:
+            self._senders = LitLayers(
+                runtime, whole, layers, attributes, lamps_of(runtime, whole, params),
+                emission=params.emission,
+                # Points know no more of a surface than the side that is seen.
+                backs=params.method == "bitmask" and attributes > 1,
+            )
+        self._openness: SenderOpenness | None = None
+        self._bent: BentNormals | None = None
+        if params.bent_normals:
+            if params.method != "bitmask":
+                raise ValueError(f"bent_normals is True with {params.method!r}: expected 'bitmask'")
+            self._bent = BentNormals(runtime, size)
+        self._views: ViewSenders | None = None
+        self._lamps: Lamps | None = None
+        self._lamp_blur = LampBlur(runtime, params)
+        self._sky = Sky(runtime)
+        self._finish = Finish(runtime, size, params)
+        self._nothing = runtime.plane(1, (1, 1))
+        self._direct = runtime.plane(3, size)
+        self._trace = Trace()
+        self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
+        shadows: Sequence[ShadowMap | None] | None = None,
+        radiance: Plane | None = None,
+        views: Iterable[DeviceGBuffer] = (),
+        tiles: OpenTiles | None = None,
+    ) -> SsdoPlanes:
+        """Queue the passes. Nothing is allocated after the first call with such arguments.
+
+        Args:
+            gbuffer: of the size, margin, layers and attributes that this was prepared for.
+            lights: any number of lights.
+            shadows: one entry for each light (None: it casts no shadow).
+            radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
+                channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
+                "bitmask" as many more may follow for the sides that the camera doesn't see.
+            views: what further cameras see, of any size, margin and layers; surfaces that they see
+                hide and send light where the G-buffer shows none. Each is done with before the
+                next is asked for.
+            tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
+                in these.
+        """
+        given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
+        if given != self._shape:
+            raise ValueError(
+                f"the G-buffer's size, margin, layers and layers with attributes are {given}: "
+                f"expected {self._shape}"
+            )
+        self._sky.set([light for light in lights if isinstance(light, Environment)])
+        ambient = self._sky.image is not None or bool(self._sky.constant.any())
+        # Then lamps and the whole sky are all there is.
+        open_ = (
+            tiles is not None and tiles.open == tiles.total and not views
+            and self._sky.image is None and self._bent is None
+        )
+        sent: Any = radiance
+        sends = radiance is not None
+        lamps: Plane | None
+        if self._senders is not None and not sends:
+            if open_:
+                sends = self._senders.front(gbuffer, lights, shadows)
+            else:
+                openness = self._sender_openness(gbuffer, tiles) if ambient else None
+                points = self.params.method != "bitmask"
+                light = self._senders.records if points else self._senders.run
+                sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
+                sends = sent is not None
+            lamps, lamps_margin = self._senders.lamps, gbuffer.margin
+        else:
+            self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
+            lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
+        if lamps is not None:
+            lamps = self._lamp_blur.run(lamps, gbuffer, lights, shadows)
+        sends = sends and self.params.bounce
+        gathered = None
+        if not sends and not ambient and self._bent is None:
+            self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
+        elif not open_:
+            sky = self._sky if self._sky.image is not None else None
+            source = self._finish.source(gbuffer)
+            gathered = self._gathered(
+                gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles
+            )
+            plain = sky is None and not views
+            gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
+        self._split(gbuffer, gathered, sends, lamps, lamps_margin)
+        bent = None
+        if self._bent is not None and gathered is not None:
+            bent = self._bent.run(gathered, gbuffer)
+        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered, bent)
+
+    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
+        """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
+        """
+        if isinstance(self._back, SsdoPoints):
+            return None
+        return self._back.reach(gbuffer, SenderOpenness.step)
+
+    def _sender_openness(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None) -> Plane:
+        if self._openness is None:
+            size, margin, layers, _ = self._shape
+            self._openness = SenderOpenness(self.runtime, size, self.params, margin, layers)
+        return self._openness.run(gbuffer, tiles)
+
+    def _gathered(
+        self,
+        gbuffer: DeviceGBuffer,
+        source: Any,
+        sent: Any,
+        sky: Sky | None,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        views: Iterable[DeviceGBuffer],
+        tiles: OpenTiles | None,
+    ) -> Plane:
+        """Queue the back end, and what further cameras add to it."""
+        views = iter(views)
+        first = next(views, None)
+        if first is None:
+            return self._back.gather(gbuffer, source, sent, sky, tiles)
+        if self._views is None:
+            self._views = ViewSenders(self.runtime, self.params)
+            size, margin, layers, _ = self._shape
+            self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
+        light = self._back.gather(gbuffer, source, sent, sky, tiles)
+        self._views.begin(gbuffer)
+        for view in chain((first,), views):
+            self._views.add(
+                light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None
+            )
+        return light
+
+    def _split(
+        self,
+        gbuffer: DeviceGBuffer,
+        gathered: Plane | None,
+        bounces: bool,
+        lamps: Plane | None,
+        lamps_margin: Size,
+    ) -> None:
+        kernel = self.runtime.kernel(
+            "ssdo/ssdo_split.cl",
+            {
+                "SPLIT_GATHERED": int(gathered is not None),
+                "SPLIT_SKY": int(gathered is not None and self._sky.image is not None),
+                "SPLIT_BOUNCE": int(bounces),
+                "SPLIT_LAMPS": int(lamps is not None),
+                "SPLIT_FIRST": 1 if self._bent is None else 4,
+            },
+            (SPLIT,),
+        )
+        red, green, blue = (np.pi * self._sky.constant).tolist()
+        values = {
+            "red": red, "green": green, "blue": blue,
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+            "lamps_columns": lamps_margin[1],
+            "lamps_rows": lamps_margin[0],
+        }
+        with self._trace.over(gbuffer.seen, bounces) as over:
+            kernel.run(
+                "ssdo split",
+                self.size,
+                reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
+                writes=[self._direct, self._bounce],
+                values=[SPLIT.pack(values)],
+                window=over,
+            )
+
+
+@serialised
+def ssdo(
+    gbuffer: GBuffer | DeviceGBuffer,
+    lights: Sequence[Light],
+    radius: float = 0.5,
+    *,
+    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    radiance: ArrayLike | None = None,
+    views: Sequence[GBuffer | DeviceGBuffer] = (),
+    runtime: Runtime | None = None,
+    **params: Any,
+) -> tuple[NDArray[np.float32], ...]:
+    """Compute direct light that near surfaces hide, and the light that they reflect once.
+
+    Screen-space directional occlusion (Ritschel, Grosch and Seidel 2009, "Approximating Dynamic
+    Global Illumination in Image Space"). `method` says how surfaces are found:
+
+    - "bitmask" (default). Departs most: slices through the line of sight cover sectors of the
+      hemisphere (Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask").
+    - "points" keeps the directions of the half ball, each of which has several taps and either
+      meets a surface or is open. Direct and indirect light are conserved: with radiance 1
+      everywhere they add up to pi.
+    - "published" is equations 1 and 2 with one tap for each direction, sender area pi radius^2 /
+      samples times `strength`, and distances of at least `nearest_distance`. It is not conserved:
+      the sum above is off by 9 % on average and up to 21 % in an empty box.
+
+    Args:
+        gbuffer: what the camera sees. Surfaces of every depth layer hide light, and those with
+            normals and albedo send it; so do those in the margin.
+        lights: any number of lights. Near surfaces hide the light of environments by direction;
+            that of lamps is hidden where their map says so or, without
+            one, by what the camera sees within the radius.
+        radius: distance up to which surfaces hide and send light, scene units, > 0.
+        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None.
+        radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
+            size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
+            albedo and emission.
+        views: what further cameras see under the same lights (see `extra_cameras`): surfaces that
+            only they see hide and send light too.
+        runtime: the device; by default the fastest found.
+        **params: the other fields of `SsdoParams`.
+
+    Returns:
+        Irradiance by all lights and by near surfaces, two [rows, columns, 3] float32 in W/m^2; 0
+        where nothing is there. With `bent_normals` a third: the mean unoccluded direction, in world
+        space, of unit length; 0 where nothing is.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    lights = checked_lights(lights, rsms)
+    chosen = SsdoParams(radius=radius, **params)
+    device = on_device(gbuffer, runtime)
+    if device.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime = device.runtime
+    shape = (device.size, device.margin, device.layers, device.attributes)
+    technique: Ssdo = runtime.prepared(
+        (Ssdo, chosen, *shape),
+        lambda: Ssdo(runtime, shape[0], chosen, *shape[1:]),
+    )
+    sent = None if radiance is None else uploaded_radiance(radiance, device)
+    with runtime.frame():
+        planes = technique.run(
+            device, lights, shadows=uploaded_maps(lights, rsms, runtime), radiance=sent,
+            views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
+        )
+        images = [
+            np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
+            for plane in (planes.direct, planes.bounce)
+        ]
+        if planes.bent is not None:
+            images.append(planes.bent.download()[1:])
+    return tuple(np.ascontiguousarray(np.moveaxis(image, 0, -1)) for image in images)

@@ -1,0 +1,70 @@
+"""From the size at which directional occlusion is gathered to that of the image, and the blur."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.filters.bilateral import Bilateral
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.tiles import TILE, OpenTiles
+
+
+class Finish:
+    """Blurs and upsamples any number of images alike, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the results.
+        params: of directional occlusion.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size, params: SsdoParams) -> None:
+        self.runtime = runtime
+        self.size = size
+        self._step = RESOLUTIONS[params.resolution]
+        self._late = self._step > 1 and params.blur_resolution == "full"
+        self._smooth = params.blur
+        self._reduced: ReducedGBuffer | None = None
+        self._blurs: dict[int, Bilateral] = {}
+        self._upsamples: dict[int, Upsample] = {}
+
+    def source(self, gbuffer: DeviceGBuffer) -> Any:
+        """Return the G-buffer, or what is picked from it for the size that is gathered."""
+        if self._step == 1:
+            return gbuffer
+        if self._reduced is None:
+            self._reduced = ReducedGBuffer(gbuffer, self._step)
+        self._reduced.update(gbuffer)
+        return self._reduced
+
+    def run(
+        self, plane: Plane, source: Any, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None
+    ) -> Plane:
+        """Queue the blur and the upsampling of all images at once.
+
+        In open `tiles` each has the same value in every pixel.
+        """
+        count = plane.count
+        if count not in self._blurs:
+            size = self.size if self._late else plane.size
+            self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count)
+        if not self._late:
+            window = gbuffer.seen_every(self._step)
+            plane = self._blurs[count].run(
+                plane, source, tiles=tiles, step=self._step, window=window
+            )
+        if source is not gbuffer:
+            if count not in self._upsamples:
+                self._upsamples[count] = Upsample(self.runtime, self.size, self._step, count)
+            plane = self._upsamples[count].run(plane, source, gbuffer)
+        if self._late:
+            # At a tile's end upsampling has read a pixel of the next tile.
+            reach = self._smooth.passes * self._smooth.radius + self._step
+            known = tiles if reach <= TILE else None
+            plane = self._blurs[count].run(plane, gbuffer, tiles=known, window=gbuffer.seen)
+        return plane

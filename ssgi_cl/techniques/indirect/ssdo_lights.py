@@ -1,0 +1,57 @@
+"""Lamps of directional occlusion: with the shadows of their maps, or of what the camera sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
+from ssgi_cl.techniques.shading.light_shadows import LampShadows
+
+
+def lamps_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], Lamps]:
+    """Return what makes the light of lamps for images of a size."""
+    if params.lamp_taps == 0:
+        return lambda: Lamps(runtime, size)
+    return lambda: LampShadows(runtime, size, params.lamps())
+
+
+class LampBlur:
+    """Edge-aware blur against the noise of shadows that are looked for in the image."""
+
+    def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
+        self.runtime = runtime
+        self.params = params
+        self._blurs: dict[Size, Bilateral] = {}
+
+    def run(
+        self,
+        lamps: Plane,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+    ) -> Plane:
+        """Queue the blur, unless every lamp has a map; return the plane that holds the result.
+
+        `lamps` is of the G-buffer's size, or of that with its margin.
+        """
+        maps = shadows if shadows is not None else [None] * len(lights)
+        looked_for = any(
+            not isinstance(light, Environment) and shadow is None
+            for light, shadow in zip(lights, maps, strict=True)
+        )
+        if not looked_for or self.params.lamp_taps == 0:
+            return lamps
+        size = lamps.size
+        if size not in self._blurs:
+            blur = BilateralParams(
+                radius=self.params.blur_radius, passes=self.params.blur_passes
+            )
+            self._blurs[size] = Bilateral(self.runtime, size, blur, 3)
+        source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
+        return self._blurs[size].run(lamps, source, "blur lamps")

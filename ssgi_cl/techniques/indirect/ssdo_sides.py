@@ -1,0 +1,54 @@
+"""Which sides of depth layers nobody sees: the inner ones of what is closed."""
+
+from __future__ import annotations
+
+from ssgi_cl.device.active_region import Trace
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import rotation_values
+
+MOST_LAYERS = 31
+"""A bit each in an int."""
+
+
+class Sides:
+    """Finds the layers that bound something closed, by which way the mesh's normals point.
+
+    Normals that were turned to the camera before, as a G-buffer of somebody else's may have them,
+    say nothing.
+
+    Args:
+        runtime: the device.
+    """
+
+    def __init__(self, runtime: Runtime) -> None:
+        self.runtime = runtime
+        self._sides: Plane | None = None
+        self._trace = Trace()
+
+    def run(self, gbuffer: DeviceGBuffer) -> Plane | None:
+        """Queue the pass; return an image for each layer, see kernels/ssdo/ssdo_sides.cl.
+
+        None unless there are several layers, and all have normals. G-buffers are all of one shape.
+        """
+        layers = gbuffer.layers
+        if not 1 < layers == gbuffer.attributes <= MOST_LAYERS:
+            return None
+        if self._sides is None:
+            self._sides = self.runtime.plane(layers, gbuffer.whole)
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        kernel = self.runtime.kernel(
+            "ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,)
+        )
+        with self._trace.over(gbuffer.window) as over:
+            kernel.run(
+                "ssdo sides",
+                gbuffer.whole,
+                reads=[gbuffer.depth, gbuffer.normal, gbuffer.normal_world],
+                writes=[self._sides],
+                values=[VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
+                window=over,
+            )
+        return self._sides

@@ -1,0 +1,207 @@
+"""Virtual point lights as a tree: where their light varies little, few stand for many."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
+from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
+
+CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
+
+RECORD, BOUNDS, LEAF = 12, 16, 6
+"""TREE_RECORD, TREE_BOUNDS and TREE_LEAF in kernels/multires/cluster.clh."""
+GROUP, SAMPLE = 64, 6
+"""Consecutive samples that share a cut, and floats of each; CUT_GROUP and CUT_SAMPLE in
+kernels/multires/cut.clh."""
+SAMPLES = 1024
+"""That the mean irradiance is estimated from; a multiple of every number of lanes."""
+LISTED = 1 << 23
+"""Places of the lists of one pass, and floats of its samples, which bounds their memory."""
+ROWS = 4
+"""Times so many samples as a work-item has lanes: each light is read once for all of them.
+With walls half of them, as lines of sight need registers."""
+SHARES = (4, 16, 64)
+"""Lights that may share a shadow ray: those of a run."""
+CPU_ITEMS = 8
+"""Work-items for each core that take pieces in turn, since the host doesn't know how many there
+are. With 128 a core, starting them takes as long as what they do."""
+
+
+class Samples(Protocol):
+    """The surface under a plane of values: a G-buffer, or one that was reduced."""
+
+    size: Size
+    margin: Size
+    depth: Plane
+    normal: Plane
+    camera_struct: Any
+
+
+class VplTree:
+    """A tree over lights, and the light of it on lists of samples.
+
+    Args:
+        runtime: the device.
+        lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
+            near by, they shine in place of a light that is listed.
+        near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
+        walls: what blocks light; filled before `shine` is called.
+        share: lights that share a shadow ray, one of `SHARES`.
+
+    Attributes:
+        limits: [2] allowed errors in W/m^2, of interpolation and of runs of lights; see `measure`.
+    """
+
+    def __init__(
+        self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int,
+        walls: SightGrid | None = None, share: int = 16,
+    ) -> None:
+        self.runtime = runtime
+        self.lights = lights
+        stride, segments = lights.stride, lights.segments
+        width = -(-(stride // 16) // 16) * 16
+        self._runs = stride // 4 + stride // 16 + -(-stride // 64)
+        bounds = LEAF * stride + 6 * BOUNDS * width
+        self._records = runtime.empty(segments * (stride + self._runs) * RECORD, np.float32)
+        # What lies past the last light is read with it, and left out.
+        self._bounds = runtime.array(np.zeros(segments * bounds, np.float32))
+        self._found = runtime.empty(SAMPLES, np.float32)
+        self.limits = runtime.empty(2, np.float32)
+        self._most_groups = LISTED // max(lights.room, GROUP * SAMPLE)
+        self._lists = self._counts = runtime.empty(0, np.int32)
+        self._kept = runtime.empty(0, np.float32)
+        macros = {"VPL_NEAR": near, "VPL_CUT": cut}
+        self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
+        self._make_runs = runtime.kernel("multires/cluster_runs.cl", {}, (CAMERA, VPL))
+        self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
+        self._limits = runtime.kernel("multires/cut_limits.cl")
+        self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
+        self._walls = walls
+        self._sight = [walls.grid, walls.box] if walls else []
+        self._rows = ROWS // 2 if walls else ROWS
+        macros |= {
+            "SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None),
+            "SHADE_LINE": SHARES.index(share) + 1,
+        }
+        # Without walls the kernel does not look at the grid.
+        macros |= walls.macros if walls else {"VPL_GRID": 32}
+        self._macros = macros
+
+    def reserve(self, most: int) -> None:
+        """Make room for the lists of `most` samples, or of as many as a pass takes."""
+        groups = min(-(-most // GROUP), self._most_groups)
+        if self._lists.count < groups * self.lights.room:
+            self._lists = self.runtime.empty(groups * self.lights.room, np.int32)
+            self._counts = self.runtime.empty(groups, np.int32)
+            self._kept = self.runtime.empty(groups * GROUP * SAMPLE, np.float32)
+
+    def update(self) -> None:
+        """Queue the passes that make the tree from the lights that there are now."""
+        packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
+        segments = self.lights.segments
+        self._order.run(
+            "light order", (1, 1), reads=[self.lights.lights],
+            writes=[self._records, self._bounds], values=[packed, total], grid=(1, segments),
+        )
+        self._make_runs.run(
+            "light runs", (1, 1), reads=[], writes=[self._records, self._bounds],
+            values=[packed, total], grid=(segments, self._runs), local=(1, 8),
+        )
+
+    def measure(
+        self, source: Samples, samples: DeviceArray, values: dict[str, float],
+        interpolation: float, runs: float,
+    ) -> None:
+        """Queue the passes that set `limits` to shares of the samples' mean irradiance.
+
+        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many.
+        """
+        self._mean.run(
+            "mean", source.size, reads=[source.depth, source.normal, samples, self._records],
+            writes=[self._found],
+            values=[source.camera_struct, self._packed(values, source.margin),
+                    np.int32(self.lights.count), np.int32(SAMPLES)],
+            grid=(1, SAMPLES // self.runtime.form.lanes), local=(1, 4),
+        )
+        self._limits.run(
+            "mean", source.size, reads=[self._found], writes=[self.limits],
+            values=[np.int32(SAMPLES), np.float32(interpolation), np.float32(runs)],
+            grid=(1, 1),
+        )
+
+    def shine(
+        self, source: Samples, samples: DeviceArray, most: int, shares: Plane, result: Plane,
+        values: dict[str, float],
+    ) -> None:
+        """Queue the passes that add shares of the irradiance of the samples to a plane.
+
+        Args:
+            source: the surfaces that light falls on.
+            samples: how many there are, and so many times row << 16 | column.
+            most: of them, at most; `reserve` made room for so many.
+            shares: of the source's size.
+            result: 3 images likewise, W/m^2; other pixels stay as they are.
+            values: members of the struct `VPL` that depend on the technique.
+        """
+        lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
+        items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
+        local = (1, 64 if is_gpu else 1)
+        pieces = GROUP // (self._rows * lanes)
+        # Light too weak for a float32 is 0, and so is what may be left out of it.
+        groups = -(-most // GROUP)
+        scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
+        pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
+        parted = self.lights.parted and values.get("refine", 0.0) > 0.0
+        shade = self.runtime.kernel(
+            "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)},
+            (CAMERA, VPL, CUT),
+        )
+        parts = [self.lights.lights] if parted else []
+        for first in range(0, groups, self._counts.count):
+            here = min(groups - first, self._counts.count)
+            cut = CUT.pack({"first": first, "groups": here, "scale": scale})
+            for batch in self.lights.batches():
+                packed = self._packed({**values, **batch}, source.margin)
+                shared = [packed, cut]
+                self._cut.run(
+                    "light cuts", source.size, reads=[*pixels, self._bounds, self.limits],
+                    writes=[self._kept, self._lists, self._counts],
+                    values=[source.camera_struct, *shared],
+                    grid=(1, min(here, items)), local=local,
+                )
+                shade.run(
+                    "light samples", source.size,
+                    reads=[samples, self._kept, self._records, self._lists, self._counts,
+                           *parts, *self._sight, shares],
+                    writes=[result],
+                    values=shared, grid=(1, min(here * pieces, items)), local=local,
+                )
+
+    def cuts(self, count: int) -> list[NDArray[np.int32]]:
+        """Return which records the first groups of the latest pass listed. Waits for the device."""
+        counts = self._counts.download()[:count]
+        lists = self._lists.download().reshape(-1, self.lights.room)
+        return [row[:length] for row, length in zip(lists, counts, strict=False)]
+
+    def records(self) -> NDArray[np.float32]:
+        """Return [segments, records, RECORD] what stands for the lights. Waits for the device."""
+        return self._records.download().reshape(self.lights.segments, -1, RECORD)
+
+    def _packed(self, values: dict[str, float], margin: Size) -> Any:
+        return VPL.pack(
+            {
+                **_ZEROS, **self.lights.values, **values,
+                "lift": self._walls.lift if self._walls else 0.0,
+                "margin_columns": margin[1], "margin_rows": margin[0],
+            }
+        )
+
+
+_ZEROS = {name: 0 for name, _ in VPL.members}

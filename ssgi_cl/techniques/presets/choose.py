@@ -1,0 +1,188 @@
+"""From what a caller asks for (a preset, an error, a time) to parameters of a technique."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques import presets
+from ssgi_cl.techniques.presets.speed_model import predicted_ms
+
+ASKED = ("preset", "error", "budget_ms")
+"""The ways to ask, of which a call has at most one."""
+
+MARGIN_SLACK = 0.9
+"""Part of the recorded overscan from which on a margin counts as that much."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Parameters for a technique, and what is to be expected of them.
+
+    Attributes:
+        params: of the technique, for its class.
+        error: RMSE against cast rays that the recorded setting had on the scenes for tuning.
+        ms: device time of a picture here; None unless a time was asked for.
+    """
+
+    params: Any
+    error: float
+    ms: float | None = None
+
+
+def choose(
+    technique: str,
+    size: Size,
+    *,
+    preset: str | None = None,
+    error: float | None = None,
+    budget_ms: float | None = None,
+    layers: int = 1,
+    margin: Size = (0, 0),
+    runtime: Runtime | None = None,
+    **given: Any,
+) -> Choice:
+    """Choose among a technique's recorded settings by name, by error or by time.
+
+    Errors are those on the scenes that the settings were tuned on; how they carry over to others
+    depends on the scene. Times are predicted: the recorded one, by how fast this device is at the
+    technique, which is measured once (half a second) and kept.
+
+    Args:
+        technique: key in `TECHNIQUES`, such as "gtao".
+        size: (rows, columns) of the picture.
+        preset: "low", "medium", "high" or "ultra".
+        error: the fastest setting is chosen that is expected to reach this RMSE against cast rays.
+        budget_ms: the best setting is chosen that is expected to take at most this device time.
+        layers: depth layers of the G-buffers; more give less error, and take longer.
+        margin: (rows, columns) by which they exceed the picture; it gives less error.
+        runtime: the device whose time counts; by default the fastest found.
+        **given: parameters that keep these values whatever is chosen; the radius, which is the
+            scene's and in no setting, is one. What is expected does not know of them.
+
+    Raises:
+        TypeError, ValueError: not exactly one of `preset`, `error` and `budget_ms` is given, an
+            argument is wrong, the technique has no presets, or no recorded setting does what is
+            asked for; the message says what the best or fastest one does.
+    """
+    from ssgi_cl.techniques import TECHNIQUES  # which import this module
+
+    checks.choice("technique", technique, sorted(TECHNIQUES))
+    for index in (0, 1):
+        checks.integer(f"size[{index}]", size[index], low=1, high=16384, unit="px")
+    checks.integer("layers", layers, low=1, high=16)
+    asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
+    _check_single(asked, least=1)
+    has_margin = _reaches(margin, size, presets.record(technique)["overscan"])
+
+    def error_of(setting: presets.Setting) -> float:
+        return setting.error if has_margin else setting.error_cut
+
+    ms = None
+    if preset is not None:
+        setting = _named(technique, preset, layers)
+    elif error is not None:
+        wanted = checks.number("error", error, low=0.0, above=True)
+        settings = presets.curve(technique, layers)
+        good = [setting for setting in settings if error_of(setting) <= wanted]
+        if not good:
+            raise ValueError(
+                f"error is {wanted:g}: the best recorded setting of {technique} with {layers} "
+                f"depth layer{'s' if layers > 1 else ''} is expected to reach "
+                f"{min(map(error_of, settings)):.3f}"
+            )
+        setting = min(good, key=lambda setting: setting.ms)
+    else:
+        budget = checks.number("budget_ms", budget_ms, low=0.0, above=True, unit="ms")
+        runtime = runtime or Runtime.open()
+        timed = [
+            (predicted_ms(runtime, technique, _with_layers(technique, setting.ms, layers), size),
+             setting)
+            for setting in presets.curve(technique, layers)
+        ]
+        fast = [pair for pair in timed if pair[0] <= budget]
+        if not fast:
+            raise ValueError(
+                f"budget_ms is {budget:g}: cannot be met: the fastest setting of {technique} takes "
+                f"about {min(ms for ms, _ in timed):.2g} ms here at {size[1]} x {size[0]}"
+            )
+        ms, setting = min(fast, key=lambda pair: error_of(pair[1]))
+    params = TECHNIQUES[technique].params(**{**setting.parameters, **given})
+    return Choice(params, error_of(setting), ms)
+
+
+def params_for(
+    technique: str, gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+) -> Any:
+    """Return the parameters that a call of a technique's function means.
+
+    Args:
+        technique: key in `TECHNIQUES`.
+        gbuffer, runtime: as the function got them.
+        **given: parameters, and at most one of `preset`, `error` and `budget_ms`; what is None is
+            not given.
+
+    Raises:
+        TypeError, ValueError: as `choose`, and as the technique's parameters.
+    """
+    from ssgi_cl.techniques import TECHNIQUES  # which import this module
+
+    if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
+        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
+    given = {name: value for name, value in given.items() if value is not None}
+    asked = {name: given.pop(name) for name in ASKED if name in given}
+    if not asked:
+        return TECHNIQUES[technique].params(**given)
+    _check_single(asked)
+    if isinstance(gbuffer, DeviceGBuffer):
+        runtime = gbuffer.runtime
+    chosen = choose(
+        technique, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, runtime=runtime,
+        **asked, **given,
+    )
+    return chosen.params
+
+
+def _check_single(asked: dict[str, Any], least: int = 0) -> None:
+    given = [f"{name} is {value!r}" for name, value in asked.items() if value is not None]
+    if not least <= len(given) <= 1:
+        how_many = "exactly" if least else "at most"
+        raise ValueError(
+            f"{' and '.join(given) or 'nothing is asked for'}: expected {how_many} one of "
+            f"{', '.join(ASKED)}"
+        )
+
+
+def _reaches(margin: Size, size: Size, overscan: float) -> bool:
+    """Return whether a margin is about as wide as the recorded one."""
+    return all(
+        part >= MARGIN_SLACK * overscan * whole for part, whole in zip(margin, size, strict=True)
+    )
+
+
+def _named(technique: str, name: str, layers: int) -> presets.Setting:
+    known = presets.recorded_for(technique, layers)["presets"]
+    values = dict(known[checks.choice("preset", name, tuple(known))])
+    del values["by_scene"]
+    return presets.Setting(**values)
+
+
+def _with_layers(technique: str, ms: float, layers: int) -> float:
+    """Return a time recorded for the next lower number of layers as one of `layers`.
+
+    Between recorded numbers, and beyond them, the defaults' time tells how it grows.
+    """
+    entries = presets.record(technique)["layers"]
+    times = {entry["layers"]: entry["default"]["ms"] for entry in entries}
+    numbers = sorted(times)
+    lower = max(number for number in numbers if number <= layers)
+    if lower == layers or len(numbers) == 1:
+        return ms
+    a, b = next(((lower, number) for number in numbers if number > layers), tuple(numbers[-2:]))
+    growth = (times[b] - times[a]) / (b - a)
+    return float(ms * (1.0 + growth * (layers - lower) / times[lower]))

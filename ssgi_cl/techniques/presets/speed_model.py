@@ -1,0 +1,153 @@
+"""How fast a device is at a technique: what turns recorded times into times here."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device import sources
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.driver_caches import cache_folder
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques import presets
+from ssgi_cl.version import __version__
+
+SMALL, LARGE = (48, 64), (600, 800)
+"""Sizes of the measured pictures."""
+SECONDS = 0.15
+"""How long each size is repeated."""
+FEWEST = 4
+"""Repetitions of each size at least."""
+ALONE = 0.8
+"""Share of the time of all its cores that a CPU spent on the runs, unless it had other work."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Device time of a technique with fixed parameters, by the size of the picture.
+
+    Attributes:
+        call_ms: of a picture, however small.
+        pixel_ns: of each of its pixels beside.
+    """
+
+    call_ms: float
+    pixel_ns: float
+
+
+def measured(
+    runtime: Runtime, technique: str, parameters: Mapping[str, Any]
+) -> tuple[Pace, bool]:
+    """Return a device's pace, measured now, and whether nothing else kept the device busy.
+
+    Takes less than half a second once the kernels are compiled.
+    """
+    from ssgi_cl.techniques import TECHNIQUES  # which import this package
+
+    function = TECHNIQUES[technique].function
+    least = []
+    for size in (SMALL, LARGE):
+        gbuffer = on_device(rolling_ground(size), runtime)
+        function(gbuffer, runtime=runtime, **parameters)  # compiles
+        before = time.process_time()
+        times = _times_ms(runtime, function, gbuffer, parameters)
+        busy_ms = 1e3 * (time.process_time() - before)
+        # What else the machine does only slows a run down.
+        least.append(min(times))
+    info = runtime.info
+    alone = info.kind != "cpu" or busy_ms >= ALONE * info.units * sum(times)  # of the large one
+    few, many = (rows * columns for rows, columns in (SMALL, LARGE))
+    pixel_ms = max((least[1] - least[0]) / (many - few), 1e-9)
+    call_ms = max(least[0] - pixel_ms * few, 0.0)
+    return Pace(call_ms=call_ms, pixel_ns=1e6 * pixel_ms), alone
+
+
+def pace_of(runtime: Runtime, technique: str) -> Pace:
+    """Return a device's pace with the parameters that the recorded one is of.
+
+    It is measured once for a device, and kept in the cache folder; on a busy machine once for the
+    runtime.
+
+    Raises:
+        ValueError: the technique has no presets.
+    """
+    parameters = presets.record(technique)["pace"]["parameters"]
+    path = cache_folder() / f"pace-{_fingerprint(runtime, technique, parameters)}.json"
+
+    def known() -> Pace:
+        try:
+            return Pace(**json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
+            pass  # not measured yet, or a file of something else
+        pace, alone = measured(runtime, technique, parameters)
+        if not alone:
+            return pace
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with replacement(path) as file:
+                file.write_text(json.dumps(asdict(pace)), encoding="utf-8")
+        except OSError:
+            pass  # a read-only home: the next process measures again
+        return pace
+
+    pace: Pace = runtime.prepared((Pace, path), known)
+    return pace
+
+
+def predicted_ms(runtime: Runtime, technique: str, ms: float, size: Size) -> float:
+    """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
+
+    Raises:
+        ValueError: the technique has no presets.
+    """
+    recorded = presets.record(technique)
+    here = pace_of(runtime, technique)
+    there = Pace(recorded["pace"]["call_ms"], recorded["pace"]["pixel_ns"])
+    rows, columns = recorded["size"]
+    per_pixel: float = max(ms - there.call_ms, 0.0) / (rows * columns)
+    return here.call_ms + per_pixel * size[0] * size[1] * here.pixel_ns / there.pixel_ns
+
+
+def rolling_ground(size: Size) -> GBuffer:
+    """Return a G-buffer of hills on a tilted ground: occlusion of all kinds and no sky."""
+    rows, columns = size
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=columns, height=rows)
+    y, x = (np.arange(rows)[:, None] + 0.5) / rows, (np.arange(columns) + 0.5) / rows
+    hills = np.sin(17.0 * x) * np.cos(23.0 * y) + 0.5 * np.sin(41.0 * (x + y))
+    depth = 6.0 - 3.0 * y + 0.3 * hills
+    return GBuffer(camera=camera, depth=depth.astype(np.float32))
+
+
+def _times_ms(
+    runtime: Runtime, function: Any, gbuffer: DeviceGBuffer, parameters: Mapping[str, Any]
+) -> list[float]:
+    """Return the device times of some runs."""
+    took: list[float] = []
+    end = time.perf_counter() + SECONDS
+    while len(took) < FEWEST or time.perf_counter() < end:
+        with runtime.frame():
+            # A caller's frame has passes of its own.
+            before = sum(entry.ms for entry in runtime.times())
+            function(gbuffer, runtime=runtime, **parameters)
+            took.append(sum(entry.ms for entry in runtime.times()) - before)
+    return took
+
+
+def _fingerprint(runtime: Runtime, technique: str, parameters: Mapping[str, Any]) -> str:
+    parts = (
+        runtime.info.driver, runtime.info.label, str(runtime.form), str(os.cpu_count()),
+        __version__, sources.flatten(f"{technique}/{technique}.cl"),
+        json.dumps(parameters, sort_keys=True),
+    )
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

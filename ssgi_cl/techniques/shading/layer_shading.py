@@ -1,0 +1,259 @@
+"""What surfaces send: radiance of every layer of a G-buffer under the lights of a scene."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ssgi_cl.core.lights import Light
+from ssgi_cl.device.active_region import Trace
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.techniques.shading.ambient import Ambient
+from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
+
+LIT = Struct(
+    "LitParams",
+    (
+        *floats(*ROTATION, "facing"),
+        *((n, "int") for n in ("layer", "image", "margin_columns", "margin_rows")),
+        *((n, "int") for n in ("open_columns", "open_rows")),
+    ),
+)
+
+
+class SenderRecords:
+    """What surfaces send and how they are turned, in one place for each pixel.
+
+    Args:
+        runtime: the device.
+        whole: (rows, columns) of the G-buffers, with their margin.
+        layers: of them that send.
+
+    Attributes:
+        array: int32, as kernels/layer_shading/records.clh has it; anything where nothing is.
+    """
+
+    def __init__(self, runtime: Runtime, whole: Size, layers: int) -> None:
+        self.runtime = runtime
+        self.layers = layers
+        self.array: DeviceArray = runtime.empty(
+            4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32
+        )
+        self._nothing = runtime.plane(1, (1, 1))
+        self._no_ambient = runtime.array(np.zeros(1, np.float32))
+
+    def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
+        """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
+        kernel = self.runtime.kernel(
+            "layer_shading/layer_shading.cl", _macros(emission=True, records=True), (LIT,)
+        )
+        for layer in range(self.layers):
+            values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
+            kernel.run(
+                "pack senders",
+                gbuffer.whole,
+                # Without light, what is sent is what is emitted.
+                reads=[gbuffer.depth, gbuffer.normal, radiance, radiance, self._nothing,
+                       self._nothing, self._no_ambient],
+                writes=[self.array],
+                values=[LIT.pack({**values, "layer": layer, "image": layer})],
+            )
+
+
+class LitLayers:
+    """Light that the surfaces of every layer send, prepared for images of one size.
+
+    Args:
+        runtime: the device.
+        whole: (rows, columns) of the G-buffers, with their margin.
+        layers: depth layers of the G-buffers.
+        attributes: layers of them that have normals, albedo and emission: 1, or all by default.
+            The rest is dark.
+        lamps: makes what lights a layer of size `whole`; by default `Lamps`.
+        emission: whether surfaces send what they emit too.
+        backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
+            outer side of every other layer away from the camera.
+
+    Attributes:
+        lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
+            lamp shone on the last frame.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        whole: Size,
+        layers: int = 1,
+        attributes: int | None = None,
+        lamps: Callable[[], Lamps] | None = None,
+        *,
+        emission: bool = True,
+        backs: bool = False,
+    ) -> None:
+        self.runtime = runtime
+        self.whole = whole
+        self.layers = layers
+        self.attributes = layers if attributes is None else attributes
+        self.lamps: Plane | None = None
+        self._emission = emission
+        self._sides = (False, True) if backs else (False,)
+        # What the front layer gets is of use later; the rest shares memory.
+        count = min(self.attributes * len(self._sides), 2)
+        self._lamps = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
+        self._ambient = Ambient(runtime)
+        self._radiance: Plane | None = None
+        self._records: SenderRecords | None = None
+        self._nothing = runtime.plane(1, (1, 1))
+        self._traces: defaultdict[Any, Trace] = defaultdict(Trace)
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        step: int = 1,
+    ) -> Plane | None:
+        """Queue the passes.
+
+        Args:
+            gbuffer: whose layers send light as far as they have normals, albedo and emission.
+            lights: any number of lights.
+            shadows: one entry for each light (None: it casts no shadow).
+            openness: its first image is A of every `step`-th pixel of the image; dims the light of
+                environments on all layers and on the margin, for which the nearest pixel stands.
+            step: 1, 2 or 4.
+
+        Returns:
+            3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
+            with `backs` as many more behind them; None if all is dark.
+        """
+        if self._radiance is None:
+            self._radiance = self.runtime.plane(
+                3 * self.layers * len(self._sides), self.whole
+            )
+        lit = self._run(gbuffer, lights, shadows, openness, step, self._radiance)
+        return self._radiance if lit else None
+
+    def records(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        step: int = 1,
+    ) -> SenderRecords | None:
+        """Queue the same passes; return what they find in one place for each pixel.
+
+        Only the sides that the camera sees have any.
+        """
+        if self._records is None:
+            self._records = SenderRecords(self.runtime, self.whole, self.attributes)
+        lit = self._run(gbuffer, lights, shadows, openness, step, self._records)
+        return self._records if lit else None
+
+    def _run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        openness: Plane | None,
+        step: int,
+        to: Plane | SenderRecords,
+    ) -> bool:
+        given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
+        if given != (self.whole, self.layers, self.attributes):
+            raise ValueError(
+                "the G-buffer's size with margin, layers and layers with attributes are "
+                f"{given}: expected {(self.whole, self.layers, self.attributes)}"
+            )
+        self._ambient.set(lights)
+        self.lamps = None
+        sides = (False,) if isinstance(to, SenderRecords) else self._sides
+        for back, number in product(sides, range(self.attributes)):
+            layer = gbuffer.layer(number, back=back)
+            first = number == 0 and not back
+            lamps = self._lamps[0 if first else 1].run(layer, lights, shadows)
+            if first:
+                self.lamps = lamps
+            if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
+                self.runtime.skip("lit layers", "no light and no emission")
+                return False
+            self._light(layer, lamps, openness, step, gbuffer.margin, to)
+        return True
+
+    def front(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> bool:
+        """Queue what makes `lamps` alone; return whether `run` would find any light."""
+        self._ambient.set(lights)
+        self.lamps = self._lamps[0].run(gbuffer.layer(0), lights, shadows)
+        return self.lamps is not None or self._ambient.shines or self._emits(gbuffer)
+
+    def _emits(self, gbuffer: DeviceGBuffer) -> bool:
+        return gbuffer.emits and self._emission
+
+    def _light(
+        self,
+        layer: DeviceGBuffer,
+        lamps: Plane | None,
+        openness: Plane | None,
+        step: int,
+        margin: Size,
+        to: Plane | SenderRecords,
+    ) -> None:
+        records = isinstance(to, SenderRecords)
+        kernel = self.runtime.kernel(
+            "layer_shading/layer_shading.cl",
+            _macros(
+                lamps=lamps is not None, ambient=self._ambient.shines,
+                openness=openness is not None, emission=self._emits(layer), records=records,
+                step=step,
+            ) | self._ambient.macros,
+            (LIT,),
+        )
+        assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
+        rows, columns = openness.size if openness is not None else (1, 1)
+        image = layer.front + (self.layers if layer.facing < 0.0 else 0)
+        values = {
+            **rotation_values(layer.camera.view[:3, :3].T),
+            "facing": layer.facing,
+            "layer": layer.front,
+            "image": image if records else 3 * image,
+            "margin_columns": margin[1],
+            "margin_rows": margin[0],
+            "open_columns": columns,
+            "open_rows": rows,
+        }
+        with self._traces[image, records].over(layer.window) as over:
+            kernel.run(
+                "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
+                + (" back" if layer.facing < 0.0 else ""),
+                self.whole,
+                reads=[
+                    layer.depth, layer.normal, layer.albedo, layer.emission,
+                    lamps or self._nothing, openness or self._nothing, self._ambient.irradiance,
+                ],
+                writes=[to.array if isinstance(to, SenderRecords) else to],
+                values=[LIT.pack(values)],
+                window=over,
+            )
+
+
+def _macros(
+    *, lamps: bool = False, ambient: bool = False, openness: bool = False, emission: bool = False,
+    records: bool = False, step: int = 1,
+) -> dict[str, int]:
+    return {
+        "LIT_LAMPS": int(lamps), "LIT_AMBIENT": int(ambient), "LIT_OPENNESS": int(openness),
+        "LIT_EMISSION": int(emission), "LIT_RECORDS": int(records), "LIT_STEP": step,
+        "AMBIENT_SIZE": 0,
+    }

@@ -1,0 +1,177 @@
+"""Direct light of lamps: spot, point and directional lights with the shadows of their maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+
+Lamp = SpotLight | PointLight | DirectionalLight
+
+BRIGHTEST = 1e30
+"""W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
+LIGHT = Struct(
+    "LightParams",
+    (
+        *floats("position_x", "position_y", "position_z"),
+        *floats("direction_x", "direction_y", "direction_z"),
+        *floats("least_cosine", "facing", "red", "green", "blue"),
+        *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMap:
+    """The depth that a light sees, in device memory: one image for each of its cameras.
+
+    Attributes:
+        blocks: what `ShadowBlocks` found in it, None if it was not looked at.
+    """
+
+    depth: Plane
+    cameras: tuple[Camera, ...]
+    blocks: Plane | None = None
+
+
+class Lamps:
+    """The light of lamps, prepared for images of one size.
+
+    Attributes:
+        irradiance: 3 images, W/m^2; 0 where nothing is.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size) -> None:
+        self.runtime = runtime
+        self.size = size
+        self.irradiance = runtime.plane(3, size)
+        self._nothing = runtime.plane(1, (1, 1))
+        self._trace = Trace()
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> Plane | None:
+        """Queue the passes; return `irradiance`, the sum of all lamps, or None if none shines.
+
+        `shadows` has one entry for each light (None: it casts no shadow); environments are passed
+        over.
+        """
+        maps = list(shadows) if shadows is not None else [None] * len(lights)
+        lit: list[tuple[Lamp, ShadowMap | None]] = []
+        for light, shadow in zip(lights, maps, strict=True):
+            if isinstance(light, Environment):
+                continue
+            if power(light).any():
+                lit.append((light, shadow))
+            else:
+                self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
+        if not lit:
+            return None
+        with self._trace.over(gbuffer.seen) as window:
+            for number, (light, shadow) in enumerate(lit):
+                self.light(gbuffer, light, shadow, add=number > 0, window=window)
+        return self.irradiance
+
+    def light(
+        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
+        window: Window | None,
+    ) -> None:
+        """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
+        kernel = self.runtime.kernel(
+            "shade/shade_light.cl",
+            {
+                "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
+                "SHADE_SHADOW": int(shadow is not None),
+                "SHADE_ADD": int(add),
+            },
+            (CAMERA, LIGHT),
+        )
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        light_camera = shadow.cameras[0] if shadow else camera
+        blocks = shadow.blocks if shadow else None
+        kernel.run(
+            f"light {kind_name(light)}",
+            self.size,
+            reads=[
+                gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing,
+                blocks or self._nothing,
+            ],
+            writes=[self.irradiance],
+            values=[
+                gbuffer.camera_struct,
+                CAMERA.pack(camera_values(light_camera)),
+                LIGHT.pack({
+                    **light_values(light, camera, light_camera, gbuffer),
+                    "blocks": int(blocks is not None),
+                }),
+            ],
+            window=window,
+        )
+
+
+def power(light: Lamp) -> NDArray[np.float64]:
+    """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
+    value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
+    return np.asarray(value)
+
+
+def kind_name(light: Lamp) -> str:
+    """Return "spot", "point" or "directional"."""
+    return type(light).__name__.removesuffix("Light").lower()
+
+
+def face_count(light: Light) -> int:
+    """Return how many faces the light's maps have."""
+    return 6 if isinstance(light, PointLight) else 1
+
+
+def light_values(
+    light: Lamp, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer
+) -> dict[str, Any]:
+    turn, shift = camera.view[:3, :3], camera.view[:3, 3]
+    position = direction = np.zeros(3)
+    least = -2.0
+    if isinstance(light, (SpotLight, PointLight)):
+        # In float64: both may be far from the world's origin and near each other.
+        position = turn @ np.asarray(light.position) + shift
+    if isinstance(light, (SpotLight, DirectionalLight)):
+        direction = turn @ np.asarray(light.direction)
+    if isinstance(light, SpotLight):
+        least = float(np.cos(light.cone_angle))
+    if isinstance(light, PointLight):
+        to_light = turn.T
+        offset = -to_light @ position
+    else:
+        to_light = light_camera.view[:3, :3] @ turn.T
+        offset = light_camera.view[:3, :3] @ camera.position + light_camera.view[:3, 3]
+    red, green, blue = np.minimum(power(light), BRIGHTEST).tolist()
+    return {
+        **dict(zip(("position_x", "position_y", "position_z"), position, strict=True)),
+        **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
+        "least_cosine": least,
+        "facing": gbuffer.facing,
+        "red": red, "green": green, "blue": blue,
+        **rotation_values(to_light),
+        **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),
+        "map_size": light_camera.height,
+        "margin_columns": gbuffer.margin[1],
+        "margin_rows": gbuffer.margin[0],
+        "layer": gbuffer.front,
+        "blocks": 0,
+    }

@@ -1,0 +1,231 @@
+"""What the lamps of a scene see: shadow maps, and the surfaces that reflect their light."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap, face_count, kind_name, power
+from ssgi_cl.techniques.shading.shadow_blocks import ShadowBlocks
+
+
+class LightMaps:
+    """Draws the maps of a frame's lamps, each face once for shadows and for reflected light.
+
+    The faces of all lamps make one reflective shadow map, so that one bounce costs the same
+    however many lamps there are, and what reflects more is looked at more. A lamp's maps are kept
+    as long as it and the scene stay the same; once they are, what their blocks of texels show is
+    found too, so that shading needs fewer of them.
+
+    Args:
+        runtime: the device.
+        size: texels along the side of a face.
+        rsm_size: at most so many of them along a side reflect light, every n-th.
+        flux: whether reflected light is asked for.
+        glossy: whether what glossy surfaces mirror is asked for too.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False,
+        rsm_size: int = 8192,
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self._flux = flux
+        self._glossy = glossy
+        self._step = -(-size // rsm_size) if flux else 1
+        self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux)
+        self._depths: dict[int, Plane] = {}
+        self._blocks = ShadowBlocks(runtime, size)
+        self._block_planes: dict[int, Plane] = {}
+        self._rsm: DeviceRsm | None = None
+        self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._scene: object = None  # its key
+        self._lamps: dict[int, Lamp] = {}
+        self._shadows: dict[int, ShadowMap] = {}
+
+    def draw(
+        self, scene: Scene, lights: Sequence[Light], *, idle: Collection[int] = (),
+        keep: bool = True,
+    ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
+        """Queue the passes.
+
+        `idle` lamps, by their place among the lights, get no map. Without `keep` all are drawn.
+        Which lamps reflect anything is read back, 4 bytes a face, when a map was drawn.
+
+        Returns:
+            A shadow map for each light (None: it is not a lamp, or it emits nothing), and what
+            reflects their light: None if nothing does, or if it was not asked for.
+        """
+        lamps = {
+            index: light for index, light in enumerate(lights)
+            if index not in idle and not isinstance(light, Environment) and power(light).any()
+        }
+        shadows: list[ShadowMap | None] = [None] * len(lights)
+        kept = self._kept(scene, lamps) if keep else set()
+        before = self._shadows
+        # Should anything fail, nothing is taken for drawn.
+        self._scene, self._lamps, self._shadows = None, {}, {}
+        self._require(scene, lamps, len(lights))
+        for index, light in lamps.items():
+            if index in kept:
+                shadows[index] = before[index]
+                continue
+            cameras = light_cameras(light, scene.bounds, self.size)
+            shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
+        rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
+        first = 0
+        for index, light in lamps.items():
+            shadow = shadows[index]
+            assert shadow is not None  # noqa: S101  just made
+            if index in kept:
+                self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
+                shadow = shadows[index] = self._with_blocks(index, shadow)
+            else:
+                with self.runtime.part(f"map {kind_name(light)}"):
+                    self._draw(scene, light, shadow, rsm, first)
+            self._shadows[index] = shadow
+            first += len(shadow.cameras)
+        if rsm is not None and len(kept) < len(lamps):
+            self._lit = rsm.lit()
+        self._scene, self._lamps = scene.key, lamps
+        return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
+
+    def _require(self, scene: Scene, lamps: dict[int, Lamp], lights: int) -> None:
+        """Let go of maps of lights that are gone; see that there is room for all that are missing.
+
+        Raises:
+            DeviceMemoryError: there is none; nothing was allocated or drawn.
+        """
+        for index in [index for index in self._depths if index >= lights]:
+            del self._depths[index]
+            self._block_planes.pop(index, None)
+        count = {index: face_count(lamp) for index, lamp in lamps.items()}
+        faces = sum(count.values())
+
+        def make() -> None:
+            for index in lamps:
+                if not self._has_depth(index, count[index]):
+                    self.runtime.plane(count[index], (self.size, self.size))
+                    self._blocks.plane(count[index])
+            glossy = self._glossy and kept.glossy
+            if self._flux and faces and not self._fits(faces, glossy):
+                side = -(-self.size // self._step)
+                DeviceRsm(self.runtime, (side, side), faces, glossy=glossy)
+
+        kept = device_scene(scene, self.runtime)
+        self.runtime.require(
+            self.runtime.memory.needed(make),
+            f"for {faces} shadow maps (a point light has six) of {self.size} x {self.size} texels: "
+            "take fewer lights or a smaller shadow_size",
+        )
+
+    def _has_depth(self, index: int, faces: int) -> bool:
+        return index in self._depths and self._depths[index].count == faces
+
+    def _fits(self, faces: int, glossy: bool) -> bool:
+        rsm = self._rsm
+        return rsm is not None and rsm.faces == faces and (rsm.lobes is not None) == glossy
+
+    def _kept(self, scene: Scene, lamps: dict[int, Lamp]) -> set[int]:
+        """Return which lamps' maps are there already."""
+        before = self._lamps
+        same = {
+            index for index, light in lamps.items()
+            if self._scene is scene.key and index in before and _equal(light, before[index])
+        }
+        if not self._flux:
+            return same
+        # All faces are in one map whose positions count from the first lamp.
+        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (lamps, before))
+        return same if kinds == old_kinds and min(lamps, default=0) in same else set()
+
+    def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
+        """Return a kept map with its blocks, queueing their pass if it was not looked at yet."""
+        if shadow.blocks is not None:
+            return shadow
+        perspective = not shadow.cameras[0].is_orthographic
+        self._blocks.find(shadow.depth, self._block_planes[index], perspective=perspective)
+        return replace(shadow, blocks=self._block_planes[index])
+
+    def _draw(
+        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
+    ) -> None:
+        """Queue the passes of one lamp."""
+        kept, renderer = device_scene(scene, self.runtime), self._renderer
+        for face, camera in enumerate(shadow.cameras):
+            renderer.render(kept, light, camera, flux=rsm is not None)
+            shadow.depth.copy_image(face, renderer.depth)
+            if rsm is None:
+                continue
+            target = renderer.target
+            rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)
+            if rsm.lobes is not None:
+                renderer.render_lobes(kept, light)
+                rsm.write_lobes(
+                    target.depth, target.normal_world, renderer.specular_flux, renderer.gloss
+                )
+
+    def _reflects(
+        self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
+    ) -> bool:
+        """Note the lamps that light nothing; return whether any does."""
+        first = 0
+        for index, light in lamps.items():
+            shadow = shadows[index]
+            assert shadow is not None  # noqa: S101  a lamp has one
+            faces = len(shadow.cameras)
+            if not self._lit[first : first + faces].any():
+                self.runtime.skip(f"bounce {kind_name(light)}", "it lights nothing that reflects")
+            first += faces
+        return bool(self._lit.any())
+
+    def _depth(self, index: int, faces: int) -> Plane:
+        """Return the plane of a lamp's depth, the same as last time if it fits."""
+        if not self._has_depth(index, faces):
+            self._depths.pop(index, None)
+            plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
+            self._block_planes[index] = self._blocks.plane(faces)
+            self._depths[index] = plane
+        return self._depths[index]
+
+    def _begin(
+        self, scene: Scene, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None],
+        kept: set[int],
+    ) -> DeviceRsm:
+        """Return the reflective shadow map with room for all faces, the same if it fits."""
+        cameras = tuple(
+            every_nth(camera, self._step)
+            for shadow in shadows if shadow is not None for camera in shadow.cameras
+        )
+        glossy = self._glossy and device_scene(scene, self.runtime).glossy
+        if self._rsm is None or not self._fits(len(cameras), glossy):
+            self._rsm = None  # so that both need not fit at a time
+            self._rsm = DeviceRsm(self.runtime, cameras[0].size, len(cameras), glossy=glossy)
+        if len(kept) < len(lamps):
+            texels = (c.pixel_to_view[:2] for c in cameras)
+            widest = max(abs(to_x * to_y) for to_x, to_y in texels)
+            self._rsm.begin(
+                next(iter(lamps.values())), cameras,
+                reach=float(np.abs(scene.bounds - cameras[0].position).max()),
+                brightest=max(float(power(light).max()) for light in lamps.values()) * widest,
+            )
+        return self._rsm
+
+
+def _equal(a: Lamp, b: Lamp) -> bool:
+    return a is b or (
+        type(a) is type(b)
+        and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    )

@@ -1,0 +1,240 @@
+"""Deferred shading: radiance from a G-buffer, lights, their shadow maps and ambient occlusion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
+from ssgi_cl.techniques.shading.ambient import Ambient
+from ssgi_cl.techniques.shading.light_data import BRIGHTEST, Lamps, ShadowMap
+from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
+
+COMBINE = Struct(
+    "CombineParams",
+    (
+        *floats(*ROTATION),
+        *((n, "int") for n in ("sky_columns", "sky_rows", "margin_columns", "margin_rows")),
+    ),
+)
+
+
+class Shade:
+    """Deferred shading, prepared for images of one size.
+
+    Reeves, Salesin and Cook 1987. Departs: see `shade`.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size) -> None:
+        self.runtime = runtime
+        self.size = size
+        self._lamps = Lamps(runtime, size)
+        self._radiance = runtime.plane(3, size)
+        self._nothing = runtime.plane(1, (1, 1))
+        self._ambient = Ambient(runtime)
+        self._sky = runtime.array(np.zeros(3, np.float32))
+        self._sky_size = (1, 1)
+        self._background: tuple[float, ...] | None = (0.0, 0.0, 0.0)
+        self._trace = Trace()
+
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        indirect: Plane | None = None,
+        multi_bounce: bool = False,
+        direct: Plane | None = None,
+        indirect_ao: bool = False,
+    ) -> Plane:
+        """Queue the passes; return the plane of radiance.
+
+        `shadows` has one entry for each light (None: it casts no shadow), `openness` is A;
+        `multi_bounce` brightens A and `indirect_ao` lets it dim `indirect` too, see `shade`.
+        `direct` is the irradiance of all lights, if that is known already; environments then only
+        show where nothing is.
+        """
+        lit = self.light(gbuffer, lights, shadows) if direct is None else direct
+        return self.combine(
+            gbuffer, lights, lit, ambient=direct is None, openness=openness, indirect=indirect,
+            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
+        )
+
+    def light(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> Plane | None:
+        """Queue the passes of lamps; return the plane of their irradiance, None if none shines."""
+        return self._lamps.run(gbuffer, lights, shadows)
+
+    def combine(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        lit: Plane | None,
+        *,
+        ambient: bool = True,
+        openness: Plane | None = None,
+        indirect: Plane | None = None,
+        multi_bounce: bool = False,
+        indirect_ao: bool = False,
+    ) -> Plane:
+        """Queue the pass that sums up all light; return the plane of radiance.
+
+        `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
+        is as in `run`.
+        """
+        if self._ambient.set(lights):
+            self._set_sky([light for light in lights if isinstance(light, Environment)])
+        sky_rows, sky_columns = self._sky_size
+        kernel = self.runtime.kernel(
+            "shade/shade_combine.cl",
+            {
+                "SHADE_DIRECT": int(lit is not None),
+                "SHADE_AO": int(openness is not None),
+                "SHADE_BOUNCES": int(multi_bounce and openness is not None),
+                "SHADE_INDIRECT": (
+                    0 if indirect is None else 2 if indirect_ao and openness is not None else 1
+                ),
+                "SHADE_EMISSION": int(gbuffer.emits),
+                "SHADE_AMBIENT": int(ambient and self._ambient.shines),
+                "SHADE_SKY": int(sky_rows * sky_columns > 1),
+                **self._ambient.macros,
+            },
+            (CAMERA, COMBINE),
+        )
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        to_world = camera.view[:3, :3].T
+        values = {
+            **rotation_values(to_world),
+            "sky_columns": sky_columns,
+            "sky_rows": sky_rows,
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
+        }
+        with self._trace.over(self.seen(gbuffer), self._background) as over:
+            kernel.run(
+                "combine",
+                self.size,
+                reads=[
+                    gbuffer.linear, gbuffer.normal, gbuffer.albedo, gbuffer.emission,
+                    lit or self._nothing, openness or self._nothing, indirect or self._nothing,
+                    self._ambient.irradiance, self._sky,
+                ],
+                writes=[self._radiance],
+                values=[gbuffer.camera_struct, COMBINE.pack(values)],
+                window=over,
+            )
+        return self._radiance
+
+    def seen(self, gbuffer: DeviceGBuffer) -> Window | None:
+        """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
+        return None if self._background is None else gbuffer.seen
+
+    def _set_sky(self, environments: Sequence[Environment]) -> None:
+        """Bring what the environments look like to the device."""
+        sky = _sky_image(environments)
+        if sky.size > self._sky.count:
+            self._sky = DeviceArray(self.runtime, sky)
+        self._sky.upload(sky)
+        self._sky_size = (sky.shape[0], sky.shape[1])
+        self._background = tuple(sky.ravel().tolist()) if sky.size == 3 else None
+
+
+@serialised
+def shade(
+    gbuffer: GBuffer | DeviceGBuffer,
+    lights: Sequence[Light],
+    *,
+    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    ao: ArrayLike | None = None,
+    indirect: ArrayLike | None = None,
+    multi_bounce: bool = False,
+    indirect_ao: bool = False,
+    runtime: Runtime | None = None,
+) -> NDArray[np.float32]:
+    """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
+
+    Shadows are percentage-closer filtered (Reeves, Salesin and Cook 1987, "Rendering Antialiased
+    Shadows with Depth Maps"). Departs: each of 3 x 3 bilinearly weighted texels is compared with
+    the receiver's tangent plane.
+
+    Args:
+        gbuffer: what the camera sees.
+        lights: any number of lights; environments add up.
+        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None for
+            no shadow. None for all lights by default.
+        ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lamps.
+        indirect: irradiance [rows, columns, 3] in W/m^2 to add, >= 0.
+        multi_bounce: whether A is brightened by the surface's albedo, see `multi_bounce`.
+        indirect_ao: whether A, as it is, dims `indirect` too: a stand-in for walls that bounced
+            light doesn't know of. Where it does know of them, they would count twice.
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        [rows, columns, 3] float32 radiance in W m^-2 sr^-1, not clamped; where nothing is there,
+        the radiance of the environments (0 without any).
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    lights = checked_lights(lights, rsms)
+    checks.switch("multi_bounce", multi_bounce)
+    checks.switch("indirect_ao", indirect_ao)
+    device = on_device(gbuffer, runtime)
+    if device.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime = device.runtime
+    size = device.size
+    technique: Shade = runtime.prepared((Shade, size), lambda: Shade(runtime, size))
+    openness = None
+    if ao is not None:
+        values = checks.plane("ao", ao, low=0.0, high=1.0)
+        _same_size("ao", values.shape, size)
+        openness = runtime.prepared((shade, "ao", size), lambda: runtime.plane(1, size, 1.0))
+        openness.upload(values[None])
+    added = None
+    if indirect is not None:
+        values = checks.plane("indirect", indirect, channels=3, low=0.0, unit="W/m^2")
+        _same_size("indirect", values.shape[:2], size)
+        added = runtime.prepared((shade, "indirect", size), lambda: runtime.plane(3, size))
+        added.upload(np.moveaxis(values, -1, 0))
+    shadows = uploaded_maps(lights, rsms, runtime)
+    with runtime.frame():
+        result = technique.run(
+            device, lights, shadows=shadows, openness=openness, indirect=added,
+            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
+        ).download()
+    return np.ascontiguousarray(np.moveaxis(result, 0, -1))
+
+
+def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
+    if tuple(shape) != size:
+        raise ValueError(f"{name} has shape {tuple(shape)}: expected {size} as the G-buffer")
+
+
+def _sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
+    """Return [rows, columns, 3]: the sum of the environments, one texel if all are constant."""
+    images = [np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
+              if np.asarray(e.radiance).ndim == 1 else np.asarray(e.radiance)
+              for e in environments]
+    rows = max((image.shape[0] for image in images), default=1)
+    columns = max((image.shape[1] for image in images), default=1)
+    sky = np.zeros((rows, columns, 3))
+    for image in images:
+        row = np.arange(rows) * image.shape[0] // rows
+        column = np.arange(columns) * image.shape[1] // columns
+        sky += image[row[:, None], column[None, :]]
+    return np.minimum(sky, BRIGHTEST).astype(np.float32)

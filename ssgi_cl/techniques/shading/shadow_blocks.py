@@ -1,0 +1,44 @@
+"""Blocks of shadow maps: planes above and below what each shows, in place of a filter's taps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.runtime import Runtime
+
+BLOCK = 8
+"""Texels along a block's side; SHADOW_BLOCK in kernels/shade/blocks.clh."""
+
+IMAGES = 4
+"""Images for each face; SHADOW_IMAGES there."""
+
+
+class ShadowBlocks:
+    """Looks at shadow maps of one size."""
+
+    def __init__(self, runtime: Runtime, size: int) -> None:
+        self.runtime = runtime
+        self.size: Size = (-(-size // BLOCK), -(-size // BLOCK))
+        self._kernel = runtime.kernel("shade/shadow_blocks.cl")
+
+    def plane(self, faces: int) -> Plane:
+        """Return memory for the blocks of a map of so many faces."""
+        return self.runtime.plane(IMAGES * faces, self.size)
+
+    def find(self, depth: Plane, blocks: Plane, *, perspective: bool) -> None:
+        """Queue the pass.
+
+        Args:
+            depth: an image a face, as the light sees it.
+            blocks: what `plane` returned, is written.
+            perspective: of the light's cameras; else they are orthographic.
+        """
+        rows, columns = self.size
+        self._kernel.run(
+            "shadow blocks", depth.size, reads=[depth], writes=[blocks],
+            values=[
+                np.array([columns, rows], np.int32), np.int32(depth.count), np.float32(perspective)
+            ],
+            grid=(depth.count * rows, columns),
+        )

@@ -1,0 +1,72 @@
+"""Shadow maps that a user gives as reflective shadow maps: checked, and brought to the device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.shading.light_data import ShadowMap, face_count
+
+Maps = Sequence[ReflectiveShadowMap | None] | None
+"""For each light its map or None; None for no map at all. Those of environments don't count."""
+
+
+def checked_lights(lights: Sequence[Light], rsms: Maps) -> tuple[Light, ...]:
+    """Return the lights; raise TypeError or ValueError if one is none, or a map is not its own."""
+    lights = tuple(lights)
+    for index, light in enumerate(lights):
+        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
+            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    if rsms is not None and len(rsms) != len(lights):
+        raise ValueError(
+            f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light"
+        )
+    for index, rsm in enumerate(rsms or ()):
+        if rsm is not None and not isinstance(lights[index], Environment):
+            _checked(rsm, lights[index], index)
+    return lights
+
+
+def uploaded_maps(
+    lights: Sequence[Light], rsms: Maps, runtime: Runtime
+) -> list[ShadowMap | None]:
+    """Return the shadow map of each light; memory is kept by the runtime and used again."""
+    shadows: list[ShadowMap | None] = [None] * len(lights)
+    for index, rsm in enumerate(rsms or ()):
+        if rsm is not None and not isinstance(lights[index], Environment):
+            shadows[index] = _uploaded(rsm, runtime, index)
+    return shadows
+
+
+def _checked(rsm: object, light: Light, index: int) -> None:
+    if not isinstance(rsm, ReflectiveShadowMap):
+        raise TypeError(
+            f"rsms[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None"
+        )
+    if type(rsm.light) is not type(light):
+        raise ValueError(
+            f"rsms[{index}] is that of a {type(rsm.light).__name__}: expected one of "
+            f"lights[{index}], a {type(light).__name__}"
+        )
+    sizes = {camera.size for camera in rsm.cameras}
+    count = face_count(light)
+    if len(rsm.cameras) != count or len(sizes) != 1 or len(set(*sizes)) != 1:
+        raise ValueError(
+            f"rsms[{index}] has {len(rsm.cameras)} cameras of {sorted(sizes)} texels: expected "
+            f"{count}, square and of one size"
+        )
+
+
+def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowMap:
+    size = rsm.cameras[0].size
+    count = len(rsm.cameras)
+    plane: Plane = runtime.prepared(
+        (ShadowMap, index, count, size), lambda: runtime.plane(count, size, np.inf)
+    )
+    plane.upload(np.asarray(rsm.depth).reshape(count, *size))
+    return ShadowMap(plane, rsm.cameras)

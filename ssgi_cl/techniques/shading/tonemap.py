@@ -1,0 +1,133 @@
+"""Tone mapping: linear radiance to an sRGB picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.device.active_region import Window, copy_window
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.runtime import Runtime, serialised
+
+CURVES = ("clip", "filmic")
+MIDDLE_GREY = 0.18
+LARGEST_EXPOSURE = 1e30
+"""Greater ones count as this one, which is finite in float32."""
+
+
+class Tonemap:
+    """Tone mapping, prepared for images of one size.
+
+    Narkowicz 2015; Reinhard et al. 2002. Departs: see `tonemap`.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size, curve: str = "filmic") -> None:
+        self.runtime = runtime
+        self.size = size
+        number = CURVES.index(checks.choice("curve", curve, CURVES))
+        self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
+        self._pitch = (size[1] + 15) // 16 * 16
+        self._encoded = runtime.empty(size[0] * self._pitch * 3, np.uint8)
+
+    def run(
+        self, radiance: Plane, exposure: float, window: Window | None = None
+    ) -> NDArray[np.uint8]:
+        """Run the pass; return the picture, [rows, columns, 3] uint8.
+
+        Outside of `window` radiance is the same everywhere: one pixel stands for all.
+        """
+        beyond = None if window is None else window.beyond(self.size)
+        parts = [window]
+        if beyond is not None:
+            parts.append(Window(*beyond, 1, 1))
+        for part in parts:
+            self._kernel.run(
+                "tonemap", self.size, reads=[radiance], writes=[self._encoded],
+                values=[np.float32(min(exposure, LARGEST_EXPOSURE))], window=part,
+            )
+        rows, columns = self.size
+        picture = np.empty((rows, columns, 3), np.uint8)
+        with self._encoded.mapped() as flat:
+            encoded = flat.reshape(rows, self._pitch, 3)[:, :columns]
+            copy_window(encoded, picture, window, beyond)
+        return picture
+
+
+def auto_exposure(radiance: NDArray[np.float32], window: Window | None = None) -> float:
+    """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
+
+    Args:
+        radiance: [rows, columns, 3], linear, any strides. Pixels of luminance 0 don't count; 1 if
+            all are 0.
+        window: pixels outside of which all are the same; this changes no bit.
+    """
+    # Every third row and column: the mean of a log changes by less than the eye can tell.
+    picked = radiance[::3, ::3]
+    beyond = None if window is None else window.beyond(radiance.shape[:2])
+    if window is None or beyond is None:
+        logs = _log_luminance(picked)
+    else:
+        logs = np.full(picked.shape[:2], _log_luminance(radiance[beyond][None, None])[0, 0])
+        part = window.reduced(3)
+        places = slice(part.row, part.end[0]), slice(part.column, part.end[1])
+        logs[places] = _log_luminance(picked[places])
+    lit = logs[logs > -np.inf]
+    if lit.size == 0:
+        return 1.0
+    return float(np.clip(MIDDLE_GREY / np.exp(lit.mean()), 1e-12, 1e12))
+
+
+def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the logarithm of each pixel's luminance, -inf of 0 and nan below, by itself: no bit
+    depends on what else is there."""
+    luminance = np.zeros(radiance.shape[:2])
+    for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
+        luminance += np.multiply(radiance[..., channel], weight, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(luminance)
+
+
+@serialised
+def tonemap(
+    radiance: ArrayLike,
+    *,
+    exposure: float | None = None,
+    curve: str = "filmic",
+    runtime: Runtime | None = None,
+) -> NDArray[np.uint8]:
+    """Turn linear radiance into an sRGB picture.
+
+    The filmic curve is the fit of the ACES reference transform by Narkowicz 2015; automatic
+    exposure is the log-average of Reinhard et al. 2002, "Photographic Tone Reproduction for Digital
+    Images". Departs: pixels that are black don't count in that average.
+
+    Args:
+        radiance: [rows, columns, 3] float32, finite, >= 0.
+        exposure: factor before the curve, > 0; by default the log-average luminance becomes 0.18.
+        curve: "filmic" (Narkowicz 2015) or "clip" (only what exceeds 1 is cut).
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        [rows, columns, 3] uint8, sRGB encoding.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    values = checks.plane("radiance", radiance, channels=3, low=0.0, unit="W m^-2 sr^-1")
+    if values.size == 0:
+        raise ValueError(f"radiance has shape {values.shape}: expected at least one pixel")
+    checks.choice("curve", curve, CURVES)
+    factor = (
+        auto_exposure(values) if exposure is None
+        else checks.number("exposure", exposure, low=0.0, above=True)
+    )
+    device = runtime or Runtime.open()
+    size = values.shape[:2]
+    technique, plane = device.prepared(
+        (Tonemap, size, curve), lambda: (Tonemap(device, size, curve), device.plane(3, size))
+    )
+    plane.upload(np.moveaxis(values, -1, 0))
+    with device.frame():
+        result: NDArray[np.uint8] = technique.run(plane, factor)
+        return result

@@ -76,12 +76,13 @@ TORTURE ?=
 torture: setup
 	$(BIN)/python -m tools.torture $(TORTURE)
 
-# mypy does not follow an editable installation into folders of other names.
+# mypy and import-linter do not follow an editable installation into folders of other names.
 lint: setup
 	$(BIN)/ruff check .
 	@rm -rf build/types && mkdir -p build/types/ssgi_cl
 	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
 	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
+	cd build/types && PYTHONPATH=. $(CURDIR)/$(BIN)/lint-imports --config $(CURDIR)/pyproject.toml
 	$(BIN)/python -m pytest --quiet --numprocesses 2 tests/lint_kernel_files.py
 
 # About 20 minutes on two cores. FIGURES="--quick --allow-dirty" tries it.

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning.tunables import entry_of
 
 from .scan import LEAST_ERROR, Measured, Scan

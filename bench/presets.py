@@ -23,8 +23,9 @@ from rich.table import Table
 
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES, Entry, presets
+from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
 from ssgi_cl.techniques.presets.speed_model import measured
 from ssgi_cl.tuning.context import Progress as Report
 from ssgi_cl.tuning.outcome import TuneError
@@ -156,7 +157,7 @@ def record_presets(
     entry = entry_of(technique)
     recorded = [_recorded(entry, sets, layers, progress) for layers in entry.layers]
     medium = recorded[0]["presets"]["medium"]["parameters"]
-    pace, _ = measured(sets.runtime, technique, medium)
+    pace, _ = measured(sets.runtime, entry.technique, medium)
     return {
         "format": "ssgi-presets 3",
         "recorded by": f"python -m ssgi_cl.bench.presets {technique}",

@@ -17,7 +17,7 @@ from ssgi_cl.rasterize.scenes import (
     VALIDATION_SEEDS,
     BuiltinScene,
 )
-from ssgi_cl.techniques import Entry
+from ssgi_cl.techniques.catalogue import Entry
 from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.vpl_splat import vpl_splat_reference
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
+import ssgi_cl_command
 from click.testing import CliRunner, Result
 from PIL import Image
 
 import ssgi_cl as gi
-import ssgi_cl_command
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera

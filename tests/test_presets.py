@@ -21,11 +21,11 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, VALIDATED_ON
-from ssgi_cl.techniques import TECHNIQUES, presets
+from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import choose as choosing
 from ssgi_cl.techniques.presets import speed_model as pacing
-from ssgi_cl.techniques.presets.choose import choose
 from ssgi_cl.techniques.presets.speed_model import (
     Pace,
     measured,
@@ -34,6 +34,7 @@ from ssgi_cl.techniques.presets.speed_model import (
     rolling_ground,
 )
 from ssgi_cl.truth.metrics import rmse
+from ssgi_cl.tuning.choose import choose
 
 SIZE = (600, 800)
 RECORDED = sorted(

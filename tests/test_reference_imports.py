@@ -17,12 +17,12 @@ ALLOWED = {
     "ssgi_cl.core.camera": {"Camera"},
     "ssgi_cl.core.gbuffer": {"GBuffer", "ReflectiveShadowMap"},
     "ssgi_cl.core.lights": {"DirectionalLight", "Environment", "Light", "PointLight", "SpotLight"},
-    "ssgi_cl.techniques.indirect.vpls": {"Vpls"},
+    "ssgi_cl.core.vpls": {"Vpls"},
 }
 """Modules and what reference implementations may take from them: the user's data."""
 ANNOTATED = {"ssgi_cl.techniques.tiles": {"Reach"}}
 """As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
-DEVICE_BESIDE = {"ssgi_cl.techniques.indirect.vpls"}
+DEVICE_BESIDE = {"ssgi_cl.core.vpls"}
 """Of `ALLOWED`, those that hold device code beside the data."""
 FORBIDDEN = (
     "techniques", "presets", "kernels", "runtime", "memory", "kernel", "structs", "sources",
@@ -87,7 +87,7 @@ def test_nothing_is_imported_from_what_is_checked(stem: str) -> None:
         ("def inner():\n    from ssgi_cl.techniques.ao.slices import pattern", False),
         ("import ssgi_cl.techniques.ao.slices as slices", False),
         ("from ssgi_cl import techniques", False),
-        ("from ssgi_cl.techniques.indirect.vpls import cut_evenly", False),
+        ("from ssgi_cl.core.vpls import cut_evenly", False),
         ("from ssgi_cl.techniques.presets.choose import choose", False),
     ],
 )

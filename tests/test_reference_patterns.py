@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from ssgi_cl.core.vpls import cut_evenly
 from ssgi_cl.reference import patterns, rsm
 from ssgi_cl.reference.bitmask_ao import taps_of
 from ssgi_cl.reference.multires_grid import bound_share
@@ -23,7 +24,6 @@ from ssgi_cl.techniques.indirect import rsm_samples
 from ssgi_cl.techniques.indirect.flux_curve import hilbert_order
 from ssgi_cl.techniques.indirect.multires_grid import bound_scale
 from ssgi_cl.techniques.indirect.packed_vpls import lobe_share
-from ssgi_cl.techniques.indirect.vpls import cut_evenly
 from ssgi_cl.techniques.shading.light_shadows import tile_pattern
 
 

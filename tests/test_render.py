@@ -19,8 +19,8 @@ from ssgi_cl.frame.render import render as render_kept
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.reference.tonemap import encoded_reference
-from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))

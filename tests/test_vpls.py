@@ -13,13 +13,14 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpls import choose_vpls_reference
 from ssgi_cl.techniques.indirect.flux_curve import FluxCurve, curve_key, hilbert_order
-from ssgi_cl.techniques.indirect.vpls import LUMINANCE, PARTS, Vpls, choose_vpls
+from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 
 from .closed_forms import made as scene_of
 

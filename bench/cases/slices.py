@@ -16,10 +16,10 @@ from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique
 from ssgi_cl.techniques.presets import NAMES
-from ssgi_cl.techniques.presets.choose import choose
 from ssgi_cl.truth import Truth, metrics
 from ssgi_cl.truth import slices as assumption
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.choose import choose
 from ssgi_cl.tuning.context import Context
 
 from ..drawn import DrawnView

@@ -9,9 +9,9 @@ import numpy as np
 
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
-from ssgi_cl.techniques.presets.choose import choose
 from ssgi_cl.truth import assumption
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.choose import choose
 from ssgi_cl.tuning.context import Context
 
 PIXEL_BYTES = 4 * (1 + 3 + 1)

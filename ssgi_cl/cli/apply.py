@@ -33,7 +33,7 @@ from ssgi_cl.io.console import (
     yfov_of,
 )
 from ssgi_cl.io.exr_header import ExrHeader, read_header
-from ssgi_cl.techniques import TECHNIQUES, Entry
+from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
 from ssgi_cl.techniques.indirect.ssdo import ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 

@@ -29,7 +29,7 @@ from ssgi_cl.io.console import (
 )
 from ssgi_cl.io.previews import VIEWS, gbuffer_views, levels_view, share_view
 from ssgi_cl.rasterize.load import READERS
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 if TYPE_CHECKING:
     from ssgi_cl.core.scene import Scene

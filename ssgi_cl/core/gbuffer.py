@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -13,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.formats import format_of
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
-from ssgi_cl.io import exr
-from ssgi_cl.io.exr_header import read_header
 
 Floats = NDArray[np.float32]
 
@@ -190,22 +188,15 @@ class GBuffer:
                 with a camera of the display window, the data window does not exceed that equally
                 on opposite sides (overscan).
         """
-        header = read_header(Path(path))
-        data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
-        before, after = display[0] - data[0], data[1] - display[1]
-        if camera.size != header.size and ((before != after).any() or (before < 0).any()):
-            raise ValueError(
-                f"{os.fspath(path)} has the data window {data.tolist()} and the display window "
-                f"{display.tolist()}: expected the same window, or a margin of equal size on "
-                "opposite sides, or camera.cropped(...) to the data window"
-            )
-        return cls(camera=camera, nan=nan, **exr.read_gbuffer(path, channels))
+        arrays = format_of("exr").read_gbuffer(path, channels, size=camera.size)
+        return cls(camera=camera, nan=nan, **arrays)
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:
         """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""
         names = ("depth", "normal", "albedo", "emission")
         arrays = {name: self.first(name) for name in names}
-        exr.write(path, {name: array for name, array in arrays.items() if array is not None})
+        kept = {name: array for name, array in arrays.items() if array is not None}
+        format_of("exr").write(path, kept)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

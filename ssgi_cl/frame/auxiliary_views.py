@@ -15,7 +15,7 @@ from ssgi_cl.frame.plan import same
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.shadow_map import light_cameras
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.auxiliary_cameras import extra_cameras
+from ssgi_cl.techniques.indirect.auxiliary_cameras import auxiliary_cameras
 
 SIZE = 0.5
 """Rows and columns of each camera, in parts of the first one's, by default."""
@@ -31,8 +31,8 @@ class FurtherViews:
 
     Up to half of them stand at spot and directional lights, in their order: such a camera sees
     every surface that the lamp shines on, and so all that sends its light on. The others stand
-    where `extra_cameras` says; point lights would need six each, and what those see of next rooms
-    leaks through walls that no camera sees.
+    where `auxiliary_cameras` says; point lights would need six each, and what those see of next
+    rooms leaks through walls that no camera sees.
 
     Args:
         runtime: the device.
@@ -84,4 +84,5 @@ class FurtherViews:
     ) -> list[Camera]:
         side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
         at_lamps = [each for lamp in lamps for each in light_cameras(lamp, scene.bounds, side)]
-        return at_lamps + extra_cameras(camera, seen, self.count - len(at_lamps), size=self.size)
+        more = self.count - len(at_lamps)
+        return at_lamps + auxiliary_cameras(camera, seen, more, size=self.size)

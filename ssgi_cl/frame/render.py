@@ -17,7 +17,7 @@ from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bou
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.shading.tonemap import CURVES
 
 __all__ = ["Frame", "Renderer", "render"]

@@ -7,9 +7,8 @@ from typing import Any
 from ssgi_cl.core import checks
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.ao.slices import SliceTechnique
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.indirect import multires_splat, rsm_gather
 from ssgi_cl.techniques.indirect.multires_published import (
     MultiresPublished,
@@ -55,10 +54,7 @@ def ao_technique(
         (name, entry.technique) for name, entry in TECHNIQUES.items()
         if type(params) is entry.params
     )
-    make: Any = kind  # each takes parameters of its own
-    if issubclass(kind, SliceTechnique):
-        return name, make(runtime, size, params, margin, layers)
-    return name, make(runtime, size, params, margin)
+    return name, kind(runtime, size, params, margin, layers)
 
 
 def bounce_name(indirect: object) -> str | None:

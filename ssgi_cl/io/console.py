@@ -119,7 +119,8 @@ def yfov_of(options: dict[str, Any], default: float) -> float:
     """Return the vertical field of view in radians."""
     if options["fov"] is None:
         return default
-    return math.radians(checks.number("--fov", options["fov"], low=0.01, high=179.0, unit="degrees"))
+    degrees = checks.number("--fov", options["fov"], low=0.01, high=179.0, unit="degrees")
+    return math.radians(degrees)
 
 
 def wrapped(text: str, indent: str) -> str:

@@ -216,7 +216,10 @@ def _decoded(
 
 
 def read_gbuffer(
-    path: str | os.PathLike[str], channels: Mapping[str, str | tuple[str, ...]] | None = None
+    path: str | os.PathLike[str],
+    channels: Mapping[str, str | tuple[str, ...]] | None = None,
+    *,
+    size: tuple[int, int] | None = None,
 ) -> dict[str, NDArray[np.float32]]:
     """Return the arrays of a G-buffer that an OpenEXR file holds.
 
@@ -225,6 +228,9 @@ def read_gbuffer(
         channels: channel names for some of "depth" (one name), "normal", "albedo", "emission"
             (three names each, or the stem of three: "N" for N.X, N.Y, N.Z). What isn't given is
             looked for under its usual names, such as Z, depth.V or ViewLayer.Depth.Z.
+        size: (rows, columns) of the camera: that of the display window, which the data window may
+            exceed equally on opposite sides (overscan), or that of the data window. By default
+            any.
 
     Returns:
         "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
@@ -232,10 +238,12 @@ def read_gbuffer(
 
     Raises:
         FileNotFoundError, OSError: as `read`.
-        ValueError: as `read`; or no depth, or a given channel that the file doesn't have: the
-            message lists those that it has.
+        ValueError: as `read`; windows that `size` does not allow; no depth, or a given channel
+            that the file doesn't have: the message lists those that it has.
     """
     name = os.fspath(path)
+    if size is not None:
+        _check_windows(name, size)
     given = dict(channels or {})
     unknown = sorted(set(given) - {"depth", *_STEMS_OF})
     if unknown:
@@ -260,6 +268,19 @@ def read_gbuffer(
     depth[depth >= BACKGROUND_DEPTH] = np.inf
     arrays["depth"] = depth
     return arrays
+
+
+def _check_windows(name: str, size: tuple[int, int]) -> None:
+    """Raise ValueError unless the windows of a file are those of a camera of this size."""
+    header = read_header(Path(name))
+    data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
+    before, after = display[0] - data[0], data[1] - display[1]
+    if size != header.size and ((before != after).any() or (before < 0).any()):
+        raise ValueError(
+            f"{name} has the data window {data.tolist()} and the display window "
+            f"{display.tolist()}: expected the same window, or a margin of equal size on "
+            "opposite sides, or camera.cropped(...) to the data window"
+        )
 
 
 def _given(

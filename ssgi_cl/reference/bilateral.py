@@ -1,4 +1,4 @@
-"""Edge-aware blur in float64, pixel by pixel as defined in `ssgi_cl.techniques.filters.bilateral`."""
+"""Edge-aware blur in float64, pixel by pixel as defined in `techniques.filters.bilateral`."""
 
 from __future__ import annotations
 

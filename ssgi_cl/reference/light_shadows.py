@@ -1,4 +1,4 @@
-"""Screen-space shadows of lamps in float64, as defined in `ssgi_cl.techniques.shading.light_shadows`."""
+"""Screen-space shadows of lamps in float64, as defined in `techniques.shading.light_shadows`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Multiple bounces of ambient light in float64, as defined in `ssgi_cl.techniques.shading.multi_bounce`."""
+"""Multiple bounces of ambient light in float64, as defined in `techniques.shading.multi_bounce`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which points of which level are computed, as defined in `ssgi_cl.techniques.indirect.multires_grid`."""
+"""Which points of which level are computed, as defined in `techniques.indirect.multires_grid`."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 Masks = list[NDArray[np.bool_]]
 

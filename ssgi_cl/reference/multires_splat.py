@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.multires_grid import multires_grid_reference
 from ssgi_cl.reference.vpl_splat import vpl_splat_reference
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.indirect.multires_splat import MultiresSplatParams

@@ -1,4 +1,4 @@
-"""Gathering from a reflective shadow map in float64, as `ssgi_cl.techniques.indirect.rsm_gather` does."""
+"""Gathering from a reflective shadow map in float64, as `techniques.indirect.rsm_gather` does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surfaces that no earlier view shows, as defined in `ssgi_cl.techniques.indirect.ssdo_views_unseen`."""
+"""Surfaces that no earlier view shows, as defined in `techniques.indirect.ssdo_views_unseen`."""
 
 from __future__ import annotations
 

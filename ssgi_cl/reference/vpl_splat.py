@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.techniques.indirect.vpls import Vpls
+from ssgi_cl.core.vpls import Vpls
 
 if TYPE_CHECKING:
     from ssgi_cl.reference.multires_splat import EveryLight

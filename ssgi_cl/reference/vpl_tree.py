@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.occupancy_grid import SightGridReference
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 Doubles = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.rsm import hilbert_order, mirrored_axes, texels
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 Doubles = NDArray[np.float64]
 

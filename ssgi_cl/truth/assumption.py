@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.reference.gbuffer
-import ssgi_cl.reference.ssao as model
-import ssgi_cl.techniques.ao.ssao as technique
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import SurfaceView
+from ssgi_cl.reference.ssao import openness
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
-from ssgi_cl.truth.digests import camera_description, digest, source_digest
+from ssgi_cl.truth.digests import camera_description, digest
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.store import Truth, accumulated
 
 PASS_POINTS = 128
@@ -76,7 +73,7 @@ def ssao(
         found.append(accumulated(
             _description(gbuffer, single),
             passes,
-            lambda number, single=single: model.openness(  # type: ignore[misc]
+            lambda number, single=single: openness(  # type: ignore[misc]
                 view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
             ),
             rebuild=rebuild,
@@ -119,7 +116,5 @@ def _description(gbuffer: GBuffer, params: SsaoParams) -> dict[str, object]:
         "radius": radius,
         "points": PASS_POINTS,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
-        "source": source_digest(
-            sys.modules[__name__], model, ssgi_cl.reference.gbuffer, technique, ssgi_cl.core.camera
-        ),
+        "estimator": versioned("ssao"),
     }

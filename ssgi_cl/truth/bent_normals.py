@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.core.camera_rays
-import ssgi_cl.core.sampling
 import ssgi_cl.truth.raycast
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
+from ssgi_cl.truth.digests import camera_description, digest, scene_digest
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
 from ssgi_cl.truth.ray_ao import MOST_RAYS, threads
 from ssgi_cl.truth.raycast import RayCaster, Spots
@@ -71,10 +68,7 @@ def bent_normals(
                 *(None if array is None else gbuffer.inner(array) for array in arrays)
             ),
             "embreex": version,
-            "source": source_digest(
-                sys.modules[__name__], ssgi_cl.truth.raycast, ssgi_cl.core.camera_rays, ssgi_cl.core.sampling,
-                ssgi_cl.core.camera,
-            ),
+            "estimator": versioned("bent normals"),
         },
         passes,
         lambda number: _means(caster, gbuffer, radius, share, number),

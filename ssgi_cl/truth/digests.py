@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 from dataclasses import fields
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -66,11 +64,6 @@ def camera_description(camera: Camera) -> dict[str, Any]:
 def light_description(light: Light) -> dict[str, Any]:
     """Return kind and values of a light, for a description."""
     return {"kind": type(light).__name__, **_values(light)}
-
-
-def source_digest(*modules: ModuleType) -> str:
-    """Return the hash of the source text of the modules that a truth comes from."""
-    return digest(*(inspect.getsource(module) for module in modules))
 
 
 def _values(record: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -10,10 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.core.camera_rays
-import ssgi_cl.core.sampling
-import ssgi_cl.reference.gbuffer
 import ssgi_cl.truth.layer_mesh as mesh
 import ssgi_cl.truth.ray_ao as estimator
 import ssgi_cl.truth.raycast
@@ -22,7 +17,8 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.truth.digests import camera_description, digest, source_digest
+from ssgi_cl.truth.digests import camera_description, digest
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
 from ssgi_cl.truth.raycast import OFFSET, RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
@@ -89,10 +85,7 @@ def layered_occlusion(
         "attenuation": attenuation
         if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "embreex": version,
-        "source": source_digest(
-            sys.modules[__name__], mesh, estimator, ssgi_cl.truth.raycast, ssgi_cl.reference.gbuffer,
-            ssgi_cl.core.camera_rays, ssgi_cl.core.sampling, ssgi_cl.core.camera,
-        ),
+        "estimator": versioned("layered occlusion"),
     }
 
     @cache

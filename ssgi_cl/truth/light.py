@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.core.camera_rays
-import ssgi_cl.core.sampling
-import ssgi_cl.rasterize.textures
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth import digests, mitsuba_scene, path_tracer
+from ssgi_cl.truth import digests, mitsuba_scene
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.path_tracer import BounceThroughWalls, DirectLight, OneBounce, PathTracer
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -146,10 +142,7 @@ def _truth(
         "paths of a pass": per_pass,
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
-        "source": digests.source_digest(
-            sys.modules[__name__], path_tracer, mitsuba_scene, ssgi_cl.core.camera, ssgi_cl.core.sampling,
-            ssgi_cl.core.camera_rays, ssgi_cl.rasterize.textures,
-        ),
+        "estimator": versioned("light"),
     }
     made: list[PathTracer] = []  # only if something has to be computed
 

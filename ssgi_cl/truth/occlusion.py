@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.core.camera_rays
-import ssgi_cl.core.sampling
 import ssgi_cl.truth.ray_ao as estimator
 import ssgi_cl.truth.raycast
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.digests import camera_description, digest, scene_digest, source_digest
+from ssgi_cl.truth.digests import camera_description, digest, scene_digest
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.store import Truth, accumulated
 
 FEWEST_RAYS = 64
@@ -77,10 +74,7 @@ def ambient_occlusion(
         if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "gbuffer": _gbuffer_digest(gbuffer, camera),
         "embreex": version,
-        "source": source_digest(
-            sys.modules[__name__], estimator, ssgi_cl.truth.raycast, ssgi_cl.core.camera_rays, ssgi_cl.core.sampling,
-            ssgi_cl.core.camera,
-        ),
+        "estimator": versioned("occlusion"),
     }
 
     def make(number: int) -> NDArray[np.float32]:

@@ -9,24 +9,20 @@ over the image.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-import ssgi_cl.core.camera
-import ssgi_cl.reference.gbuffer
-import ssgi_cl.truth.horizons
-import ssgi_cl.truth.pixels
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
 from ssgi_cl.techniques.ao.slices import NEAREST_TAP, SliceParams
-from ssgi_cl.truth.digests import camera_description, digest, source_digest
+from ssgi_cl.truth.digests import camera_description, digest
+from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.horizons import Crossed, Plane, check_technique, hidden_and_whole
 from ssgi_cl.truth.pixels import Pixels, spread_pixels
 from ssgi_cl.truth.store import Truth, accumulated
@@ -95,10 +91,7 @@ def converged(
         "slices": PASS_SLICES,
         "nearest": NEAREST_TAP,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
-        "source": source_digest(
-            sys.modules[__name__], ssgi_cl.truth.horizons, ssgi_cl.truth.pixels,
-            ssgi_cl.reference.gbuffer, ssgi_cl.core.camera,
-        ),
+        "estimator": versioned("slices"),
     }
 
     def estimate(number: int) -> Doubles:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.techniques import Entry
+from ssgi_cl.techniques.catalogue import Entry
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.calibration import GatherLoad
 from ssgi_cl.tuning.case import Subject

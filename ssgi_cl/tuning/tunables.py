@@ -16,7 +16,7 @@ from ssgi_cl.rasterize.scenes import (
     BuiltinScene,
     make_scene,
 )
-from ssgi_cl.techniques import TECHNIQUES, Entry
+from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
 from ssgi_cl.tuning.search import Axis
 
 

@@ -49,7 +49,7 @@ def test_replaced_constants_come_back_and_unknown_ones_are_named() -> None:
         assert multires_grid.BEGINS == 0.5
     assert before == multires_grid.BEGINS
     with (
-        pytest.raises(ValueError, match=r"constant is 'magic': ssgi_cl.techniques.indirect.multires_grid"),
+        pytest.raises(ValueError, match=r"constant is 'magic': ssgi_cl.*multires_grid"),
         replaced(multires_grid, {"magic": 1}),
     ):
         pass

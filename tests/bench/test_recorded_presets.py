@@ -27,7 +27,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import assemble
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.scenes.shapes import box
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import NAMES
 from ssgi_cl.techniques.presets.speed_model import Pace
 from ssgi_cl.tuning import trials as bench_trials

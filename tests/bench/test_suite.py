@@ -65,7 +65,7 @@ def test_a_pattern_that_fits_nothing_is_refused_with_what_there_is(pattern: str)
 
 
 def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
-    from ssgi_cl.techniques import TECHNIQUES
+    from ssgi_cl.techniques.catalogue import TECHNIQUES
 
     assert set(TECHNIQUES) <= set(FAMILIES)
 

@@ -8,7 +8,7 @@ import pytest
 
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.techniques import TECHNIQUES
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.trials import Trials
 

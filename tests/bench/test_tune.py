@@ -25,8 +25,8 @@ from ssgi_cl.rasterize.scenes import (
     make_scene,
 )
 from ssgi_cl.rasterize.scenes.shapes import box, moved
-from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning import tune as module
 from ssgi_cl.tuning.outcome import TuneError, Tuning
 from ssgi_cl.tuning.trials import Trial

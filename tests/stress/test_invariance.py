@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
@@ -27,7 +28,6 @@ from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSp
 from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
 from ssgi_cl.techniques.indirect.ssdo import ssdo
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 from ..techniques.analytic import camera, scene
 from .inputs import gbuffers, hdr, radii, seeds

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.multires_published import (
@@ -24,7 +25,6 @@ from ssgi_cl.techniques.indirect.multires_published import (
 )
 from ssgi_cl.techniques.indirect.multires_splat import multires_splat
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 from .analytic import CAMERAS, Plane, camera, scene, tilted, trace
 from .test_multires_splat import box, relative, spots, wall

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
@@ -27,9 +28,9 @@ from ssgi_cl.techniques.indirect.multires_splat import (
     MultiresSplatParams,
     multires_splat,
 )
+from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams, vpl_splat
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES
-from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 from ssgi_cl.truth import one_bounce
 
 from .analytic import Plane, camera, scene, trace

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
@@ -19,7 +20,6 @@ from ssgi_cl.reference.occupancy_grid import SightGridReference
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 from ..closed_forms import Quad, quads
 from ..truth.test_light import quads as textured_quads

@@ -207,7 +207,7 @@ def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer,
     """Return the Cornell box, what its camera sees of it, and what further ones do."""
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
-    extra = gi.extra_cameras(gbuffer.camera, gbuffer, count, size=1.0)
+    extra = gi.auxiliary_cameras(gbuffer.camera, gbuffer, count, size=1.0)
     views = [gi.rasterize.gbuffer(made.scene, each, runtime=runtime) for each in extra]
     return made, gbuffer, views
 

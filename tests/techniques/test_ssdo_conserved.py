@@ -14,7 +14,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.auxiliary_cameras import extra_cameras
+from ssgi_cl.techniques.indirect.auxiliary_cameras import auxiliary_cameras
 from ssgi_cl.techniques.indirect.ssdo import ssdo
 
 from ..closed_forms import lit_by_wall
@@ -173,7 +173,7 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
 )
 def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
     case = wall_beside_floor(BESIDE[name])
-    cameras = extra_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
+    cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
     views = [wall_beside_floor(each).gbuffer for each in cameras]
     direct, bounce = ssdo(
         case.gbuffer, [SKY], RADIUS, method="points", samples=256, views=views, runtime=runtime

@@ -124,7 +124,7 @@ def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
     position = positions(gbuffer)
     on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
     truth = irradiance(position[on_floor], boxed)
-    cameras = gi.extra_cameras(camera, gbuffer, 4, size=1.0)
+    cameras = gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
     views = [seen(scene, each, runtime) for each in cameras]
     assert len(views) == 4
     means, errors = [], []
@@ -146,7 +146,7 @@ def test_lit_wall_sends_what_a_single_view_says_it_does(runtime: Runtime) -> Non
     gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
     views = [
         gi.rasterize.gbuffer(scene, each, runtime=runtime)
-        for each in gi.extra_cameras(camera, gbuffer, 4, size=1.0)
+        for each in gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
     ]
     _, alone = gi.ssdo(gbuffer, [sun], RADIUS, runtime=runtime)
     for count in (1, 2, 4):

@@ -15,9 +15,9 @@ from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.tiles import by_tile, nearness, rises_reference, too_far
-from ssgi_cl.techniques import TECHNIQUES
 from ssgi_cl.techniques.ao.slices import SliceTechnique
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.shading.light_data import Lamp, Lamps
 from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.tiles import TILE, Reach, Tiles

@@ -10,6 +10,7 @@ import pytest
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.core.vpls import cut_evenly
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
@@ -21,8 +22,8 @@ from ssgi_cl.reference.view_importance import GROUP, run_weights, view_importanc
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.techniques.indirect.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.vpl_choice import ChosenVpls, choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
-from ssgi_cl.techniques.indirect.vpls import ChosenVpls, choose_vpls, cut_evenly
 
 from ..closed_forms import quads
 from .test_vpl_tree import uploaded

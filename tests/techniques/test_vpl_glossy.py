@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm, mirrored_axes, on_device_rsm
 from ssgi_cl.device.runtime import Runtime
@@ -25,8 +26,8 @@ from ssgi_cl.reference.vpl_splat import (
 from ssgi_cl.reference.vpls import choose_vpls_reference
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.packed_vpls import lobe_share
+from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
-from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 
 from ..closed_forms import quads

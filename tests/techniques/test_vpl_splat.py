@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
@@ -26,8 +27,8 @@ from ssgi_cl.reference.vpl_splat import (
 )
 from ssgi_cl.techniques.indirect.occupancy_grid import cells_for
 from ssgi_cl.techniques.indirect.packed_vpls import NEAR_ROOM
+from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
-from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 from ssgi_cl.truth import one_bounce
 
 from ..closed_forms import quads

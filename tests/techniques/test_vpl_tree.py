@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -20,9 +21,9 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference, group_of
 from ssgi_cl.techniques.indirect.packed_vpls import DeviceVpls
+from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
 from ssgi_cl.techniques.indirect.vpl_tree import GROUP, VplTree
-from ssgi_cl.techniques.indirect.vpls import Vpls, choose_vpls
 
 from .analytic import CAMERAS, camera, scene
 

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import ssgi_cl.truth.digests as digests
 import ssgi_cl.truth.store as module
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import TruthError
@@ -26,7 +25,6 @@ from ssgi_cl.truth.digests import (
     digest,
     light_description,
     scene_digest,
-    source_digest,
 )
 from ssgi_cl.truth.store import Truth, accumulated, clear, stored
 
@@ -458,14 +456,6 @@ def test_digest_knows_types_shapes_and_the_division_into_parts() -> None:
     ]
     assert len(set(found)) == len(found)
     assert digest(zeros[::2]) == digest(np.zeros(2, np.float32))
-
-
-def test_source_digest_follows_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = source_digest(module, digests)
-    assert before == source_digest(module, digests)
-    assert before != source_digest(digests, module)
-    monkeypatch.setattr(digests.inspect, "getsource", lambda m: f"changed {m.__name__}")
-    assert before != source_digest(module, digests)
 
 
 @pytest.mark.parametrize(

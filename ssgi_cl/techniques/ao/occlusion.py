@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,16 +68,25 @@ class OcclusionTechnique(ABC):
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
+        params: of the technique; by default its defaults.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        params: of the technique.
+        layers: depth layers of the G-buffers.
     """
 
+    name: ClassVar[str]
+    """Of the technique, its kernel and its pass."""
+    defaults: ClassVar[type[Any]]
+    """The dataclass of its parameters, an `OcclusionParams`."""
+
     def __init__(
-        self, runtime: Runtime, size: Size, margin: Size, params: OcclusionParams
+        self, runtime: Runtime, size: Size, params: Any = None, margin: Size = (0, 0),
+        layers: int = 1,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self.margin = margin
+        self.layers = layers
+        params = self.params = params or self.defaults()
         self._step = step = RESOLUTIONS[params.resolution]
         coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)

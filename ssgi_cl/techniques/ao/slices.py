@@ -361,9 +361,6 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         layers: depth layers of the G-buffers.
     """
 
-    name: ClassVar[str]
-    """Of the kernel and of its pass."""
-    defaults: ClassVar[type[SliceParams]]
     reads_thickness: ClassVar[bool] = False
     """Whether it looks at the thickness that a G-buffer may have for each pixel."""
 
@@ -375,11 +372,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         margin: Size = (0, 0),
         layers: int = 1,
     ) -> None:
-        chosen: Any = params or self.defaults()
-        super().__init__(runtime, size, margin, chosen)
-        self.params: P = chosen
-        self.layers = layers
-        self._scan = SliceScan(runtime, size, chosen.in_front_of(layers), margin, layers)
+        super().__init__(runtime, size, params, margin, layers)
+        self.params: P
+        in_front = self.params.in_front_of(layers)
+        self._scan = SliceScan(runtime, size, in_front, margin, layers)
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
 
@@ -460,7 +456,7 @@ def made_for(
         technique: its class.
         gbuffer, runtime, **given: what its function was called with; see `params_for`.
     """
-    params = params_for(technique.name, gbuffer, runtime, **given)
+    params = params_for(technique, gbuffer, runtime, **given)
     device = on_device(gbuffer, runtime)
     made: T = device.runtime.prepared(
         (technique, device.size, device.margin, device.layers, params),

@@ -180,7 +180,11 @@ class Ssao(OcclusionTechnique):
         size: (rows, columns) of the result.
         params: see `SsaoParams`.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
+        layers: depth layers of the G-buffers, of which SSAO reads the front one.
     """
+
+    name = "ssao"
+    defaults = SsaoParams
 
     def __init__(
         self,
@@ -188,9 +192,11 @@ class Ssao(OcclusionTechnique):
         size: Size,
         params: SsaoParams | None = None,
         margin: Size = (0, 0),
+        layers: int = 1,
     ) -> None:
-        self.params = params = params or SsaoParams()
-        super().__init__(runtime, size, margin, params)
+        super().__init__(runtime, size, params, margin, layers)
+        self.params: SsaoParams
+        params = self.params
         most = max(params.samples, params.max_samples)
         curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
         self._kernel = runtime.kernel(
@@ -313,7 +319,7 @@ def ssao(
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
     chosen: SsaoParams = params_for(
-        "ssao", gbuffer, runtime, radius=tuple(radii.ravel().tolist()), samples=samples,
+        Ssao, gbuffer, runtime, radius=tuple(radii.ravel().tolist()), samples=samples,
         preset=preset, error=error, budget_ms=budget_ms, **params,
     )
     device = on_device(gbuffer, runtime)

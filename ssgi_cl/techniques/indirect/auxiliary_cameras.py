@@ -24,7 +24,7 @@ YFOV = 1.6
 """Vertical field of view, radians: what lies round the median point is near."""
 
 
-def extra_cameras(
+def auxiliary_cameras(
     camera: Camera,
     gbuffer: GBuffer | DeviceGBuffer | ArrayLike,
     count: int = 4,

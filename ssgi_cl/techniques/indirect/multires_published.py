@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
@@ -21,7 +22,6 @@ from ssgi_cl.techniques.indirect.multires_grid import TILE, Level, int2
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.indirect.vpl_tree import CPU_ITEMS
-from ssgi_cl.techniques.indirect.vpls import MOST_VPLS, Vpls
 
 SUBSPLAT = Struct(
     "SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal")

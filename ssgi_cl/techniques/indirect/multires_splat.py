@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import param
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
@@ -40,7 +41,6 @@ from ssgi_cl.techniques.indirect.vpl_light import (
 )
 from ssgi_cl.techniques.indirect.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES, VplTree
-from ssgi_cl.techniques.indirect.vpls import Vpls
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.vpls import PARTS, SHARPEST, Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.indirect.flux_curve import FluxCurve, curve_key
-from ssgi_cl.techniques.indirect.vpls import PARTS, SHARPEST, ChosenVpls, Vpls
+from ssgi_cl.techniques.indirect.vpl_choice import ChosenVpls
 
 Doubles = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.indirect.rsm_maps import MapSampling, RsmMaps
-from ssgi_cl.techniques.indirect.vpls import on_device_rsms
+from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
 
 LEAST_REACH, MOST_REACH = 1e-7, 1e9
 """Scene units: distances of a scene from its light. The fourth powers of 1e-2 of the one, and of

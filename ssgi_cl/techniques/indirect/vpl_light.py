@@ -14,13 +14,14 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import MOST_VPLS
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
-from ssgi_cl.techniques.indirect.vpls import MOST_VPLS, on_device_rsms
+from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
 
 NEARS = ("disk", "clamped")
 LEAST_CUT, MOST_CUT = 1e-30, 1e30

@@ -14,6 +14,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import param
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
@@ -32,7 +33,6 @@ from ssgi_cl.techniques.indirect.vpl_light import (
     lit_by_maps,
     refine_param,
 )
-from ssgi_cl.techniques.indirect.vpls import MOST_VPLS, Vpls
 
 TILE = 16
 """Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""

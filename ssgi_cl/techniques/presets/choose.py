@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
@@ -12,6 +12,9 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.presets.speed_model import predicted_ms
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
 
 ASKED = ("preset", "error", "budget_ms")
 """The ways to ask, of which a call has at most one."""
@@ -35,8 +38,8 @@ class Choice:
     ms: float | None = None
 
 
-def choose(
-    technique: str,
+def choice_for(
+    technique: type[OcclusionTechnique],
     size: Size,
     *,
     preset: str | None = None,
@@ -54,7 +57,7 @@ def choose(
     technique, which is measured once (half a second) and kept.
 
     Args:
-        technique: key in `TECHNIQUES`, such as "gtao".
+        technique: its class.
         size: (rows, columns) of the picture.
         preset: "low", "medium", "high" or "ultra".
         error: the fastest setting is chosen that is expected to reach this RMSE against cast rays.
@@ -70,29 +73,27 @@ def choose(
             argument is wrong, the technique has no presets, or no recorded setting does what is
             asked for; the message says what the best or fastest one does.
     """
-    from ssgi_cl.techniques import TECHNIQUES  # which import this module
-
-    checks.choice("technique", technique, sorted(TECHNIQUES))
+    name = technique.name
     for index in (0, 1):
         checks.integer(f"size[{index}]", size[index], low=1, high=16384, unit="px")
     checks.integer("layers", layers, low=1, high=16)
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     _check_single(asked, least=1)
-    has_margin = _reaches(margin, size, presets.record(technique)["overscan"])
+    has_margin = _reaches(margin, size, presets.record(name)["overscan"])
 
     def error_of(setting: presets.Setting) -> float:
         return setting.error if has_margin else setting.error_cut
 
     ms = None
     if preset is not None:
-        setting = _named(technique, preset, layers)
+        setting = _named(name, preset, layers)
     elif error is not None:
         wanted = checks.number("error", error, low=0.0, above=True)
-        settings = presets.curve(technique, layers)
+        settings = presets.curve(name, layers)
         good = [setting for setting in settings if error_of(setting) <= wanted]
         if not good:
             raise ValueError(
-                f"error is {wanted:g}: the best recorded setting of {technique} with {layers} "
+                f"error is {wanted:g}: the best recorded setting of {name} with {layers} "
                 f"depth layer{'s' if layers > 1 else ''} is expected to reach "
                 f"{min(map(error_of, settings)):.3f}"
             )
@@ -101,47 +102,47 @@ def choose(
         budget = checks.number("budget_ms", budget_ms, low=0.0, above=True, unit="ms")
         runtime = runtime or Runtime.open()
         timed = [
-            (predicted_ms(runtime, technique, _with_layers(technique, setting.ms, layers), size),
+            (predicted_ms(runtime, technique, _with_layers(name, setting.ms, layers), size),
              setting)
-            for setting in presets.curve(technique, layers)
+            for setting in presets.curve(name, layers)
         ]
         fast = [pair for pair in timed if pair[0] <= budget]
         if not fast:
             raise ValueError(
-                f"budget_ms is {budget:g}: cannot be met: the fastest setting of {technique} takes "
+                f"budget_ms is {budget:g}: cannot be met: the fastest setting of {name} takes "
                 f"about {min(ms for ms, _ in timed):.2g} ms here at {size[1]} x {size[0]}"
             )
         ms, setting = min(fast, key=lambda pair: error_of(pair[1]))
-    params = TECHNIQUES[technique].params(**{**setting.parameters, **given})
+    params = technique.defaults(**{**setting.parameters, **given})
     return Choice(params, error_of(setting), ms)
 
 
 def params_for(
-    technique: str, gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+    technique: type[OcclusionTechnique], gbuffer: GBuffer | DeviceGBuffer,
+    runtime: Runtime | None, **given: Any
 ) -> Any:
     """Return the parameters that a call of a technique's function means.
 
     Args:
-        technique: key in `TECHNIQUES`.
+        technique: its class.
         gbuffer, runtime: as the function got them.
         **given: parameters, and at most one of `preset`, `error` and `budget_ms`; what is None is
             not given.
 
     Raises:
-        TypeError, ValueError: as `choose`, and as the technique's parameters.
+        TypeError, ValueError: as `choice_for`, and as the technique's parameters.
     """
-    from ssgi_cl.techniques import TECHNIQUES  # which import this module
 
     if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     given = {name: value for name, value in given.items() if value is not None}
     asked = {name: given.pop(name) for name in ASKED if name in given}
     if not asked:
-        return TECHNIQUES[technique].params(**given)
+        return technique.defaults(**given)
     _check_single(asked)
     if isinstance(gbuffer, DeviceGBuffer):
         runtime = gbuffer.runtime
-    chosen = choose(
+    chosen = choice_for(
         technique, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, runtime=runtime,
         **asked, **given,
     )

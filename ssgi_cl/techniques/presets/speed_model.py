@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets
 from ssgi_cl.version import __version__
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
 
 SMALL, LARGE = (48, 64), (600, 800)
 """Sizes of the measured pictures."""
@@ -47,21 +50,20 @@ class Pace:
 
 
 def measured(
-    runtime: Runtime, technique: str, parameters: Mapping[str, Any]
+    runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
 ) -> tuple[Pace, bool]:
     """Return a device's pace, measured now, and whether nothing else kept the device busy.
 
     Takes less than half a second once the kernels are compiled.
     """
-    from ssgi_cl.techniques import TECHNIQUES  # which import this package
-
-    function = TECHNIQUES[technique].function
+    params = technique.defaults(**parameters)
     least = []
     for size in (SMALL, LARGE):
         gbuffer = on_device(rolling_ground(size), runtime)
-        function(gbuffer, runtime=runtime, **parameters)  # compiles
+        made = technique(runtime, size, params)
+        made.run(gbuffer)  # compiles
         before = time.process_time()
-        times = _times_ms(runtime, function, gbuffer, parameters)
+        times = _times_ms(runtime, made, gbuffer)
         busy_ms = 1e3 * (time.process_time() - before)
         # What else the machine does only slows a run down.
         least.append(min(times))
@@ -73,7 +75,7 @@ def measured(
     return Pace(call_ms=call_ms, pixel_ns=1e6 * pixel_ms), alone
 
 
-def pace_of(runtime: Runtime, technique: str) -> Pace:
+def pace_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Pace:
     """Return a device's pace with the parameters that the recorded one is of.
 
     It is measured once for a device, and kept in the cache folder; on a busy machine once for the
@@ -82,7 +84,7 @@ def pace_of(runtime: Runtime, technique: str) -> Pace:
     Raises:
         ValueError: the technique has no presets.
     """
-    parameters = presets.record(technique)["pace"]["parameters"]
+    parameters = presets.record(technique.name)["pace"]["parameters"]
     path = cache_folder() / f"pace-{_fingerprint(runtime, technique, parameters)}.json"
 
     def known() -> Pace:
@@ -105,13 +107,15 @@ def pace_of(runtime: Runtime, technique: str) -> Pace:
     return pace
 
 
-def predicted_ms(runtime: Runtime, technique: str, ms: float, size: Size) -> float:
+def predicted_ms(
+    runtime: Runtime, technique: type[OcclusionTechnique], ms: float, size: Size
+) -> float:
     """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
 
     Raises:
         ValueError: the technique has no presets.
     """
-    recorded = presets.record(technique)
+    recorded = presets.record(technique.name)
     here = pace_of(runtime, technique)
     there = Pace(recorded["pace"]["call_ms"], recorded["pace"]["pixel_ns"])
     rows, columns = recorded["size"]
@@ -130,7 +134,7 @@ def rolling_ground(size: Size) -> GBuffer:
 
 
 def _times_ms(
-    runtime: Runtime, function: Any, gbuffer: DeviceGBuffer, parameters: Mapping[str, Any]
+    runtime: Runtime, technique: OcclusionTechnique, gbuffer: DeviceGBuffer
 ) -> list[float]:
     """Return the device times of some runs."""
     took: list[float] = []
@@ -139,15 +143,17 @@ def _times_ms(
         with runtime.frame():
             # A caller's frame has passes of its own.
             before = sum(entry.ms for entry in runtime.times())
-            function(gbuffer, runtime=runtime, **parameters)
+            technique.run(gbuffer)
             took.append(sum(entry.ms for entry in runtime.times()) - before)
     return took
 
 
-def _fingerprint(runtime: Runtime, technique: str, parameters: Mapping[str, Any]) -> str:
+def _fingerprint(
+    runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
+) -> str:
     parts = (
         runtime.info.driver, runtime.info.label, str(runtime.form), str(os.cpu_count()),
-        __version__, sources.flatten(f"{technique}/{technique}.cl"),
+        __version__, sources.flatten(f"{technique.name}/{technique.name}.cl"),
         json.dumps(parameters, sort_keys=True),
     )
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

@@ -1,6 +1,6 @@
 """The program `ssgi`: starts the command line, whose modules take seconds to import.
 
-It is no module of the package, whose import an interrupt would end with a traceback.
+It imports next to nothing itself, so that an interrupt meanwhile ends without a traceback.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""OpenCL: drivers, the runtime, memory, kernels, and G-buffers in device memory."""

@@ -1,0 +1,1 @@
+"""Files and the terminal: OpenEXR, PNG, tables of the commands."""

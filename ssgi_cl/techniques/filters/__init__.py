@@ -1,0 +1,1 @@
+"""Edge-aware blur and upsampling."""

@@ -1,0 +1,1 @@
+"""Light that surfaces reflect: SSDO, reflective shadow maps, virtual point lights."""

@@ -1,0 +1,1 @@
+"""Direct and ambient light, shadow maps, tone mapping."""

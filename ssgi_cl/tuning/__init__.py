@@ -1,0 +1,1 @@
+"""Time and error of techniques over scenes, and the search for parameters."""

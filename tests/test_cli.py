@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
-import ssgi_cl_command
 from click.testing import CliRunner, Result
 from PIL import Image
 
 import ssgi_cl as gi
+from ssgi_cl import __main__ as program
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
@@ -901,7 +901,7 @@ def test_an_import_that_is_interrupted_ends_without_a_traceback(
 
     monkeypatch.delitem(sys.modules, "ssgi_cl.cli.command")
     monkeypatch.setattr(sys, "meta_path", [Interrupted, *sys.meta_path])
-    assert ssgi_cl_command.main() == 1
+    assert program.main() == 1
     assert capsys.readouterr().err == f"{line}\n"
 
 
@@ -921,7 +921,7 @@ def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_p
 @pytest.mark.slow
 def test_a_process_that_is_interrupted_as_it_starts_says_so(tmp_path: Path) -> None:
     started = subprocess.Popen(
-        [sys.executable, "-c", "import ssgi_cl_command as c, sys; print(flush=True); "
+        [sys.executable, "-c", "import ssgi_cl.__main__ as c, sys; print(flush=True); "
          "sys.exit(c.main())", "devices"],
         cwd=Path(__file__).parent.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )

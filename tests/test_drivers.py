@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.cli.command import command
+from ssgi_cl.cli import command
 from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.device import drivers, opencl, probe, probing, records
 from ssgi_cl.device.info import FORMS, DeviceInfo, Found

@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ssgi_cl.cli.command import command
+from ssgi_cl.cli import command
 from ssgi_cl.core import atomic
 from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.device import drivers, probe, probing, sources

@@ -98,15 +98,12 @@ class Covering:
 
 
 def _exports(root: Path) -> dict[str, str]:
-    """Return what `ssgi_cl` and `ssgi_cl.techniques` export -> the module that has it."""
+    """Return what `ssgi_cl` exports, as its stub lists it -> the module that has it."""
     found: dict[str, str] = {}
-    for package in ("ssgi_cl.techniques", "ssgi_cl"):
-        text = (root / package.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
-        for node in ast.parse(text).body:
-            if isinstance(node, ast.ImportFrom) and node.module:
-                for alias in node.names:
-                    name = f"{node.module}.{alias.name}"
-                    found[f"{package}.{alias.asname or alias.name}"] = found.get(name, node.module)
+    text = (root / "ssgi_cl" / "__init__.pyi").read_text(encoding="utf-8")
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {f"ssgi_cl.{alias.name}": f"ssgi_cl.{node.module}" for alias in node.names}
     return found
 
 

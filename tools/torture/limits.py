@@ -19,7 +19,7 @@ from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-PROGRAM = Path(__file__).parents[2] / "ssgi_cl_command.py"
+PROGRAM = Path(__file__).parents[2] / "ssgi_cl" / "__main__.py"
 """What the program `ssgi` starts."""
 KILLS = 12
 LONGEST = 2.0

@@ -7,6 +7,7 @@ importing the package takes a few milliseconds.
 from __future__ import annotations
 
 import warnings
+from importlib import import_module
 from typing import Any
 
 import lazy_loader
@@ -23,4 +24,6 @@ def __getattr__(name: str) -> Any:
         warnings.warn(
             f"ssgi_cl.{name} is now ssgi_cl.{new}", DeprecationWarning, stacklevel=2
         )
+    elif f"ssgi_cl.{name}" in former_names.MODULES and name not in __all__:
+        return import_module(f"ssgi_cl.{name}")
     return _import(new or name)

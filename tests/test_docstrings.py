@@ -10,11 +10,14 @@ import pytest
 
 import ssgi_cl as gi
 
+BESIDE = {"Choice", "auxiliary_cameras", "choose_vpls"}
+"""What techniques use, of no paper of its own."""
 TECHNIQUES = {
     name: value
-    for name, value in vars(gi).items()
-    if name in gi.__all__ and callable(value)
-    and value.__module__.startswith("ssgi_cl.techniques.") and not name.endswith("Params")
+    for name in gi.__all__
+    if callable(value := getattr(gi, name))
+    and value.__module__.startswith(("ssgi_cl.techniques.", "ssgi_cl.truth.ray_ao")) and not name.endswith("Params")
+    and name not in BESIDE
 }
 
 

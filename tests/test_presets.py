@@ -22,7 +22,8 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, VALIDATED_ON
 from ssgi_cl.techniques import presets
-from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
+from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, ssao
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import choose as choosing
 from ssgi_cl.techniques.presets import speed_model as pacing
@@ -57,8 +58,8 @@ def steps() -> GBuffer:
 @pytest.fixture
 def same_pace(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device as fast as the recorded one."""
-    def recorded(runtime: Runtime, technique: str) -> Pace:
-        known = presets.record(technique)["pace"]
+    def recorded(runtime: Runtime, technique: type[OcclusionTechnique]) -> Pace:
+        known = presets.record(technique.name)["pace"]
         return Pace(known["call_ms"], known["pixel_ns"])
 
     monkeypatch.setattr(pacing, "pace_of", recorded)
@@ -286,7 +287,7 @@ def test_prediction_grows_with_pixels_and_with_the_pace(
     ms = 2.0
     share = (ms - there["call_ms"]) / (rows * columns)
     expected = 0.1 + share * 480_000 * 20.0 / there["pixel_ns"]
-    assert predicted_ms(runtime, "ssao", ms, (600, 800)) == pytest.approx(expected)
+    assert predicted_ms(runtime, Ssao, ms, (600, 800)) == pytest.approx(expected)
 
 
 @pytest.mark.usefixtures("same_pace")
@@ -396,19 +397,19 @@ def test_pace_is_measured_once_and_kept_in_the_cache(
         return PACE, True
 
     monkeypatch.setattr(pacing, "measured", once)
-    assert pace_of(runtime, "ssao") == PACE
-    assert pace_of(runtime, "ssao") == PACE
+    assert pace_of(runtime, Ssao) == PACE
+    assert pace_of(runtime, Ssao) == PACE
     assert len(calls) == 1
     (file,) = tmp_path.iterdir()
     assert json.loads(file.read_text()) == {"call_ms": 0.1, "pixel_ns": 20.0}
     # Another process finds the file.
     file.write_text('{"call_ms": 0.5, "pixel_ns": 2.0}')
     runtime._prepared.pop((Pace, file))
-    assert pace_of(runtime, "ssao") == Pace(0.5, 2.0)
+    assert pace_of(runtime, Ssao) == Pace(0.5, 2.0)
     # A damaged one is made anew.
     file.write_text("{")
     runtime._prepared.pop((Pace, file))
-    assert pace_of(runtime, "ssao") == PACE
+    assert pace_of(runtime, Ssao) == PACE
     assert len(calls) == 2
 
 
@@ -418,7 +419,7 @@ def test_pace_is_found_where_no_file_can_be_written(
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "file" / "below"))
     monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, True))
-    assert pace_of(runtime, "ssao") == PACE
+    assert pace_of(runtime, Ssao) == PACE
 
 
 def test_pace_of_a_busy_machine_is_kept_in_no_file(
@@ -426,7 +427,7 @@ def test_pace_of_a_busy_machine_is_kept_in_no_file(
 ) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, False))
-    assert pace_of(runtime, "ssao") == PACE
+    assert pace_of(runtime, Ssao) == PACE
     assert list(tmp_path.iterdir()) == []
 
 
@@ -440,7 +441,7 @@ def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
         spent = share * runtime.info.units * 0.230
         clock = iter([0.0, 0.0, 0.0, spent])
         monkeypatch.setattr(pacing.time, "process_time", lambda clock=clock: next(clock))
-        pace, alone = measured(runtime, "ssao", {})
+        pace, alone = measured(runtime, Ssao, {})
         # The clock of a GPU knows nothing of this process.
         assert alone == (expected or runtime.info.kind != "cpu")
         assert pace.pixel_ns == pytest.approx(99e6 / (480_000 - 3072))
@@ -448,8 +449,8 @@ def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
 
 
 def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> None:
-    few, _ = measured(runtime, "ssao", {"samples": 4, "blur_radius": 0})
-    many, _ = measured(runtime, "ssao", {"samples": 64, "blur_radius": 0})
+    few, _ = measured(runtime, Ssao, {"samples": 4, "blur_radius": 0})
+    many, _ = measured(runtime, Ssao, {"samples": 64, "blur_radius": 0})
     assert 0.0 <= few.call_ms < 50.0
     # 16 times the samples; measured 12 times. Half of that leaves room for a busy machine.
     assert many.pixel_ns > 6.0 * few.pixel_ns > 0.0
@@ -463,6 +464,7 @@ def test_predicted_time_is_near_the_measured_one(
     size = (384, 512)
     gbuffer = on_device(rolling_ground(size), runtime)
     curve, function = presets.curve(technique), TECHNIQUES[technique].function
+    kind = TECHNIQUES[technique].technique
     settings = [curve[round(share * (len(curve) - 1))] for share in (0.3, 1.0)]
     parameters = presets.record(technique)["pace"]["parameters"]
     paces: list[Pace] = []
@@ -472,7 +474,7 @@ def test_predicted_time_is_near_the_measured_one(
     )
     # What else the machine does only slows both down, so the least of several turns is its own.
     for _turn in range(4):
-        pace, alone = measured(runtime, technique, parameters)
+        pace, alone = measured(runtime, kind, parameters)
         paces.append(pace)
         quiet |= alone
         for index, setting in enumerate(settings):
@@ -480,7 +482,7 @@ def test_predicted_time_is_near_the_measured_one(
                 with runtime.frame():
                     function(gbuffer, runtime=runtime, **setting.parameters)
                     least[index] = min(least[index], sum(entry.ms for entry in runtime.times()))
-        predicted = [predicted_ms(runtime, technique, setting.ms, size) for setting in settings]
+        predicted = [predicted_ms(runtime, kind, setting.ms, size) for setting in settings]
         # Recorded on scenes with sky and with other radii in pixels.
         near = [p / 1.5 < ms < p * 1.5 for p, ms in zip(predicted, least, strict=True)]
         if all(near):
@@ -532,7 +534,7 @@ def test_ssao_takes_an_error_or_a_budget(runtime: Runtime, steps: GBuffer) -> No
     expected = ssao(steps, 0.6, runtime=runtime, **middle.parameters)
     a = ssao(steps, 0.6, error=1.0001 * middle.error_cut, runtime=runtime)
     np.testing.assert_array_equal(a, expected)
-    budget = predicted_ms(runtime, "ssao", middle.ms, steps.size)
+    budget = predicted_ms(runtime, Ssao, middle.ms, steps.size)
     b = ssao(steps, 0.6, budget_ms=1.0001 * budget, runtime=runtime)
     np.testing.assert_array_equal(b, expected)
 
@@ -546,13 +548,13 @@ def test_device_gbuffer_brings_its_size_layers_margin_and_device(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: dict[str, Any] = {}
-    plain = choosing.choose
+    plain = choosing.choice_for
 
     def noted(technique: str, size: Any, **options: Any) -> Any:
         asked.update(options, size=size)
         return plain(technique, size, **options)
 
-    monkeypatch.setattr(choosing, "choose", noted)
+    monkeypatch.setattr(choosing, "choice_for", noted)
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=20, height=10)
     depth = np.full((2, 14, 26), 5.0, np.float32)
     gbuffer = on_device(GBuffer(camera=camera, depth=depth), runtime)

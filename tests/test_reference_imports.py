@@ -22,13 +22,6 @@ ALLOWED = {
 """Modules and what reference implementations may take from them: the user's data."""
 ANNOTATED = {"ssgi_cl.techniques.tiles": {"Reach"}}
 """As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
-DEVICE_BESIDE = {"ssgi_cl.core.vpls"}
-"""Of `ALLOWED`, those that hold device code beside the data."""
-FORBIDDEN = (
-    "techniques", "presets", "kernels", "runtime", "memory", "kernel", "structs", "sources",
-    "device_gbuffer", "device_rsm", "device_vpls", "flux_curve", "tiles", "sampling",
-)
-
 ROOT = Path(str(files(ssgi_cl)))
 REFERENCES = sorted(path.stem for path in (ROOT / "reference").glob("*.py"))
 
@@ -94,19 +87,6 @@ def test_nothing_is_imported_from_what_is_checked(stem: str) -> None:
 def test_the_check_tells_these_apart(text: str, allowed: bool) -> None:
     ((module, name, annotation),) = imports(text)
     assert is_allowed(module, name, annotation=annotation) is allowed
-
-
-@pytest.mark.parametrize("module", sorted(set(ALLOWED) - DEVICE_BESIDE))
-def test_modules_of_data_reach_no_device_code(module: str) -> None:
-    seen, front = {module}, [module]
-    while front:
-        path = ROOT.joinpath(*front.pop().split(".")[1:]).with_suffix(".py")
-        for used, name, annotation in imports(path.read_text(encoding="utf-8")):
-            full = f"{used}.{name}" if used == "ssgi_cl" else used
-            assert annotation or full.split(".")[1] not in FORBIDDEN, f"{path.name}: {full}"
-            if full not in seen and not annotation:
-                seen.add(full)
-                front.append(full)
 
 
 def test_what_is_allowed_holds_data() -> None:

@@ -21,6 +21,7 @@ from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.reference.tonemap import encoded_reference
 from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.shading.tonemap import auto_exposure
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))
@@ -464,7 +465,7 @@ def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -
     )
     assert frame.image.shape == (*size, 3)
     assert np.isfinite(frame.radiance).all()
-    assert frame.exposure == gi.techniques.tonemap.auto_exposure(frame.radiance)
+    assert frame.exposure == auto_exposure(frame.radiance)
 
 
 def test_every_kernel_form_draws_the_same_picture(

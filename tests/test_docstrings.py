@@ -16,7 +16,8 @@ TECHNIQUES = {
     name: value
     for name in gi.__all__
     if callable(value := getattr(gi, name))
-    and value.__module__.startswith(("ssgi_cl.techniques.", "ssgi_cl.truth.ray_ao")) and not name.endswith("Params")
+    and value.__module__.startswith(("ssgi_cl.techniques.", "ssgi_cl.truth.ray_ao"))
+    and not name.endswith("Params")
     and name not in BESIDE
 }
 

@@ -20,7 +20,7 @@ from ssgi_cl.runtime import Runtime
 from ssgi_cl.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.techniques.gtao import Gtao, GtaoParams, gtao
 
-from .analytic import CAMERAS, SCENES, Ball, camera, scene, tilted, trace
+from .analytic import CAMERAS, VIEWS, Ball, camera, scene, tilted, trace
 from .walls import wall_and_floor
 
 Doubles = NDArray[np.float64]
@@ -174,8 +174,7 @@ def test_cornell_box_bends_as_rays_through_the_mesh_say(runtime: Runtime) -> Non
 # ---- against the numpy twin
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:

@@ -16,7 +16,7 @@ from ssgi_cl.reference.bilateral import bilateral_reference
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.bilateral import Bilateral, BilateralParams, bilateral_blur
 
-from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+from .analytic import SCENES, VIEWS, camera, scene, tilted, trace
 
 ROUNDING = 3e-5
 """Of a blurred image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth,
@@ -38,8 +38,7 @@ def narrow(size: tuple[int, int] = (33, 47)) -> Camera:
     return Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.15, width=size[1], height=size[0])
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:

@@ -16,7 +16,7 @@ from ssgi_cl.reference.ssao import ssao_reference
 from ssgi_cl.runtime import Runtime
 from ssgi_cl.techniques.ssao import Ssao, SsaoParams, reflected_points, ssao
 
-from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+from .analytic import CAMERAS, SCENES, VIEWS, camera, scene, tilted, trace
 
 RADIUS = 0.6
 ROUNDING = 1e-5
@@ -53,8 +53,7 @@ PIXEL = 0.1
 # ---- against the numpy twin
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:

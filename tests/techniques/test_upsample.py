@@ -23,7 +23,7 @@ from ssgi_cl.techniques.upsample import (
     upsample,
 )
 
-from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+from .analytic import VIEWS, camera, scene, tilted, trace
 
 ROUNDING = 1e-4
 """Of an image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth, that is
@@ -55,8 +55,7 @@ def upsample_blurred(
     return blur.run(plane, reduced, device).download()[0]
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
@@ -172,8 +171,7 @@ def test_coarse_pixels_keep_their_values(form_runtime: Runtime, rng: np.random.G
     np.testing.assert_allclose(fine[::2, ::2][there], image[there], rtol=3e-7)  # as above
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:

@@ -266,10 +266,6 @@ def test_inner_corner_is_darker_than_the_planes_away_from_it(
 # ---- beyond the front layer and the image
 
 
-SINGLE: dict[str, Any] = {"joined": False, "taps": 9}
-"""Of the bitmask: taps for themselves, as many as in the tests of the bitmask alone."""
-
-
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_second_layer_shows_what_a_thing_near_the_eye_hides(
     form_runtime: Runtime, subject: Subject, kind: str
@@ -277,7 +273,7 @@ def test_second_layer_shows_what_a_thing_near_the_eye_hides(
     front, both, behind = layered(camera(kind))
     seen = np.asarray(front.depth) == np.asarray(behind.depth)
     # Joined, the surfaces of the bitmask break where they go from one layer to the next.
-    single = SINGLE if subject.kind is BitmaskAo else {}
+    single: dict[str, Any] = {"joined": False} if subject.kind is BitmaskAo else {}
     one, two, whole = (
         subject.function(g, 1.0, blur_radius=0, runtime=form_runtime, **single)
         for g in (front, both, behind)
@@ -291,7 +287,7 @@ def test_second_layer_shows_what_a_thing_near_the_eye_hides(
     ("name", "choice"),
     [
         ("hbao", {}),  # GTAO scans by the same code
-        ("bitmask", SINGLE),
+        ("bitmask", {"joined": False}),
         pytest.param("gtao", {}, marks=pytest.mark.slow),
         pytest.param("bitmask", {}, marks=pytest.mark.slow),
     ],

@@ -53,7 +53,8 @@ def run_expressions(
         f"__global const {_SCALARS[numbers.dtype.kind]} *restrict all_{name}"
         for name, numbers in inputs.items()
     ]
-    arguments += [f"__global {kind} *restrict result", "const int2 size"]
+    # Not in the text, so that a program is built once for lists of any length.
+    arguments += [f"__global {kind} *restrict result", "const int2 size", "const int whole"]
     arguments += [f"const {struct.name} {name}" for name, (struct, _) in values.items()]
     body = ["const int first = (int)get_global_id(0) * SSGI_LANES;"]
     for name, numbers in inputs.items():
@@ -64,7 +65,7 @@ def run_expressions(
         )
     store = {"vfloat": "v_store", "vint": "v_istore"}[returns]
     body += [
-        f"{store}({expression}, result + {index * whole} + first);"
+        f"{store}({expression}, result + {index} * whole + first);"
         for index, expression in enumerate(expressions.values())
     ]
     text = "\n    ".join(
@@ -79,7 +80,8 @@ def run_expressions(
     arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
     reads: list[Plane | DeviceArray] = [*planes.values(), *arrays]
     kernel.run(
-        "expression", size, reads, [result], [value for _, value in values.values()],
+        "expression", size, reads, [result],
+        [np.int32(whole), *(value for _, value in values.values())],
         grid=(1, whole // runtime.form.lanes), local=(1, 1),
     )
     rows = result.download().reshape(len(expressions), whole)[:, :count]

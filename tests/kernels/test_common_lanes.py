@@ -63,7 +63,9 @@ def every_width(request: pytest.FixtureRequest) -> Runtime:
         pytest.skip(str(error))
 
 
-ARITHMETIC = {
+# Programs of many expressions, each built once for a width: a test gives its own numbers and looks
+# at those results that it is about.
+FLOATS = {
     "sum": "x + y",
     "difference": "x - y",
     "product": "x * y",
@@ -72,7 +74,69 @@ ARITHMETIC = {
     "fused": "v_fma(x, y, z)",
     "not fused": "x * y + z",
     "1 / root": "v_rsqrt(v_abs(x))",
+    "splat": "v_splat(0.1f)",
+    "select": "v_select(x, y, v_lt(x, y))",
+    "sum of lanes": "v_splat(v_sum(x))",
+    "largest": "v_splat(v_largest(x))",
+    "min": "v_min(x, y)",
+    "max": "v_max(x, y)",
+    "clamp": "v_clamp(x, -1.25f, 7.5f)",
+    "abs": "v_abs(x)",
+    "floor": "v_floor(x)",
+    "copysign": "v_copysign(x, y)",
+    "round": "v_round(x)",
 }
+FUNCTIONS = {
+    "exp2": "v_exp2(x)",
+    "weight": "v_exp2_weight(x)",
+    "exp": "v_exp(x)",
+    "log2": "v_log2(x)",
+    "pow": "v_pow(x, y)",
+    "quick root": "v_rsqrt_quick(x)",
+    "acos": "v_acos(x)",
+}
+FLOATS_TO_INTS = {
+    **{name: f"v_{name}(x, y)" for name in ("lt", "le", "gt", "ge", "eq", "ne")},
+    "not": "~v_lt(x, v_splat(0.0f))",
+    "and": "v_lt(x, v_splat(0.0f)) & v_lt(y, v_splat(0.0f))",
+    "or": "v_lt(x, v_splat(0.0f)) | v_lt(y, v_splat(0.0f))",
+    "xor": "v_lt(x, v_splat(0.0f)) ^ v_lt(y, v_splat(0.0f))",
+    "any": "v_splat_int(v_any(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
+    "all": "v_splat_int(v_all(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
+    "cast": "v_to_int(x)",
+    "floor": "v_floor_to_int(x)",
+    "bits": "v_bits(x)",
+}
+WITHIN = (1, 7, 65536, 2**31 - 1)
+INTS = {
+    "splat": "v_splat_int(-7)",
+    "iota": "v_iota()",
+    **{name: f"v_{name}(i, j)" for name in ("ilt", "ile", "igt", "ige", "ieq", "ine")},
+    "select": "v_iselect(i, j, ~v_ilt(i, j))",
+    "largest": "v_splat_int(v_ilargest(i))",
+    "imin": "v_imin(i, j)",
+    "imax": "v_imax(i, j)",
+    "iclamp": "v_iclamp(i, -3, 6)",
+    "right": "v_shift_right(i, j & 31)",
+    "count": "v_count_bits(i)",
+    **{f"within {count}": f"v_within(i, {count})" for count in WITHIN},
+}
+
+
+def results(
+    runtime: Runtime,
+    expressions: dict[str, str],
+    x: NDArray[Any],
+    y: NDArray[Any] | None = None,
+    z: NDArray[Any] | None = None,
+) -> dict[str, NDArray[Any]]:
+    """Return what each of FLOATS, FUNCTIONS, FLOATS_TO_INTS or INTS gives; y and z are x or given.
+    """
+    y, z = x if y is None else y, x if z is None else z
+    if expressions is INTS:
+        return run_expressions(runtime, LANES, INTS, returns="vint", i=x, j=y)
+    returns = "vint" if expressions is FLOATS_TO_INTS else "vfloat"
+    return run_expressions(runtime, LANES, expressions, returns=returns, x=x, y=y, z=z)
 
 
 def operands(rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
@@ -90,7 +154,7 @@ def test_arithmetic_rounds_as_ieee_754_says(
 ) -> None:
     given = operands(rng)
     x, y, z = given["x"], given["y"], given["z"]
-    result = run_expressions(every_width, LANES, ARITHMETIC, **given)
+    result = results(every_width, FLOATS, x, y, z)
     expected = {
         "sum": x + y,
         "difference": x - y,
@@ -111,41 +175,32 @@ def test_arithmetic_rounds_as_ieee_754_says(
 
 
 def test_every_width_gives_the_same_bits(every_width: Runtime, rng: np.random.Generator) -> None:
-    expressions = {
-        **ARITHMETIC,
-        "exp2": "v_exp2(x)",
-        "weight": "v_exp2_weight(x)",
-        "exp": "v_exp(x)",
-        "log2": "v_log2(v_abs(x))",
-        "pow": "v_pow(v_min(v_abs(x), v_splat(1.0f)), v_abs(y))",
-        "floor": "v_floor(x)",
-    }
-    given = operands(rng)
+    x, y, z = operands(rng).values()
+    some = np.minimum(np.abs(x), np.float32(1.0))
     plain = Runtime.open(lanes=1, storage="buffer")
-    here = run_expressions(every_width, LANES, expressions, **given)
-    there = run_expressions(plain, LANES, expressions, **given)
-    for name in expressions:
-        np.testing.assert_array_equal(bits(here[name]), bits(there[name]), err_msg=name)
+    across = {"sum of lanes", "largest"}  # of as many lanes as there are
+    for names, expressions, given in (
+        (FLOATS.keys() - across, FLOATS, (x, y, z)),
+        ({"exp2", "weight", "exp"}, FUNCTIONS, (x, y, z)),
+        ({"log2", "quick root"}, FUNCTIONS, (np.abs(x), y, z)),
+        ({"pow", "acos"}, FUNCTIONS, (some, np.abs(y), z)),
+    ):
+        here, there = (results(runtime, expressions, *given) for runtime in (every_width, plain))
+        for name in names:
+            np.testing.assert_array_equal(bits(here[name]), bits(there[name]), err_msg=name)
 
 
 def test_splat_and_iota_fill_the_lanes(every_width: Runtime) -> None:
-    x = np.zeros(32, np.float32)
-    assert (run_expression(every_width, LANES, "v_splat(0.1f)", x=x) == np.float32(0.1)).all()
-    whole = run_expressions(
-        every_width, LANES, {"splat": "v_splat_int(-7)", "iota": "v_iota()"}, returns="vint", x=x
-    )
+    zeros = np.zeros(32, np.float32)
+    assert (results(every_width, FLOATS, zeros)["splat"] == np.float32(0.1)).all()
+    whole = results(every_width, INTS, zeros.astype(np.int32))
     assert (whole["splat"] == -7).all()
     np.testing.assert_array_equal(whole["iota"], np.arange(32) % every_width.form.lanes)
 
 
 def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME, np.inf, -np.inf, np.nan], np.float32))
-    result = run_expressions(
-        every_width,
-        LANES,
-        {name: f"v_{name}(x, y)" for name in ("lt", "le", "gt", "ge", "eq", "ne")},
-        returns="vint", x=x, y=y,
-    )
+    result = results(every_width, FLOATS_TO_INTS, x, y)
     expected = {"lt": x < y, "le": x <= y, "gt": x > y, "ge": x >= y, "eq": x == y, "ne": x != y}
     for name, values in expected.items():
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
@@ -153,12 +208,7 @@ def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
 
 def test_comparisons_of_integers_give_0_or_all_bits(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
-    result = run_expressions(
-        every_width,
-        LANES,
-        {name: f"v_{name}(i, j)" for name in ("ilt", "ile", "igt", "ige", "ieq", "ine")},
-        returns="vint", i=i, j=j,
-    )
+    result = results(every_width, INTS, i, j)
     expected = {
         "ilt": i < j, "ile": i <= j, "igt": i > j, "ige": i >= j, "ieq": i == j, "ine": i != j
     }
@@ -168,12 +218,7 @@ def test_comparisons_of_integers_give_0_or_all_bits(every_width: Runtime) -> Non
 
 def test_bit_operators_are_the_logic_of_masks(every_width: Runtime) -> None:
     x, y = pairs(np.array([-1, 1], np.float32))
-    a, b = "v_lt(x, v_splat(0.0f))", "v_lt(y, v_splat(0.0f))"
-    result = run_expressions(
-        every_width, LANES,
-        {"not": f"~{a}", "and": f"{a} & {b}", "or": f"{a} | {b}", "xor": f"{a} ^ {b}"},
-        returns="vint", x=x, y=y,
-    )
+    result = results(every_width, FLOATS_TO_INTS, x, y)
     p, q = x < 0, y < 0
     for name, values in {"not": ~p, "and": p & q, "or": p | q, "xor": p ^ q}.items():
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
@@ -181,12 +226,10 @@ def test_bit_operators_are_the_logic_of_masks(every_width: Runtime) -> None:
 
 def test_select_takes_the_second_value_where_the_mask_is_set(every_width: Runtime) -> None:
     x, y = pairs(np.array([-2, -1, 0, 1, np.nan, np.inf], np.float32))
-    chosen = run_expression(every_width, LANES, "v_select(x, y, v_lt(x, y))", x=x, y=y)
+    chosen = results(every_width, FLOATS, x, y)["select"]
     np.testing.assert_array_equal(chosen, np.where(x < y, y, x))
     i, j = pairs(SOME_INTS)
-    whole = run_expression(
-        every_width, LANES, "v_iselect(i, j, ~v_ilt(i, j))", returns="vint", i=i, j=j
-    )
+    whole = results(every_width, INTS, i, j)["select"]
     np.testing.assert_array_equal(whole, np.where(i < j, i, j))
 
 
@@ -196,14 +239,7 @@ def test_any_and_all_look_at_every_lane(every_width: Runtime) -> None:
         [np.where(np.arange(16) < n, 1, -1) for n in range(17)]
         + [np.where(np.arange(16) >= n, 1, -1) for n in range(17)]
     ).astype(np.float32)
-    result = run_expressions(
-        every_width, LANES,
-        {
-            "any": "v_splat_int(v_any(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
-            "all": "v_splat_int(v_all(v_gt(x, v_splat(0.0f))) ? 1 : 0)",
-        },
-        returns="vint", x=x,
-    )
+    result = results(every_width, FLOATS_TO_INTS, x)
     lanes = every_width.form.lanes
     blocks = (x > 0).reshape(-1, lanes)
     np.testing.assert_array_equal(result["any"], np.repeat(blocks.any(axis=1), lanes))
@@ -216,34 +252,22 @@ def test_sums_and_maxima_of_the_lanes_have_one_order(
     x = (rng.standard_normal(1024) * np.exp2(rng.uniform(-20, 20, 1024))).astype(np.float32)
     i = rng.integers(-(2**31), 2**31, 1024, dtype=np.int64).astype(np.int32)
     lanes = every_width.form.lanes
-    result = run_expressions(
-        every_width, LANES,
-        {"sum": "v_splat(v_sum(x))", "largest": "v_splat(v_largest(x))"}, x=x,
-    )
+    result = results(every_width, FLOATS, x)
     halves = x.reshape(-1, lanes)
     while halves.shape[1] > 1:  # the first half of the lanes plus the second, over and over
         middle = halves.shape[1] // 2
         halves = halves[:, :middle] + halves[:, middle:]
-    np.testing.assert_array_equal(result["sum"], np.repeat(halves[:, 0], lanes))
+    np.testing.assert_array_equal(result["sum of lanes"], np.repeat(halves[:, 0], lanes))
     np.testing.assert_array_equal(
         result["largest"], np.repeat(x.reshape(-1, lanes).max(axis=1), lanes)
     )
-    whole = run_expression(
-        every_width, LANES, "v_splat_int(v_ilargest(i))", returns="vint", i=i
-    )
+    whole = results(every_width, INTS, i)["largest"]
     np.testing.assert_array_equal(whole, np.repeat(i.reshape(-1, lanes).max(axis=1), lanes))
 
 
 def test_smallest_largest_and_clamped_floats(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME[SOME != 0], 0.0, np.inf, -np.inf], np.float32))
-    result = run_expressions(
-        every_width, LANES,
-        {
-            "min": "v_min(x, y)", "max": "v_max(x, y)", "clamp": "v_clamp(x, -1.25f, 7.5f)",
-            "abs": "v_abs(x)", "floor": "v_floor(x)",
-        },
-        x=x, y=y,
-    )
+    result = results(every_width, FLOATS, x, y)
     expected = {
         "min": np.minimum(x, y), "max": np.maximum(x, y), "clamp": np.clip(x, -1.25, 7.5),
         "abs": np.abs(x), "floor": np.floor(x),
@@ -254,11 +278,7 @@ def test_smallest_largest_and_clamped_floats(every_width: Runtime) -> None:
 
 def test_smallest_largest_and_clamped_integers(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
-    result = run_expressions(
-        every_width, LANES,
-        {"imin": "v_imin(i, j)", "imax": "v_imax(i, j)", "iclamp": "v_iclamp(i, -3, 6)"},
-        returns="vint", i=i, j=j,
-    )
+    result = results(every_width, INTS, i, j)
     np.testing.assert_array_equal(result["imin"], np.minimum(i, j))
     np.testing.assert_array_equal(result["imax"], np.maximum(i, j))
     np.testing.assert_array_equal(result["iclamp"], np.clip(i, -3, 6))
@@ -266,11 +286,7 @@ def test_smallest_largest_and_clamped_integers(every_width: Runtime) -> None:
 
 def test_floats_and_integers_convert(every_width: Runtime) -> None:
     x = np.array([0.0, -0.0, 0.9, -0.9, 1.5, -1.5, -2.0, 16777216.0, -1e9, 1e9], np.float32)
-    result = run_expressions(
-        every_width, LANES,
-        {"cast": "v_to_int(x)", "floor": "v_floor_to_int(x)", "bits": "v_bits(x)"},
-        returns="vint", x=x,
-    )
+    result = results(every_width, FLOATS_TO_INTS, x)
     np.testing.assert_array_equal(result["cast"], x.astype(np.int32))  # towards 0
     np.testing.assert_array_equal(result["floor"], np.floor(x).astype(np.int32))
     np.testing.assert_array_equal(result["bits"], bits(x))
@@ -284,7 +300,7 @@ def test_floats_and_integers_convert(every_width: Runtime) -> None:
 
 def test_copysign_takes_the_sign_of_zeros_too(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME, np.inf, -np.inf], np.float32))
-    result = run_expression(every_width, LANES, "v_copysign(x, y)", x=x, y=y)
+    result = results(every_width, FLOATS, x, y)["copysign"]
     np.testing.assert_array_equal(bits(result), bits(np.copysign(x, y)))
 
 
@@ -345,7 +361,7 @@ def spread(rng: np.random.Generator, low: float, high: float) -> NDArray[np.floa
 
 def test_exp2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = spread(rng, -126, 126)
-    result = run_expression(every_width, LANES, "v_exp2(x)", x=x)
+    result = results(every_width, FUNCTIONS, x)["exp2"]
     assert relative_error(result, np.exp2(x.astype(np.float64))) < 2.5e-7
     whole = x == np.floor(x)
     np.testing.assert_array_equal(result[whole], np.exp2(x[whole]))
@@ -353,7 +369,7 @@ def test_exp2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gen
 
 def test_exp_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = spread(rng, -87, 87)
-    result = run_expression(every_width, LANES, "v_exp(x)", x=x)
+    result = results(every_width, FUNCTIONS, x)["exp"]
     assert relative_error(result, np.exp(x.astype(np.float64))) < 2.5e-7
 
 
@@ -361,7 +377,7 @@ def test_weights_are_as_accurate_as_they_say(
     every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = spread(rng, -126, 0)
-    result = run_expression(every_width, LANES, "v_exp2_weight(x)", x=x)
+    result = results(every_width, FUNCTIONS, x)["weight"]
     assert relative_error(result, np.exp2(x.astype(np.float64))) < 1e-4
     assert result[x == 0] == pytest.approx(1.0, abs=0)
     assert result.max() == 1.0
@@ -369,7 +385,7 @@ def test_weights_are_as_accurate_as_they_say(
 
 def test_log2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = np.concatenate([np.exp2(spread(rng, -125.9, 127.9)), spread(rng, 0.5, 2.0)])
-    result = run_expression(every_width, LANES, "v_log2(x)", x=x).astype(np.float64)
+    result = results(every_width, FUNCTIONS, x)["log2"].astype(np.float64)
     truth = np.log2(x.astype(np.float64))
     rounding = 0.5 * np.spacing(np.abs(truth).astype(np.float32))
     assert (np.abs(result - truth) - rounding).max() < 3e-7
@@ -381,7 +397,7 @@ def test_pow_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gene
     power = y.astype(np.float64) * np.log2(x.astype(np.float64))
     inside = np.abs(power) < 125.9  # beyond, it is clamped
     x, y, power = x[inside], y[inside], power[inside]
-    result = run_expression(every_width, LANES, "v_pow(x, y)", x=x, y=y).astype(np.float64)
+    result = results(every_width, FUNCTIONS, x, y)["pow"].astype(np.float64)
     error = np.abs(result / np.exp2(power) - 1.0)
     assert (error - 2e-7 * np.abs(power)).max() < 3e-7
     assert np.abs(result - np.exp2(power))[x <= 1].max() < 2e-7
@@ -391,7 +407,7 @@ def test_quick_root_is_as_accurate_as_it_says(
     every_width: Runtime, rng: np.random.Generator
 ) -> None:
     x = np.exp2(rng.uniform(-125, 127, 4096)).astype(np.float32)
-    a = run_expression(every_width, LANES, "v_rsqrt_quick(x)", x=x)
+    a = results(every_width, FUNCTIONS, x)["quick root"]
     assert np.abs(a * np.sqrt(x.astype(np.float64)) - 1.0).max() < 2e-6
 
 
@@ -399,7 +415,7 @@ def test_acos_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gen
     ends = np.array([-1.0, -0.0, 0.0, 1.0, np.nextafter(np.float32(1), np.float32(0))])
     x = np.concatenate([ends, rng.uniform(-1, 1, 4000), 1 - 10.0 ** rng.uniform(-7, 0, 500)])
     x = x.astype(np.float32)
-    a = run_expression(every_width, LANES, "v_acos(x)", x=x)
+    a = results(every_width, FUNCTIONS, x)["acos"]
     assert np.abs(a - np.arccos(x.astype(np.float64))).max() < 5e-7
     assert a[3] == 0.0
 
@@ -409,41 +425,32 @@ def test_whole_numbers_are_rounded_to_and_ties_go_to_even(
 ) -> None:
     x = np.concatenate([np.arange(-4, 4.5, 0.5), rng.uniform(-2.0**21, 2.0**21, 500)])
     x = x.astype(np.float32)
-    a = run_expression(every_width, LANES, "v_round(x)", x=x)
+    a = results(every_width, FLOATS, x)["round"]
     np.testing.assert_array_equal(a, np.rint(x))
 
 
 def test_bits_are_shifted_and_counted(every_width: Runtime) -> None:
-    x, by = pairs(SOME_INTS)
-    by = by & 31
-    unsigned = x.view(np.uint32)
-    results = run_expressions(
-        every_width, LANES, {"right": "v_shift_right(x, by)", "count": "v_count_bits(x)"},
-        returns="vint", x=x, by=by,
-    )
-    right = (unsigned >> by.astype(np.uint32)).view(np.int32)
-    np.testing.assert_array_equal(results["right"], right)
+    i, by = pairs(SOME_INTS)
+    unsigned = i.view(np.uint32)
+    result = results(every_width, INTS, i, by)
+    right = (unsigned >> (by & 31).astype(np.uint32)).view(np.int32)
+    np.testing.assert_array_equal(result["right"], right)
     counts = [int(value).bit_count() for value in unsigned]
-    np.testing.assert_array_equal(results["count"], counts)
+    np.testing.assert_array_equal(result["count"], counts)
 
 
 def test_within_is_from_0_to_below_the_count(every_width: Runtime) -> None:
-    counts = {str(count): count for count in (1, 7, 65536, 2**31 - 1)}
-    results = run_expressions(
-        every_width, LANES, {name: f"v_within(x, {name})" for name in counts},
-        returns="vint", x=SOME_INTS,
-    )
-    for name, count in counts.items():
+    result = results(every_width, INTS, SOME_INTS)
+    for count in WITHIN:
         inside = (SOME_INTS >= 0) & (count > SOME_INTS)
-        np.testing.assert_array_equal(results[name], np.where(inside, TRUE, FALSE), err_msg=name)
+        np.testing.assert_array_equal(
+            result[f"within {count}"], np.where(inside, TRUE, FALSE), err_msg=str(count)
+        )
 
 
 def test_arguments_beyond_the_range_are_clamped(every_width: Runtime) -> None:
     x = np.array([-np.inf, -1e30, -127.0, 127.0, 1e30, np.inf], np.float32)
-    result = run_expressions(
-        every_width, LANES,
-        {"exp2": "v_exp2(x)", "exp": "v_exp(x)", "weight": "v_exp2_weight(x)"}, x=x,
-    )
+    result = results(every_width, FUNCTIONS, x)
     low, high = 2.0**-126, 2.0**126
     np.testing.assert_array_equal(result["exp2"], [low] * 3 + [high] * 3)
     np.testing.assert_array_equal(result["weight"], [low] * 3 + [1.0] * 3)
@@ -454,7 +461,7 @@ def test_arguments_beyond_the_range_are_clamped(every_width: Runtime) -> None:
 def test_pow_of_nothing_is_nothing(every_width: Runtime) -> None:
     x = np.array([0.0, 1e-38, 0.0, 1.0, 1.0, 1e-30], np.float32)
     y = np.array([0.1, 1.0, 100.0, 0.1, 100.0, 100.0], np.float32)
-    result = run_expression(every_width, LANES, "v_pow(x, y)", x=x, y=y)
+    result = results(every_width, FUNCTIONS, x, y)["pow"]
     # The last one's power is clamped to -126.
     np.testing.assert_array_equal(result, [0.0, 0.0, 0.0, 1.0, 1.0, np.float32(2.0**-126)])
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera, look_at_matrix
@@ -17,6 +18,21 @@ EYE = (1.0, 2.0, 4.5)
 TARGET = (0.2, 0.4, -0.3)
 CAMERAS = ("perspective", "orthographic", "off-centre", "reversed-z", "intrinsics")
 SCENES = ("corner", "ball", "step", "bumpy", "noisy")
+VIEWS = [
+    pytest.param(name, kind, marks=() if fast else pytest.mark.slow)
+    for name in SCENES
+    for kind in CAMERAS
+    for fast in [
+        name == "noisy"
+        or kind == "perspective"
+        or (name, kind) in {
+            ("corner", "orthographic"), ("ball", "off-centre"), ("step", "reversed-z"),
+            ("bumpy", "orthographic"), ("bumpy", "intrinsics"),
+        }
+    ]
+]
+"""Every scene with every camera. The fast tests take each scene before the perspective camera and
+another one, and the one with holes, noise and rebuilt normals before all."""
 
 
 def camera(

@@ -12,11 +12,19 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
 
 from .analytic import camera, scene, tilted, trace
 
+BLURS = [
+    *((blur, (3, 5)) for blur in ((0, 1), (7, 1), (7, 2))), ((7, 2), (0, 0)),
+    *(
+        pytest.param(blur, margin, marks=pytest.mark.slow)
+        for blur, margin in (((0, 1), (0, 0)), ((7, 1), (0, 0)), ((4, 2), (3, 5)))
+    ),
+]
+"""(Radius, passes) of the blur and the G-buffer's margin."""
+
 
 @pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
 @pytest.mark.parametrize("blur_resolution", ["own", "full"])
-@pytest.mark.parametrize("blur", [(0, 1), (7, 1), (4, 2)], ids=str)
-@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
+@pytest.mark.parametrize(("blur", "margin"), BLURS, ids=str)
 def test_every_combination_of_resolution_and_blur_agrees_with_numpy_twin(
     runtime: Runtime, rng: np.random.Generator, resolution: str, blur_resolution: str,
     blur: tuple[int, int], margin: tuple[int, int],

@@ -305,8 +305,11 @@ def posts(scale: float = 1.0, shift: ArrayLike = 0.0) -> tuple[Scene, Camera]:
 
 @pytest.fixture(scope="module")
 def nearly_exact() -> NDArray[np.float32]:
-    """A of the posts from 16384 rays, 64 times as many as in the tests."""
-    return ray_ao(*posts(), 1.0, 16384)
+    """A of the posts from 4096 rays, 16 times as many as in the tests.
+
+    Its own error is an eighth of theirs, which fall as n^-0.75; of what they are off, 1 %.
+    """
+    return ray_ao(*posts(), 1.0, 4096)
 
 
 @pytest.mark.parametrize("rays", [16, 64, 256])

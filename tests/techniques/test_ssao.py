@@ -16,7 +16,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssao import ssao_reference
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, reflected_points, ssao
 
-from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+from .analytic import CAMERAS, SCENES, VIEWS, camera, scene, tilted, trace
 
 RADIUS = 0.6
 ROUNDING = 1e-5
@@ -53,8 +53,7 @@ PIXEL = 0.1
 # ---- against the numpy twin
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
@@ -78,12 +77,14 @@ def test_blurred_result_agrees_with_numpy_twin_at_every_resolution(
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "ball": {"hemisphere": False},
-    "exponential": {"falloff": "exponential", "rate": 2.0, "outside": "open"},
+    "exponential": {
+        "falloff": "exponential", "rate": 2.0, "outside": "open", "hemisphere": False,
+    },
     "power": {"full": 0.3, "none": 0.9, "power": 1.7, "samples": 7, "length_power": 1 / 3},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "radii": {"radius": (0.2, 0.6, 1.5), "max_radius_px": 9.0},
     "more samples near the eye": {"near_px": 5.0, "max_samples": 40, "bias": 0.1},
-    "contrast": {"contrast": 2.7, "samples": 5},
+    "contrast": {"contrast": 2.7},
 }
 
 
@@ -116,8 +117,15 @@ def test_every_kernel_form_gives_the_same_result(
 SIZES = ((1, 1), (17, 31), (3, 5), (47, 61), (16, 600), (600, 16))
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("size", SIZES, ids=str)
+SHAPES = [
+    pytest.param(kind, size, marks=() if fast else pytest.mark.slow)
+    for kind in CAMERAS
+    for size in SIZES
+    for fast in [kind == "perspective" or size == (17, 31)]
+]
+
+
+@pytest.mark.parametrize(("kind", "size"), SHAPES, ids=str)
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
 def test_plane_is_open_at_any_tilt(
     runtime: Runtime, kind: str, size: tuple[int, int], normals: bool
@@ -157,9 +165,9 @@ def test_plane_is_open_at_reduced_resolution_of_odd_sizes(
 def test_half_of_the_ball_round_a_flat_wall_is_occluded_without_hemisphere(
     runtime: Runtime,
 ) -> None:
-    a = ssao(wall((32, 32)), 0.5, 64, hemisphere=False, blur_radius=0, contrast=1.0,
+    a = ssao(wall((32, 32)), 0.5, 40, hemisphere=False, blur_radius=0, contrast=1.0,
              runtime=runtime)
-    # 64 quasi-random points of 16 reflections: half of them behind the wall, to a point of each.
+    # 40 quasi-random points of 16 reflections: half of them behind the wall, to a point of each.
     assert abs(float(a.mean()) - 0.5) < 1 / 64
 
 
@@ -248,7 +256,7 @@ def test_of_several_radii_the_greatest_occlusion_counts(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    radii = (0.15, 0.5, 1.1, 2.0)
+    radii = (0.15, 0.5, 2.0)
     single = [ssao(gbuffer, r, blur_radius=0, runtime=runtime) for r in radii]
     together = ssao(gbuffer, radii, blur_radius=0, runtime=runtime)
     np.testing.assert_array_equal(together, np.min(single, axis=0))
@@ -289,13 +297,19 @@ def test_radius_below_a_pixel_leaves_everything_open(
 
 
 @pytest.mark.parametrize("radius", [1e-30, 1e-6, 1e6, 1e30])
-@pytest.mark.parametrize("hemisphere", [True, False])
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    ("hemisphere", "kind"),
+    [
+        (True, "perspective"), (False, "orthographic"),
+        pytest.param(True, "orthographic", marks=pytest.mark.slow),
+        pytest.param(False, "perspective", marks=pytest.mark.slow),
+    ],
+)
 def test_any_radius_gives_openness_between_0_and_1(
     runtime: Runtime, rng: np.random.Generator, radius: float, hemisphere: bool, kind: str
 ) -> None:
     gbuffer = scene("noisy", camera(kind), rng)
-    for limits in ({}, {"max_radius_px": 8.0}, {"near_px": 4.0, "max_samples": 32}):
+    for limits in ({}, {"max_radius_px": 8.0}, {"near_px": 4.0, "max_samples": 40}):
         a = ssao(gbuffer, radius, hemisphere=hemisphere, runtime=runtime, **limits)
         assert a.min() >= 0.0
         assert a.max() <= 1.0
@@ -320,14 +334,16 @@ def test_any_depths_give_openness_between_0_and_1(
 # ---- what must not matter
 
 
-@pytest.mark.parametrize("scale", [1e-4, 1e-2, 1e2, 1e4])
+@pytest.mark.parametrize(
+    "scale", [1e-4, 1e4, *(pytest.param(s, marks=pytest.mark.slow) for s in (1e-2, 1e2))]
+)
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_result_does_not_depend_on_the_unit_of_length(
     runtime: Runtime, kind: str, scale: float
 ) -> None:
     one, other = (
         ssao(
-            scene("bumpy", camera(kind, scale=s), np.random.default_rng(3), scale=s),
+            scene("bumpy", camera(kind, (31, 39), scale=s), np.random.default_rng(3), scale=s),
             RADIUS * s,
             blur_radius=0,
             runtime=runtime,
@@ -342,7 +358,7 @@ def test_result_does_not_depend_on_the_unit_of_length(
 def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, kind: str) -> None:
     one, other = (
         ssao(
-            scene("bumpy", camera(kind, shift=s), np.random.default_rng(3), shift=s),
+            scene("bumpy", camera(kind, (31, 39), shift=s), np.random.default_rng(3), shift=s),
             RADIUS,
             blur_radius=0,
             runtime=runtime,

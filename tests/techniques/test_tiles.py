@@ -262,7 +262,9 @@ def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
 
 
 @pytest.mark.parametrize(
-    ("radius", "most_px"), [(2.0, math.inf), (3.0, math.inf), (4.0, 60.0)], ids=str
+    ("radius", "most_px"),
+    [(2.0, math.inf), (4.0, 60.0), pytest.param(3.0, math.inf, marks=pytest.mark.slow)],
+    ids=str,
 )
 def test_points_before_a_wall_are_seen_farther_across_the_image(
     runtime: Runtime, radius: float, most_px: float

@@ -23,7 +23,7 @@ from ssgi_cl.techniques.filters.upsample import (
     upsample,
 )
 
-from .analytic import CAMERAS, SCENES, camera, scene, tilted, trace
+from .analytic import VIEWS, camera, scene, tilted, trace
 
 ROUNDING = 1e-4
 """Of an image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth, that is
@@ -55,8 +55,7 @@ def upsample_blurred(
     return blur.run(plane, reduced, device).download()[0]
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
@@ -67,8 +66,13 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     assert share_off(fine, wanted) <= FLIPS
 
 
-@pytest.mark.parametrize("step", [1, 2, 4])
-@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(
+    ("step", "channels"),
+    [
+        (1, 1), (2, 1), (2, 3), (4, 1),
+        *(pytest.param(step, 3, marks=pytest.mark.slow) for step in (1, 4)),
+    ],
+)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
     form_runtime: Runtime, rng: np.random.Generator, step: int, channels: int,
@@ -172,8 +176,7 @@ def test_coarse_pixels_keep_their_values(form_runtime: Runtime, rng: np.random.G
     np.testing.assert_allclose(fine[::2, ::2][there], image[there], rtol=3e-7)  # as above
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
@@ -185,8 +188,13 @@ def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
     assert share_off(fine, wanted) <= FLIPS
 
 
-@pytest.mark.parametrize("step", [1, 2, 4])
-@pytest.mark.parametrize("radius", [1, 6])
+@pytest.mark.parametrize(
+    ("step", "radius"),
+    [
+        (1, 7), (2, 7), (4, 7), (4, 1),  # of less than step - 1 it is that
+        *(pytest.param(*choice, marks=pytest.mark.slow) for choice in ((1, 1), (2, 1), (4, 6))),
+    ],
+)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_form_of_blurred_upsampling_agrees_with_numpy_twin(
     form_runtime: Runtime, rng: np.random.Generator, step: int, radius: int,

@@ -42,8 +42,9 @@ def rms(values: ArrayLike) -> float:
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
-    "ball": {"hemisphere": False},
-    "exponential": {"falloff": "exponential", "rate": 2.0, "outside": "open"},
+    "ball, exponential": {
+        "hemisphere": False, "falloff": "exponential", "rate": 2.0, "outside": "open",
+    },
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "limited radius": {"max_radius_px": 9.0, "bias": 0.1, "length_power": 1 / 3},
     "contrast": {"contrast": 2.5},
@@ -55,9 +56,11 @@ def test_kernel_converges_to_it_with_more_samples(runtime: Runtime, variant: str
     gbuffer = corner("bumpy")
     params = {"radius": RADIUS, **VARIANTS[variant]}
     truth = assumption.ssao(gbuffer, SsaoParams(**params), 1024)
+    # Each number of samples is a program of its own: all steps are taken where others use it.
+    counts = (4, 256) if "falloff" in params else (4, 16, 64, 256)
     off = [
         ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean
-        for samples in (4, 16, 64, 256)
+        for samples in counts
     ]
     # Points at random would halve the error at each step, to an eighth in all; these are spread
     # better. Measured: 0.33 to 0.63, and 0.10 in all.
@@ -71,8 +74,8 @@ def test_kernel_converges_to_it_with_more_samples(runtime: Runtime, variant: str
 
 def test_stated_error_is_about_the_actual_error() -> None:
     gbuffer = corner("bumpy")
-    best = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 4096)
-    truth = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 1024)
+    best = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 2048)
+    truth = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 512)
     # All pixels take the same points, so that the ratio itself is known to about a third only.
     assert 0.5 < rms(truth.mean - best.mean) / rms(truth.error) < 1.5
     assert rms(best.error) < 0.6 * rms(truth.error)

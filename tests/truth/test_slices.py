@@ -23,6 +23,10 @@ from ..techniques.analytic import camera, scene
 from ..techniques.walls import wall_and_floor
 
 ALL = 1 << 20
+SOME = 700
+"""Of the 2867 pixels of `camera()`, a quarter, evenly spread."""
+MANY = {"slices": 16, "taps": 48}
+"""As many as where the techniques are held to formulas: the same programs."""
 PARAMS: dict[str, Any] = {
     "gtao": GtaoParams,
     "hbao": HbaoParams,
@@ -55,7 +59,7 @@ def test_tilted_plane_is_open(technique: str, kind: str) -> None:
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(kind: str) -> None:
     gbuffer, distance = wall_and_floor(kind)
-    truth = converged(gbuffer, GtaoParams(radius=1.0), pixels=3000, slices=8)
+    truth = converged(gbuffer, GtaoParams(radius=1.0), pixels=2000, slices=8)
     for near, far in ((0.1, 0.3), (0.3, 0.6), (0.6, 0.9)):
         there = (distance > near) & (distance < far) & np.isfinite(truth.mean)
         assert np.count_nonzero(there) > 20
@@ -74,15 +78,16 @@ def test_technique_with_many_taps_comes_close(
     runtime: Runtime, rng: np.random.Generator, technique: str, kind: str
 ) -> None:
     gbuffer = scene(kind, camera(), rng)
-    truth = converged(gbuffer, PARAMS[technique](radius=0.6), pixels=ALL, slices=32)
+    truth = converged(gbuffer, PARAMS[technique](radius=0.6), pixels=SOME, slices=32)
+    known = np.isfinite(truth.mean)
     function = CALLS[technique]
 
-    def off(slices: int, taps: int) -> np.ndarray[Any, Any]:
-        a = function(gbuffer, 0.6, slices, taps, blur_radius=0, runtime=runtime)
-        difference: np.ndarray[Any, Any] = a - truth.mean
+    def off(**taps: int) -> np.ndarray[Any, Any]:
+        a = function(gbuffer, 0.6, **taps, blur_radius=0, runtime=runtime)
+        difference: np.ndarray[Any, Any] = (a - truth.mean)[known]
         return difference
 
-    few, many = off(2, 4), off(32, 64)
+    few, many = off(), off(**MANY)
     assert np.sqrt(np.mean(many**2)) < 0.35 * np.sqrt(np.mean(few**2))
     # On a picture of 61 pixels, which of them a slice crosses near a corner matters this much.
     assert abs(float(np.mean(many))) < 3e-3
@@ -106,15 +111,14 @@ def test_every_part_of_the_model_counts_as_in_the_technique(
 ) -> None:
     gbuffer = scene("corner", camera(), rng)
     function, make = CALLS[technique], PARAMS[technique]
-    plain = converged(gbuffer, make(radius=0.6), pixels=ALL, slices=16).mean
-    other = converged(gbuffer, make(radius=0.6, **options), pixels=ALL, slices=16).mean
-    many = {"blur_radius": 0, "runtime": runtime}
-    change = function(gbuffer, 0.6, 32, 64, **many, **options) - function(
-        gbuffer, 0.6, 32, 64, **many
-    )
-    expected = float(np.mean(change))
+    plain = converged(gbuffer, make(radius=0.6), pixels=SOME, slices=16).mean
+    other = converged(gbuffer, make(radius=0.6, **options), pixels=SOME, slices=16).mean
+    known = np.isfinite(plain)
+    many = {**MANY, "blur_radius": 0, "runtime": runtime}
+    change = function(gbuffer, 0.6, **many, **options) - function(gbuffer, 0.6, **many)
+    expected = float(np.mean(change[known]))
     assert abs(expected) > 3e-3  # or this tests nothing
-    assert float(np.mean(other - plain)) == pytest.approx(expected, rel=0.1, abs=5e-4)
+    assert float(np.mean((other - plain)[known])) == pytest.approx(expected, rel=0.1, abs=5e-4)
 
 
 def test_deeper_layers_and_the_margin_occlude() -> None:
@@ -134,7 +138,7 @@ def test_deeper_layers_and_the_margin_occlude() -> None:
 
 
 def test_only_some_pixels_are_computed_the_others_are_unknown(rng: np.random.Generator) -> None:
-    gbuffer = scene("corner", camera(), rng)
+    gbuffer = scene("corner", camera(size=(31, 41)), rng)
     seen = np.isfinite(np.asarray(gbuffer.depth))
     whole = converged(gbuffer, GtaoParams(radius=0.6), pixels=ALL, slices=32)
     part = converged(gbuffer, GtaoParams(radius=0.6), pixels=300, slices=32)

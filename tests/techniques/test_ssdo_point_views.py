@@ -25,7 +25,7 @@ from .test_ssdo_views import aside, layered, planar, uploaded
 
 Doubles = NDArray[np.float64]
 
-SIZE = (39, 53)
+SIZE = (33, 43)
 RADIUS = 0.9
 PARAMS = PointsParams(radius=RADIUS, samples=40)
 EVEN = np.ones((8, 16, 3))

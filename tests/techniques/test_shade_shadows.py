@@ -67,6 +67,7 @@ def axes_of(way: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
 
 
 WAYS = [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @pytest.mark.parametrize("name", ["spot", "point", "directional"])
@@ -87,8 +88,16 @@ def test_shadow_agrees_with_twin_on_every_kernel_form(form_runtime: Runtime, nam
     assert 0.05 < np.mean(radiance > 0) < 0.95
 
 
-@pytest.mark.parametrize("kind", ["spot", "point", "directional"])
-@pytest.mark.parametrize("way", WAYS, ids=["+x", "-x", "+y", "-y", "+z", "-z"])
+@pytest.mark.parametrize(
+    ("way", "kind"),
+    [  # a point light by each face of its map, the others by two
+        pytest.param(
+            way, kind, id=f"{kind}-{NAMES[number]}",
+            marks=[pytest.mark.slow] * (kind != "point" and number not in (0, 3)),
+        )
+        for number, way in enumerate(WAYS) for kind in ("spot", "point", "directional")
+    ],
+)
 def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
     runtime: Runtime, kind: str, way: NDArray[np.float64]
 ) -> None:
@@ -127,7 +136,11 @@ def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
     assert np.abs(across[half_lit] - edge).max() < texel + 0.0025
 
 
-@pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, 60.0, 75.0, 85.0])
+@pytest.mark.parametrize(
+    "degrees",
+    [0.0, *(pytest.param(d, marks=pytest.mark.slow) for d in (20.0, 45.0)), 60.0,
+     pytest.param(75.0, marks=pytest.mark.slow), 85.0],
+)
 @pytest.mark.parametrize("kind", ["spot", "point", "directional"])
 def test_lit_plane_has_no_false_shadow_at_any_tilt(
     runtime: Runtime, kind: str, degrees: float

@@ -30,10 +30,12 @@ LAMP = PointLight((0.3, 1.5, 1.2), (1, 2, 3))
 SKY = Environment((0.2, 0.4, 0.6))
 IMAGE = Environment(np.random.default_rng(3).random((8, 16, 3)))
 
-QUICK: dict[str, Any] = {"slices": 1, "taps": 4, "samples": 4}
-"""Settings of both back ends; compilers unroll loops over taps."""
-
 Floats = NDArray[np.float32]
+
+PUBLISHED_SLOW = [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "published")) for name in METHODS
+]
+"""The published method where it goes the way of "points": its kernel has tests of its own."""
 
 
 def means(irradiance: Floats) -> Floats:
@@ -58,14 +60,14 @@ def corner(rng: np.random.Generator) -> GBuffer:
 # ---- light
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PUBLISHED_SLOW)
 def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(
     runtime: Runtime, method: str
 ) -> None:
     made = camera(size=(32, 48))
     gbuffer = trace(made, [tilted(made, 40.0)])
     direct, bounce, *bent = ssdo(
-        gbuffer, [SKY], runtime=runtime, method=method, bent_normals=method == "bitmask", **QUICK
+        gbuffer, [SKY], runtime=runtime, method=method, bent_normals=method == "bitmask"
     )
     expected = np.broadcast_to(np.pi * np.asarray(SKY.radiance), direct.shape)
     there = np.isfinite(np.asarray(gbuffer.depth))
@@ -80,7 +82,7 @@ def test_bent_normals_change_neither_light(
 ) -> None:
     lights = [Environment(rng.random((8, 16, 3))), SUN]
     plain, bent = (
-        ssdo(corner, lights, resolution="half", bent_normals=b, runtime=runtime, **QUICK)
+        ssdo(corner, lights, resolution="half", bent_normals=b, runtime=runtime)
         for b in (False, True)
     )
     for one, other in zip(plain, bent[:2], strict=True):
@@ -108,7 +110,7 @@ def test_bent_normals_are_those_of_gtao_if_slices_are_many(
 
 def test_lamps_shine_as_they_do_in_shading(form_runtime: Runtime, corner: GBuffer) -> None:
     lights = [LAMP, SUN]
-    options: dict[str, Any] = {"runtime": form_runtime, "lamp_taps": 0, **QUICK}
+    options: dict[str, Any] = {"runtime": form_runtime, "lamp_taps": 0}
     direct, _ = ssdo(corner, lights, bounce=False, **options)
     white = replace(corner, albedo=np.ones_like(corner.albedo))
     expected = np.pi * shade(white, lights, runtime=form_runtime)
@@ -145,7 +147,7 @@ def test_light_adds_up_and_scales(
     runtime: Runtime, corner: GBuffer, method: str, sky: Environment
 ) -> None:
     def both(lights: list[Light]) -> Floats:
-        return np.stack(ssdo(corner, lights, runtime=runtime, method=method, **QUICK))
+        return np.stack(ssdo(corner, lights, runtime=runtime, method=method))
 
     summed = both([LAMP, sky])
     np.testing.assert_allclose(
@@ -157,12 +159,12 @@ def test_light_adds_up_and_scales(
     np.testing.assert_allclose(both([*brighter]), 1024.0 * summed, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PUBLISHED_SLOW)
 def test_given_radiance_is_what_surfaces_send(
     runtime: Runtime, corner: GBuffer, method: str
 ) -> None:
     shape = (*np.shape(corner.depth), 3)
-    options: dict[str, Any] = {"runtime": runtime, "method": method, **QUICK}
+    options: dict[str, Any] = {"runtime": runtime, "method": method}
     direct, dark = ssdo(corner, [LAMP], radiance=np.zeros(shape), **options)
     assert not dark.any()
     _, one = ssdo(corner, [], radiance=np.ones(shape), **options)
@@ -183,12 +185,10 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
         camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"),
         albedo=np.full((*np.shape(corner.depth)[1:], 3), 0.5),
     )
-    options: dict[str, Any] = {
-        "runtime": runtime, "method": "points", "blur_passes": 0, **QUICK
-    }
+    options: dict[str, Any] = {"runtime": runtime, "method": "points", "blur_passes": 0}
     _, bounce = ssdo(single, [SKY], **options)
     device = on_device(single, runtime)
-    params = SsdoParams(method="points", samples=QUICK["samples"])
+    params = SsdoParams(method="points")
     with runtime.frame():
         openness = SenderOpenness(runtime, device.size, params, device.margin, 1).run(device)
         coarse = openness.download()[0]
@@ -216,7 +216,7 @@ def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer,
 def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> None:
     made, gbuffer, views = box_with_views(runtime, 2)
     lamp = made.lights[0]
-    options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, "method": method, **QUICK}
+    options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, "method": method}
     alone = ssdo(gbuffer, [lamp, SKY], **options)
     one, two = (ssdo(gbuffer, [lamp, SKY], views=views[:n], **options) for n in (1, 2))
     for fewer, more in ((alone, one), (one, two)):
@@ -297,7 +297,7 @@ def test_without_light_all_is_zero_and_the_reason_is_told(
 
 def test_without_bounce_only_the_sky_is_looked_for(runtime: Runtime, corner: GBuffer) -> None:
     # Shadows that are looked for in the image differ by the noise that the blur leaves.
-    options: dict[str, Any] = {"runtime": runtime, "method": "points", "lamp_taps": 0, **QUICK}
+    options: dict[str, Any] = {"runtime": runtime, "method": "points", "lamp_taps": 0}
     direct, bounce = ssdo(corner, [SKY, LAMP], bounce=False, **options)
     assert not bounce.any()
     assert not any("lit layer" in each.name for each in runtime.times())
@@ -307,7 +307,7 @@ def test_without_bounce_only_the_sky_is_looked_for(runtime: Runtime, corner: GBu
 
 def test_a_second_frame_allocates_and_builds_nothing(runtime: Runtime, corner: GBuffer) -> None:
     device = on_device(corner, runtime)
-    params = SsdoParams(method="points", samples=4)
+    params = SsdoParams(method="points")
     technique = Ssdo(runtime, device.size, params, device.margin, 2, 2)
     lights = [LAMP, SKY, IMAGE]
     technique.run(device, lights)
@@ -328,7 +328,7 @@ def test_a_second_frame_allocates_and_builds_nothing(runtime: Runtime, corner: G
         pytest.param("quarter", "full", 0.3, marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PUBLISHED_SLOW)
 def test_lower_resolutions_find_about_the_same(
     runtime: Runtime, method: str, resolution: str, blur_resolution: str, tolerance: float
 ) -> None:
@@ -352,18 +352,19 @@ def test_every_kernel_form_finds_the_same(
     other_form: Runtime, runtime: Runtime, corner: GBuffer, method: str
 ) -> None:
     lights = [LAMP, SKY, IMAGE]
-    options: dict[str, Any] = {"method": method, "resolution": "half", **QUICK}
+    options: dict[str, Any] = {"method": method, "resolution": "half"}
     one = np.stack(ssdo(corner, lights, runtime=other_form, **options))
     other = np.stack(ssdo(corner, lights, runtime=runtime, **options))
     # Shading rounds as compilers like; the rest gives the same bits.
     np.testing.assert_allclose(one, other, atol=1e-5 * other.max())
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_where_nothing_is_there_is_no_light(runtime: Runtime, method: str) -> None:
-    made = camera(size=(9, 21))
-    gbuffer = GBuffer(camera=made, depth=np.full((9, 21), np.inf))
-    for image in ssdo(gbuffer, [SKY, IMAGE, LAMP], runtime=runtime, method=method, **QUICK):
+@pytest.mark.parametrize("method", PUBLISHED_SLOW)
+def test_where_nothing_is_there_is_no_light(
+    runtime: Runtime, corner: GBuffer, method: str
+) -> None:
+    gbuffer = replace(corner, depth=np.full_like(corner.depth, np.inf))
+    for image in ssdo(gbuffer, [SKY, IMAGE, LAMP], runtime=runtime, method=method):
         assert not image.any()
 
 

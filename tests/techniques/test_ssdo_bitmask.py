@@ -176,7 +176,9 @@ def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> 
     point = gbuffer.camera.unproject(np.asarray(gbuffer.depth, np.float32))
     wall = np.abs(point[..., 0]) < np.abs(point[..., 1])
     radiance = np.where(wall[None, ..., None], 3.0, 0.0) * np.ones(3)
-    found, _ = gathered(runtime, gbuffer, radiance.astype(np.float32), radius=1.0, slices=8)
+    found, _ = gathered(
+        runtime, gbuffer, radiance.astype(np.float32), radius=1.0, slices=8, taps=24
+    )
     there = floor & (distance > 0.05) & (distance < 0.9)
     hidden = np.pi * 3.0 * (1.0 - found[0])
     # Between the last tap on the floor and the first on the wall the mean of both is taken: half
@@ -248,9 +250,9 @@ def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(
 ) -> None:
     gbuffer = with_layers(rng)
     there = np.isfinite(gbuffer.inner(gbuffer.first("depth")))
-    sky = Environment(np.full((8, 16, 3), 2.0))
+    sky, radiance = Environment(np.full((8, 16, 3), 2.0)), radiance_of(gbuffer, rng)
     for radius in (0.6, 1e-6):
-        found, _ = gathered(runtime, gbuffer, None, (sky,), radius=radius)
+        found, _ = gathered(runtime, gbuffer, radiance, (sky,), radius=radius)
         # The filter's texels are weighted by approximate solid angles: within 0.3 %.
         np.testing.assert_allclose(
             found[1][there], 2.0 * np.pi * found[0][there], rtol=3e-3, atol=1e-6

@@ -155,7 +155,7 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
 ) -> None:
     case = wall_beside_floor(BESIDE[name])
     direct, bounce = ssdo(
-        case.gbuffer, [SKY], RADIUS, method="points", samples=256, runtime=runtime
+        case.gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime
     )
     expected = math.pi * case.form[case.floor].mean()
     # Rays that leave the wall's image between two taps miss it, and nothing below .5 % of the
@@ -176,7 +176,7 @@ def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) 
     cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
     views = [wall_beside_floor(each).gbuffer for each in cameras]
     direct, bounce = ssdo(
-        case.gbuffer, [SKY], RADIUS, method="points", samples=256, views=views, runtime=runtime
+        case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime
     )
     expected = math.pi * case.form[case.floor].mean()
     assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)

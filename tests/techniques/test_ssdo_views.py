@@ -157,7 +157,7 @@ def test_first_camera_again_finds_what_the_bitmask_found(runtime: Runtime) -> No
     # From empty masks, many strata and taps cover what the bitmask covers: sectors have the same
     # numbers, slices the same directions and weights.
     gbuffer = scene("corner", camera(size=(48, 64)), np.random.default_rng(1))
-    slices = SsdoBitmaskParams(radius=0.8, slices=4, taps=20)
+    slices = SsdoBitmaskParams(radius=0.8, slices=4, taps=32)
     device = uploaded(runtime, gbuffer)
     back = SsdoBitmask(runtime, gbuffer.size, slices, masks=True)
     sent = planar(runtime, np.ones((1, 48, 64, 3)))
@@ -209,7 +209,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light(runtime: Runtime) ->
     gbuffer = scene("corner", narrow, np.random.default_rng(1))
     wide = scene("corner", camera(size=(60, 80), eye=(1.5, 1.5, 2.5)), np.random.default_rng(1))
     device, further = uploaded(runtime, gbuffer), uploaded(runtime, wide)
-    slices = SsdoBitmaskParams(radius=1.0, slices=4)
+    slices = SsdoBitmaskParams(radius=1.0, slices=4, taps=32)
     back = SsdoBitmask(runtime, gbuffer.size, slices, masks=True)
     light = back.gather(device, device, planar(runtime, np.zeros((1, 48, 16, 3))))
     assert back.masks is not None
@@ -217,7 +217,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light(runtime: Runtime) ->
     is_left = np.asarray(wide.normal)[..., 0] > 0.5
     sent = np.where(is_left[None, ..., None], [2.0, 1.0, 0.5], 0.0)
     assert is_left.any()
-    views = SsdoViews(runtime, slices, ViewsParams(strata=8, taps=12))
+    views = SsdoViews(runtime, slices, ViewsParams(strata=16, taps=16))
     views.add(light, back.masks, device, device, further, planar(runtime, sent))
     after = light.download()
     assert after[1].mean() > before[1].mean() + 0.05

@@ -278,6 +278,20 @@ def test_layers_between_and_beyond_the_recorded_ones_take_their_time(
     assert chosen.ms == pytest.approx(times * slow.ms)
 
 
+@pytest.mark.usefixtures("layered", "same_pace")
+def test_a_number_of_layers_between_two_recorded_ones_takes_a_time_between_theirs(
+    runtime: Runtime,
+) -> None:
+    entries = presets.record("ssao")["layers"]
+    size = tuple(presets.record("ssao")["size"])
+    slow = presets.curve("ssao", 2)[-1].ms
+    two = next(entry for entry in entries if entry["layers"] == 2)["default"]
+    four = next(entry for entry in entries if entry["layers"] == 4)["default"]
+    four["ms"] = 7.0 * two["ms"]  # steeper than from one to two
+    chosen = choose("ssao", size, budget_ms=1e9, layers=3, runtime=runtime)
+    assert chosen.ms == pytest.approx(4.0 * slow)
+
+
 def test_prediction_grows_with_pixels_and_with_the_pace(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -263,3 +263,15 @@ def test_a_driver_has_less_time_where_limits_may_hang_it(
     monkeypatch.setattr(subprocess, "run", run)
     ending = probing.run_probe({}, ["0", "0", *NAMES]).ending
     assert ending == f"hangs (for {seconds} s)"
+
+
+def test_the_widest_form_within_15_percent_of_the_fastest_is_best() -> None:
+    def best(*speeds: float) -> object:
+        return DeviceInfo(
+            driver="", platform=0, device=0, label="", kind="cpu", units=1,
+            speeds=dict(zip(NAMES, speeds, strict=True)),
+        ).best
+
+    assert best(10.0, 20.0, 100.0, 86.0) == FORMS[3]
+    assert best(10.0, 20.0, 100.0, 84.0) == FORMS[2]
+    assert best(10.0, 90.0, 50.0, 40.0) == FORMS[1]

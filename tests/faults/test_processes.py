@@ -171,6 +171,7 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
 ) -> None:
     flatten, refuse = sources.flatten, "\n#if SSGI_LANES == 16\n#error too wide\n#endif\n"
     monkeypatch.setattr(sources, "flatten", lambda *given: flatten(*given) + refuse)
+    monkeypatch.setattr(probe, "REPEATS", 1)
     own = runtime.info
     probe.time_forms(own.platform, own.device, ["8 lanes, buffer", "16 lanes, buffer"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -25,7 +25,7 @@ from .test_ssdo_views import aside, layered, planar, uploaded
 
 Doubles = NDArray[np.float64]
 
-SIZE = (33, 43)
+SIZE = (17, 35)
 RADIUS = 0.9
 PARAMS = PointsParams(radius=RADIUS, samples=33)
 EVEN = np.ones((8, 16, 3))

@@ -244,7 +244,7 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 def test_empty_gbuffer_is_refused(runtime: Runtime) -> None:
     gbuffer = uploaded(runtime, scene("corner", camera(size=SIZE), np.random.default_rng(1)))
     back = SsdoBitmask(runtime, SIZE, SLICES, masks=True)
-    light = back.gather(gbuffer, gbuffer)
+    light = back.gather(gbuffer, gbuffer, planar(runtime, np.ones((1, *SIZE, 3))))
     assert back.masks is not None
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
         SsdoViews(runtime, SLICES).add(

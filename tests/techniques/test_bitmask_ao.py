@@ -34,9 +34,9 @@ def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, ki
     }
     a = gtao(gbuffer, 0.6, **taps)
     b = bitmask_ao(gbuffer, 0.6, thickness=1e3, joined=False, **taps)
-    # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
-    # (the polynomial's error is 1/500 of a sector).
-    assert np.abs(a - b).max() < 1 / 32 + 1e-3
+    # Rounded ends of 1/32, dithered, in 16 slices: off by at most half a sector, and by nothing on
+    # average (the polynomial's error is 1/500 of a sector). Measured: 0.0103.
+    assert np.abs(a - b).max() < 1 / 64
     assert abs(float(np.mean(a - b))) < 1e-3
 
 

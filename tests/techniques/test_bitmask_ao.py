@@ -29,12 +29,14 @@ def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     gbuffer = scene("bumpy", camera(kind), rng)
-    taps: dict[str, Any] = {"taps": 14, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime}
+    taps: dict[str, Any] = {
+        "slices": 16, "taps": 48, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime,
+    }
     a = gtao(gbuffer, 0.6, **taps)
     b = bitmask_ao(gbuffer, 0.6, thickness=1e3, joined=False, **taps)
-    # Six rounded ends of 1/32, dithered: off by at most one sector, and by nothing on average
-    # (the polynomial's error is 1/500 of a sector).
-    assert np.abs(a - b).max() < 1 / 32 + 1e-3
+    # Rounded ends of 1/32, dithered, in 16 slices: off by at most half a sector, and by nothing on
+    # average (the polynomial's error is 1/500 of a sector). Measured: 0.0103.
+    assert np.abs(a - b).max() < 1 / 64
     assert abs(float(np.mean(a - b))) < 1e-3
 
 

@@ -133,7 +133,7 @@ CASES: dict[str, Callable[[str], Case]] = {
 }
 
 
-LONG = ("inside a sphere", "inside a sphere, quadratic")
+LONG = ("inside a sphere", "inside a sphere, linear", "inside a sphere, quadratic")
 """The attenuations of these are those of cases with fewer triangles too."""
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,13 @@ Doubles = NDArray[np.float64]
 EYE = (1.0, 2.0, 4.5)
 TARGET = (0.2, 0.4, -0.3)
 CAMERAS = ("perspective", "orthographic", "off-centre", "reversed-z", "intrinsics")
+
+
+def slow_but(values: Iterable[str], *fast: str) -> list[Any]:
+    """Return values of a parameter of tests, of which the fast tests take those named."""
+    return [pytest.param(v, marks=() if v in fast else pytest.mark.slow) for v in values]
+
+
 SCENES = ("corner", "ball", "step", "bumpy", "noisy")
 VIEWS = [
     pytest.param(name, kind, marks=() if fast else pytest.mark.slow)

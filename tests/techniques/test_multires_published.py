@@ -26,7 +26,7 @@ from ssgi_cl.techniques.indirect.multires_published import (
 from ssgi_cl.techniques.indirect.multires_splat import multires_splat
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
 
-from .analytic import CAMERAS, Plane, camera, scene, tilted, trace
+from .analytic import CAMERAS, Plane, camera, scene, slow_but, tilted, trace
 from .test_multires_splat import box, relative, spots, wall
 from .test_vpl_tree import lights, uploaded
 
@@ -79,7 +79,7 @@ def test_every_kernel_form_agrees_with_the_reference(
     assert off.mean() <= FLIPS
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("kind", slow_but(CAMERAS, "perspective", "orthographic"))
 def test_the_reference_is_met_in_every_camera(
     runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
@@ -252,7 +252,7 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
     # From beside, as a threshold of 0 refines no wall that is parallel to the image.
     def aside(made: Any) -> Camera:
         eye = np.add(made.eye, (0.1, 0.05, 0.0))
-        return Camera.look_at(eye, made.target, made.up, yfov=made.yfov, width=160, height=120)
+        return Camera.look_at(eye, made.target, made.up, yfov=made.yfov, width=112, height=84)
 
     gbuffer, vpls = box(runtime, aside, 256)
     every = full(runtime, gbuffer, vpls)
@@ -268,10 +268,10 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
     assert counts == sorted(counts)
     assert errors == sorted(errors, reverse=True)
     # All light is there; what is left is the interpolation's last pass over 3 x 3 pixels.
-    nothing = np.zeros((60, 80), np.bool_)
-    filtered, _ = upsampled(np.zeros((60, 80, 3)), nothing, every, seen)
+    nothing = np.zeros((42, 56), np.bool_)
+    filtered, _ = upsampled(np.zeros((42, 56, 3)), nothing, every, seen)
     np.testing.assert_allclose(e, filtered, rtol=1e-5, atol=1e-6 * every.mean())
-    # Measured: 0.42, 0.088, 0.070, 0.066, 0.062 of the mean, with 1840 to 13093 subsplats.
+    # Measured: 0.38, 0.108, 0.100, 0.098, 0.093 of the mean, with 1294 to 6410 subsplats.
     assert errors[-1] < 0.3 * errors[0]
 
 

@@ -34,7 +34,7 @@ from ssgi_cl.techniques.indirect.rsm_samples import (
 from ssgi_cl.truth import store
 from ssgi_cl.truth.light import one_bounce
 
-from .analytic import CAMERAS, camera, scene
+from .analytic import CAMERAS, camera, scene, slow_but
 
 LIGHTS = {
     "spot": SpotLight((0.28, 0.54, 0.28), (0.2, -1.0, 0.1), 0.9, (1.0, 2.0, 3.0)),
@@ -105,7 +105,7 @@ def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
 # ---- against the numpy twin
 
 
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("light", slow_but(LIGHTS, "point"))
 @pytest.mark.parametrize("road", ROADS)
 def test_every_kernel_form_agrees_with_numpy_twin(
     form_runtime: Runtime, light: str, road: str
@@ -225,7 +225,7 @@ def test_nothing_is_brighter_than_discs_allow(runtime: Runtime) -> None:
 # ---- what samples converge to
 
 
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("light", slow_but(LIGHTS, "spot"))
 @pytest.mark.parametrize("pattern", ["fixed", "rotated", "flux"])
 def test_unbiased_samples_converge_to_the_sum_over_all_texels(
     runtime: Runtime, light: str, pattern: str

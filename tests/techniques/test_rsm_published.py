@@ -18,7 +18,7 @@ from ssgi_cl.reference.rsm_published import Settings, rsm_published_reference
 from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
 from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
 
-from .analytic import CAMERAS, camera, scene
+from .analytic import CAMERAS, camera, scene, slow_but
 from .test_rsm_gather import LIGHTS, box, box_map, facing, relative, texel
 
 SETTINGS = Settings(
@@ -65,7 +65,7 @@ def test_every_kernel_form_agrees_with_the_reference(
     assert share_off(e, wanted) <= FLIPS
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("kind", slow_but(CAMERAS, "perspective", "orthographic"))
 def test_the_reference_is_met_in_every_camera_and_with_a_margin(
     runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:

@@ -7,7 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from ssgi_cl.core.errors import DeviceError, KernelBuildError
+from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.device import drivers, sources
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.drivers import Form
@@ -356,3 +356,13 @@ def test_what_is_of_a_thing_goes_with_it(fresh: Runtime) -> None:
 def test_forms_have_words_for_themselves() -> None:
     assert str(Form(1, "image")) == "1 lane, image"
     assert str(Form(16, "buffer")) == "16 lanes, buffer"
+
+
+def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is_asked(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runtime.memory, "largest", 1 << 20)
+    before = runtime.memory.used
+    with pytest.raises(DeviceMemoryError, match=r"2\.0 MiB in one piece, which has at most 1\.0 MiB"):
+        runtime.empty(1 << 19, np.float32)
+    assert runtime.memory.used == before

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.shading.shadow_blocks import BLOCK, IMAGES, ShadowBlocks
 
 Doubles = NDArray[np.float64]
@@ -80,3 +82,31 @@ def test_all_texels_of_a_block_lie_between_its_planes(
         off = offsets(measured(depth[face], perspective), block, row, column)
         assert block[0] == pytest.approx(off.max(), abs=1e-5)
         assert block[1] == pytest.approx(off.min(), abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["spot", "directional"])
+def test_frames_with_blocks_have_the_bits_of_those_without(runtime: Runtime, kind: str) -> None:
+    """Maps that are kept while the camera moves have blocks, which prove texels lit or dark."""
+    view = make_scene("street-7")
+    low, high = view.scene.bounds
+    above = 0.5 * (low + high) + (high - low) * (0.1, 0.6, 0.1)
+    light: gi.Light = (
+        gi.SpotLight(above, (0.3, -1.0, 0.1), 1.2, 50.0) if kind == "spot"
+        else gi.DirectionalLight((0.9, -0.35, 0.2), 3.0)
+    )
+
+    def last(skips: bool, frames: int) -> NDArray[np.float32]:
+        for step in range(4 - frames, 4):
+            eye = np.add(view.eye, (0.01 * step, 0.0, 0.0))
+            camera = gi.Camera.look_at(
+                eye, view.target, view.up, yfov=view.yfov, width=80, height=60
+            )
+            frame = gi.render(
+                view.scene, camera, [light], ao=False, shadow_size=128, skips=skips,
+                outputs=("radiance",), exposure=1.0, runtime=runtime,
+            )
+        return frame.radiance
+
+    plain = last(skips=False, frames=1)
+    assert (plain > 0.0).any()
+    np.testing.assert_array_equal(last(skips=True, frames=4), plain)

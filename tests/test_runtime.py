@@ -363,6 +363,6 @@ def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is
 ) -> None:
     monkeypatch.setattr(runtime.memory, "largest", 1 << 20)
     before = runtime.memory.used
-    with pytest.raises(DeviceMemoryError, match=r"2\.0 MiB in one piece, which has at most 1\.0 MiB"):
+    with pytest.raises(DeviceMemoryError, match=r"2\.0 MiB in one piece, .* at most 1\.0 MiB"):
         runtime.empty(1 << 19, np.float32)
     assert runtime.memory.used == before

@@ -27,8 +27,19 @@
 #endif
 
 __kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
-                         ssgi_plane emission, ssgi_plane lamps, ssgi_plane openness,
-                         __global const float *restrict ambient, __global float *restrict radiance,
+#if LIT_EMISSION
+                         ssgi_plane emission,
+#endif
+#if LIT_LAMPS
+                         ssgi_plane lamps,
+#endif
+#if LIT_OPENNESS
+                         ssgi_plane openness,
+#endif
+#if LIT_AMBIENT
+                         __global const float *restrict ambient,
+#endif
+                         __global float *restrict radiance,
                          const int2 size, const LitParams params)
 {
     const int x = ssgi_first_column();

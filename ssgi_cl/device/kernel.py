@@ -9,8 +9,11 @@ import numpy as np
 
 from ssgi_cl.core.errors import DeviceError, KernelBuildError
 from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arguments import Arguments
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.signature import Signature
+from ssgi_cl.device.structs import Struct
 
 if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
@@ -35,13 +38,24 @@ def check_groups(label: str, device: Any) -> None:
 
 
 class Kernel:
-    """A compiled kernel. `run` sets all arguments anew, so callers may share it."""
+    """A compiled kernel. `run` sets all arguments anew, so callers may share it.
 
-    def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
+    Attributes:
+        runtime: its device.
+        name: as in its text.
+        signature: what it takes.
+    """
+
+    def __init__(
+        self, runtime: Runtime, program: Any, signature: Signature, source: str,
+        structs: Sequence[Struct],
+    ) -> None:
         cl = opencl()
 
         self.runtime = runtime
-        self.name = name
+        self.name = signature.kernel
+        self.signature = signature
+        self._arguments = Arguments(signature, structs)
         self._typed = False
         try:
             self._kernel = cl.Kernel(program, self.name)
@@ -52,6 +66,67 @@ class Kernel:
             ) from error
 
     def run(
+        self,
+        name: str,
+        size: Size,
+        /,
+        *listed: Any,
+        grid: Size | None = None,
+        local: Size | None = None,
+        window: Window | None = None,
+        cell: Size | None = None,
+        **arguments: Any,
+    ) -> None:
+        """Queue the kernel.
+
+        Args:
+            name: of the pass, for the table of times.
+            size: (rows, columns), the kernel's own parameter `size`.
+            grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
+                a row.
+            local: (rows, columns) of a work-group; by default chosen for the device.
+            window: pixels of the image that are to be computed; by default all. Those of a whole
+                work-group are computed if any is.
+            cell: (rows, columns) of pixels that a work-item has, for a window with a grid; by
+                default a lane-wide piece of a row.
+            arguments: by the names of the kernel's parameters: planes and arrays, numbers, packed
+                structs; (rows, columns) for an int2 (columns, rows); None for memory that is
+                `ssgi_optional`.
+
+        Raises:
+            TypeError: an argument is missing, unknown or of another type than the kernel's.
+        """
+        if listed or "writes" in arguments:
+            self._run_listed(
+                name, size, *listed, grid=grid, local=local, window=window, cell=cell, **arguments
+            )
+            return
+        lanes = self.runtime.form.lanes
+        first: Size | None = None
+        rows, columns = grid or (size[0], -(-size[1] // lanes))
+        if window is not None:
+            first, (rows, columns) = window.cells(cell or (1, lanes))
+        if rows == 0 or columns == 0:
+            return
+        if self._arguments.takes_size:
+            arguments["size"] = size
+        values = self._arguments.converted(arguments)
+        group = local or self._group(rows, columns if first is None else 1)
+        work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
+        runtime = self.runtime
+        runtime.touch()
+        with runtime.lock:
+            if not self._typed:
+                self._kernel.set_arg_types(self._arguments.types)
+                self._typed = True
+            self._kernel.set_args(*values)
+            event = opencl().enqueue_nd_range_kernel(
+                runtime.queue, self._kernel, work, (group[1], group[0]),
+                None if first is None else (first[1], first[0]),
+            )
+        runtime.record(name, event)
+
+    def _run_listed(
         self,
         name: str,
         size: Size,

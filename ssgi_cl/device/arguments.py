@@ -138,8 +138,8 @@ class Arguments:
             struct = self._structs[kind]
             return _struct(struct), np.dtype(f"V{struct.dtype.itemsize}")
         raise KernelSourceError(
-            f"kernel {self._kernel}: {parameter.declaration} is of a type that the host can't pass: "
-            f"expected {PLANE}, __global memory, int, float, int2 or a struct of "
+            f"kernel {self._kernel}: {parameter.declaration} is of a type that the host can't "
+            f"pass: expected {PLANE}, __global memory, int, float, int2 or a struct of "
             f"{sorted(self._structs)}"
         )
 

@@ -28,7 +28,6 @@ from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
-from ssgi_cl.device.signature import Signature
 from ssgi_cl.device.structs import Struct
 
 
@@ -441,19 +440,18 @@ class Runtime:
             **dict(sorted(macros.items())),
         }
         options = ["-cl-std=CL1.2", *(f"-D{macro}={value}" for macro, value in defined.items())]
-        signature = Signature.of(name, text, defined)
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:
             program = self._programs[key] = self._build(source, text, options)
         try:
-            return Kernel(self, program, signature, source, structs)
+            return Kernel(self, program, name, source, text, defined, structs)
         except KernelBuildError:
             # PoCL 3.0 takes an empty file of its cache for a program without kernels.
             if program.num_kernels or not pocl_cache.clear_damaged(since=time.time()):
                 raise
         program = self._programs[key] = self._build(source, text, options)
-        return Kernel(self, program, signature, source, structs)
+        return Kernel(self, program, name, source, text, defined, structs)
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
         cl = opencl()

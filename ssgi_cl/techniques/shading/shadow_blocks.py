@@ -36,5 +36,5 @@ class ShadowBlocks:
         self._kernel.run(
             "shadow blocks", depth.size, grid=(depth.count * rows, columns),
             map=depth, blocks=blocks, count=(rows, columns), faces=depth.count,
-            perspective=perspective,
+            perspective=float(perspective),
         )

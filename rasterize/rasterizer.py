@@ -151,11 +151,11 @@ class Rasterizer:
         """
         camera = self.target.camera
         assert camera is not None  # noqa: S101  something was drawn
-        view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
         self._attributes(scene, True, step).run(
-            "raster attributes", target.size, reads=self._attribute_reads(scene),
-            writes=[target.depth, target.normal_world, target.albedo, target.emission],
-            values=view,
+            "raster attributes", target.size,
+            camera=CAMERA.pack(camera_values(camera)),
+            view=VIEW.pack(self._view_values(scene, camera)),
+            **self._attribute_arguments(scene, target),
         )
 
     def write_gloss(
@@ -170,8 +170,8 @@ class Rasterizer:
         """
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             "raster gloss", gloss.size,
-            reads=[self._seen, scene.faces, scene.lobes], writes=[specular, gloss],
-            values=[np.array(self._tiles[::-1], np.int32)],
+            triangles=self._seen, faces=scene.faces, lobes=scene.lobes, specular=specular,
+            gloss=gloss, tiles=self._tiles,
         )
 
     def _grow(self, room: int, pair_room: int) -> None:
@@ -188,30 +188,30 @@ class Rasterizer:
     def _sort(self, scene: DeviceScene, camera: Camera) -> None:
         """Queue the passes that list the triangles of each tile."""
         # Without the margin, which kernels add in whole pixels: it must not change a bit.
-        view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
+        packed_camera = CAMERA.pack(camera_values(camera))
+        view = VIEW.pack(self._view_values(scene, camera))
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
             "raster vertices", (1, scene.vertices),
-            reads=[scene.positions],
-            writes=[self._view, self._screen, self._counters, self._counts],
-            values=view,
+            positions=scene.positions, view=self._view, screen=self._screen,
+            counters=self._counters, tiles=self._counts, camera=packed_camera, to_view=view,
         )
         self._setup.run(
-            "raster setup", (1, scene.triangles),
-            reads=[scene.boxes, scene.corners, scene.shading, self._view, self._screen],
-            writes=[self._records, self._places, self._counts, self._counters],
-            values=view, grid=(1, -(-scene.triangles // self._run)),
+            "raster setup", (1, scene.triangles), grid=(1, -(-scene.triangles // self._run)),
             local=None if self._run < BOXED else (1, 1),
+            boxes=scene.boxes, corners=scene.corners, vertices=scene.shading, view=self._view,
+            screen=self._screen, records=self._records, places=self._places, tiles=self._counts,
+            counters=self._counters, camera=packed_camera, params=view,
         )
         self._scan.run(
-            "raster scan", (1, tile_count), reads=[self._counts],
-            writes=[self._starts, self._cursors, self._counters], grid=(1, 1),
+            "raster scan", (1, tile_count), grid=(1, 1),
+            tiles=self._counts, starts=self._starts, cursors=self._cursors, counters=self._counters,
         )
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
-            "raster fill", (1, workers), reads=[self._records, self._places],
-            writes=[self._cursors, self._list, self._counters], values=view[1:],
-            grid=(1, workers),
+            "raster fill", (1, workers), grid=(1, workers),
+            records=self._records, places=self._places, cursors=self._cursors, list=self._list,
+            counters=self._counters, view=view,
         )
 
     def _windows(self) -> list[Window | None]:
@@ -262,7 +262,7 @@ class Rasterizer:
             )
             shaded = layer < target.attributes
             values["layer"] = layer
-            view = [packed_camera, VIEW.pack(values)]
+            view = VIEW.pack(values)
             now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
@@ -270,22 +270,22 @@ class Rasterizer:
                 over = None if over is None else self._widened(over)
                 tiles.run(
                     f"raster tiles{suffix}", whole,
-                    reads=[self._records, self._starts, self._list, before, scene.corners,
-                           self._view, scene.uvs, scene.cutouts, *_surface(scene)],
-                    writes=[now, self._seen], values=view,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                     local=self._group, window=over, cell=self._rectangle,
+                    records=self._records, starts=self._starts, list=self._list, previous=before,
+                    corners=scene.corners, positions_view=self._view, uvs=scene.uvs,
+                    cutouts=scene.cutouts, depths=now, triangles=self._seen, camera=packed_camera,
+                    view=view, **_surface(scene),
                 )
                 if not self.shaded:
                     self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-                        "raster depth", whole, reads=[now], writes=[target.depth], values=view,
-                        window=over,
+                        "raster depth", whole, window=over,
+                        depths=now, depth=target.depth, camera=packed_camera, view=view,
                     )
                     continue
                 self._attributes(scene, shaded, 1).run(
-                    f"raster attributes{suffix}", whole, reads=self._attribute_reads(scene),
-                    writes=[target.depth, target.normal_world, target.albedo, target.emission],
-                    values=view, window=over,
+                    f"raster attributes{suffix}", whole, window=over,
+                    camera=packed_camera, view=view, **self._attribute_arguments(scene, target),
                 )
 
     def _attributes(self, scene: DeviceScene, shaded: bool, step: int) -> Kernel:
@@ -301,8 +301,14 @@ class Rasterizer:
             STRUCTS,
         )
 
-    def _attribute_reads(self, scene: DeviceScene) -> list[DeviceArray]:
-        return [self._seen, scene.faces, scene.shading, *_surface(scene)]
+    def _attribute_arguments(
+        self, scene: DeviceScene, target: DeviceGBuffer
+    ) -> dict[str, Plane | DeviceArray]:
+        return {
+            "triangles": self._seen, "faces": scene.faces, "vertices": scene.shading,
+            "depth": target.depth, "normal": target.normal_world, "albedo": target.albedo,
+            "emission": target.emission, **_surface(scene),
+        }
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
         turn = camera.view[:3, :3]
@@ -339,5 +345,9 @@ class Rasterizer:
         }
 
 
-def _surface(scene: DeviceScene) -> list[DeviceArray]:
-    return [scene.materials, scene.textures, scene.texels, scene.decode]
+def _surface(scene: DeviceScene) -> dict[str, DeviceArray]:
+    """Return the arguments of kernels that say what surfaces are made of."""
+    return {
+        "materials": scene.materials, "textures": scene.textures, "texels": scene.texels,
+        "decode": scene.decode,
+    }

@@ -83,8 +83,8 @@ class RsmRenderer:
             self.target.derive()
             turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
             self._normals.run(
-                "rsm normals", self.target.size, reads=[self.target.normal],
-                writes=[self.target.normal_world], values=[turn],
+                "rsm normals", self.target.size,
+                seen=self.target.normal, normal=self.target.normal_world, rotation=turn,
             )
         return self.flux
 
@@ -110,8 +110,8 @@ class RsmRenderer:
         assert camera is not None  # noqa: S101  a face was drawn
         self._kernel.run(
             "rsm flux", self.target.size,
-            reads=[self.target.depth, reflectance], writes=[flux],
-            values=[self.target.camera_struct, FLUX.pack(_flux_values(light, camera))],
+            depth=self.target.depth, albedo=reflectance, flux=flux,
+            camera=self.target.camera_struct, params=FLUX.pack(_flux_values(light, camera)),
         )
 
 

@@ -92,7 +92,7 @@ def test_every_pixel_is_read_wherever_rows_end(
     plane.upload(values)
     text = """
     #include "common/gbuffer.clh"
-    __kernel void copy(ssgi_plane from, __global float *restrict to, const int2 size,
+    __kernel void copy(ssgi_plane source, __global float *restrict to, const int2 size,
                        const int count)
     {
         const int x = ssgi_first_column(), y = (int)get_global_id(1);
@@ -100,14 +100,14 @@ def test_every_pixel_is_read_wherever_rows_end(
             return;
         }
         for (int i = 0; i < count; ++i) {
-            ssgi_store(ssgi_load(from, size, i, x, y), to, size, 2 * i, x, y, 0.0f);
+            ssgi_store(ssgi_load(source, size, i, x, y), to, size, 2 * i, x, y, 0.0f);
             // Left of a row lies the guard of the one above, maybe in another column of rows.
-            ssgi_store(ssgi_load(from, size, i, x - 2, y), to, size, 2 * i + 1, x, y, 0.0f);
+            ssgi_store(ssgi_load(source, size, i, x - 2, y), to, size, 2 * i + 1, x, y, 0.0f);
         }
     }
     """
     runtime.kernel_from_text("copy", text).run(
-        "copy", (rows, 3), [plane], [result], [np.int32(count)]
+        "copy", (rows, 3), source=plane, to=result, count=count
     )
     found = result.download()
     np.testing.assert_array_equal(found[::2], values)

@@ -20,14 +20,14 @@ ADD = """
 #ifndef TERM
 #error "TERM must be defined by the host"
 #endif
-__kernel void add(ssgi_plane from, __global float *restrict to, const int2 size)
+__kernel void add(ssgi_plane source, __global float *restrict sum, const int2 size)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
     if (x >= size.x || y >= size.y) {
         return;
     }
-    ssgi_store(ssgi_load(from, size, 0, x, y) + (float)TERM, to, size, 0, x, y, 0.0f);
+    ssgi_store(ssgi_load(source, size, 0, x, y) + (float)TERM, sum, size, 0, x, y, 0.0f);
 }
 """
 
@@ -89,7 +89,7 @@ def test_forcing_a_form_builds_kernels_so(form_runtime: Runtime) -> None:
         """,
     )
     result = form_runtime.empty(2, np.int32)
-    kernel.run("form", (1, 1), [], [result], grid=(1, 1), local=(1, 1))
+    kernel.run("form", (1, 1), grid=(1, 1), local=(1, 1), to=result)
     form = form_runtime.form
     assert result.download().tolist() == [form.lanes, int(form.storage == "image")]
     assert Runtime.open(lanes=form.lanes, storage=form.storage) is form_runtime
@@ -188,10 +188,10 @@ def test_both_roads_to_the_device_give_the_same_bits(
         start, end = runtime.plane(1, size), runtime.plane(1, size)
         start.upload(values)
         kernel = runtime.kernel_from_text("add", ADD, {"TERM": 3})
-        kernel.run("there", size, [start], [end])
-        kernel.run("back", size, [end], [start])
+        kernel.run("there", size, source=start, sum=end)
+        kernel.run("back", size, source=end, sum=start)
         start.upload(end.download())
-        kernel.run("there", size, [start], [end])
+        kernel.run("there", size, source=start, sum=end)
         results.append(end.download())
         with end._mapped() as memory:  # the guard is whole
             inner = np.zeros_like(memory)
@@ -242,11 +242,11 @@ def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
     kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
     with runtime.frame():
         runtime.skip("none", "nothing to do")
-        kernel.run("first", (64, 64), [start], [end])
+        kernel.run("first", (64, 64), source=start, sum=end)
         with runtime.frame():
-            kernel.run("second", (64, 64), [end], [start])
+            kernel.run("second", (64, 64), source=end, sum=start)
         runtime.skip("third", "the same as before")
-        kernel.run("fourth", (64, 64), [start], [end])
+        kernel.run("fourth", (64, 64), source=start, sum=end)
     times = [time for time in runtime.times() if time.name != "copy to image"]
     assert [time.name for time in times] == ["none", "first", "second", "third", "fourth"]
     assert times[0] == PassTime("none", 0.0, "nothing to do")
@@ -278,7 +278,7 @@ def test_any_work_group_gives_the_same_bits(
     values = rng.standard_normal((1, *size)).astype(np.float32)
     start.upload(values)
     kernel = form_runtime.kernel_from_text("add", ADD, {"TERM": 1})
-    kernel.run("add", size, [start], [end], local=local)
+    kernel.run("add", size, local=local, source=start, sum=end)
     np.testing.assert_array_equal(end.download(), values + np.float32(1))
 
 
@@ -286,7 +286,7 @@ def test_nothing_is_queued_for_an_empty_image(runtime: Runtime) -> None:
     plane = runtime.plane(1, (4, 4))
     kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
     with runtime.frame():
-        kernel.run("none", (0, 4), [plane], [plane])
+        kernel.run("none", (0, 4), source=plane, sum=plane)
     assert runtime.times() == []
 
 

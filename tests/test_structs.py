@@ -65,20 +65,20 @@ def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime) -> None:
         structs=STRUCTS,
     )
     result = form_runtime.empty(len(expected), np.int32)
-    kernel.run("layout", (1, 1), [], [result], grid=(1, 1), local=(1, 1))
+    kernel.run("layout", (1, 1), grid=(1, 1), local=(1, 1), result=result)
     assert result.download().tolist() == expected
 
 
 def test_every_member_arrives_in_the_kernel(form_runtime: Runtime) -> None:
     expected: list[float] = []
-    lines, packed = [], []
+    lines, packed = [], {}
     for struct in STRUCTS:
         values = {}
         for name, _ in struct.members:
             lines.append(f"result[{len(expected)}] = (float)of_{struct.name}.{name};")
             values[name] = float(3 + 2 * len(expected))
             expected.append(values[name])
-        packed.append(struct.pack(values))
+        packed[f"of_{struct.name}"] = struct.pack(values)
     arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in STRUCTS)
     body = "\n".join(lines)
     kernel = form_runtime.kernel_from_text(
@@ -92,7 +92,7 @@ def test_every_member_arrives_in_the_kernel(form_runtime: Runtime) -> None:
         structs=STRUCTS,
     )
     result = form_runtime.empty(len(expected), np.float32)
-    kernel.run("members", (1, 1), [], [result], packed, grid=(1, 1), local=(1, 1))
+    kernel.run("members", (1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)
     assert result.download().tolist() == expected
 
 

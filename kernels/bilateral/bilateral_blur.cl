@@ -39,7 +39,7 @@
 
 __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
                              __global const float *restrict weights,
-                             __global const int *restrict tiles,
+                             ssgi_optional __global const int *restrict tiles,
                              __global float *restrict blurred, const int2 size, // of the value
                              const SsgiCamera camera, const BlurParams params)
 {

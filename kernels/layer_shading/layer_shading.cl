@@ -7,8 +7,9 @@
 //          lamps     3 x [rows, columns] W/m^2 of this layer (LIT_LAMPS 1)
 //          openness  image 0: A of every LIT_STEP-th pixel without margin (LIT_OPENNESS 1)
 //          ambient   W/m^2 (LIT_AMBIENT 1), see shade/ambient.clh
-// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is; with LIT_RECORDS 1
-//                    layer `image` of records, see layer_shading/records.clh, where something is
+// Writes:  radiance  images `image` + c, W m^-2 sr^-1; 0 where nothing is (LIT_RECORDS 0)
+//          records   layer `image` of records, see layer_shading/records.clh, where something is
+//                    (LIT_RECORDS 1)
 // Macros:  LIT_LAMPS, LIT_AMBIENT, LIT_OPENNESS, LIT_EMISSION, LIT_RECORDS (0, 1); LIT_STEP;
 //          AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin; open_size columns and rows of `openness`
@@ -27,8 +28,23 @@
 #endif
 
 __kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
-                         ssgi_plane emission, ssgi_plane lamps, ssgi_plane openness,
-                         __global const float *restrict ambient, __global float *restrict radiance,
+#if LIT_EMISSION
+                         ssgi_plane emission,
+#endif
+#if LIT_LAMPS
+                         ssgi_plane lamps,
+#endif
+#if LIT_OPENNESS
+                         ssgi_plane openness,
+#endif
+#if LIT_AMBIENT
+                         __global const float *restrict ambient,
+#endif
+#if LIT_RECORDS
+                         __global int *restrict records,
+#else
+                         __global float *restrict radiance,
+#endif
                          const int2 size, const LitParams params)
 {
     const int x = ssgi_first_column();
@@ -94,7 +110,7 @@ __kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albe
     const vint place = ssgi_record(size, v_splat_int(params.image), v_splat_int(x), v_splat_int(y));
     raster_store_quads((RasterQuad){v_bits(sent[0]), v_bits(sent[1]), v_bits(sent[2]),
                                     ssgi_packed_normal(vx, vy, vz)},
-                       radiance + 4 * v_first(place));
+                       records + 4 * v_first(place));
 #else
     for (int c = 0; c < 3; ++c) {
         ssgi_store(sent[c], radiance, size, params.image + c, x, y, 0.0f);

@@ -37,7 +37,10 @@ static inline vfloat lamp_inside(const vfloat c, const vfloat d, const int size)
 }
 
 __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
-                           ssgi_plane thickness, __global const float *restrict tile,
+#if LAMP_THICKNESS
+                           ssgi_plane thickness,
+#endif
+                           __global const float *restrict tile,
                            __global float *restrict irradiance, const int2 size,
                            const SsgiCamera camera, const LightParams light,
                            const LampShadowParams params)

@@ -7,7 +7,7 @@
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          lights   [segments][params.span][TREE_RECORD] of which the parts; with SHADE_PARTS alone
-//          grid, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
+//          occupancy, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
 //          shares   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
@@ -85,7 +85,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                          __global const float *restrict lights,
 #endif
 #if VPL_SIGHT
-                         __global const int *restrict grid, __global const float *restrict grid_box,
+                         __global const int *restrict occupancy, __global const float *restrict grid_box,
 #endif
                          ssgi_plane shares, __global float *restrict values, const int2 size,
                          const VplParams params, const CutParams cut)
@@ -140,7 +140,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                     const VplCell end_cell = shade_end(records, run, grid_box, params);
 #pragma unroll
                     for (int r = 0; r < SHADE_ROWS; ++r) {
-                        open[r] = ~vpl_blocked(grid, eye[r], end_cell, at[r].there);
+                        open[r] = ~vpl_blocked(occupancy, eye[r], end_cell, at[r].there);
                     }
                 }
 #endif

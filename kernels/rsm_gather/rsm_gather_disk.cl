@@ -30,19 +30,26 @@
 #endif
 
 __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
+#if RSM_GATHER_LISTED
                               __global const int *restrict list,
+#endif
                               __global const float *restrict texels,
                               __global const float *restrict pattern,
+#if RSM_GATHER_ROTATED
                               __global const float *restrict turns,
-                              ssgi_plane shares, __global float *restrict irradiance,
+#endif
+#if RSM_GATHER_LISTED
+                              ssgi_plane shares,
+#endif
+                              __global float *restrict irradiance,
                               const int2 size, // of the result
                               const SsgiCamera camera, const RsmGatherParams params,
                               const SsgiCamera map, const RsmMapParams light)
 {
-    for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
-        const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
+    for (int start = RSM_FIRST; start < RSM_END(size); start += RSM_STRIDE) {
+        const RsmReceiver r = rsm_receiver(depth, normal, RSM_LIST start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, shares, irradiance, params);
+            rsm_write(rsm_nothing(), r, start, size, RSM_SHARES irradiance, params);
             continue;
         }
         const RsmPlace place = rsm_place(r, map, light);
@@ -91,6 +98,6 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, shares, irradiance, params);
+        rsm_write(sum, r, start, size, RSM_SHARES irradiance, params);
     }
 }

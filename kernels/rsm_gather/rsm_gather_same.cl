@@ -21,16 +21,21 @@
 #endif
 
 __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
+#if RSM_GATHER_LISTED
                               __global const int *restrict list,
+#endif
                               __global const float *restrict samples,
-                              ssgi_plane shares, __global float *restrict irradiance,
+#if RSM_GATHER_LISTED
+                              ssgi_plane shares,
+#endif
+                              __global float *restrict irradiance,
                               const int2 size, // of the result
                               const SsgiCamera camera, const RsmGatherParams params)
 {
-    for (int start = RSM_FIRST; start < RSM_END(list, size); start += RSM_STRIDE) {
-        const RsmReceiver r = rsm_receiver(depth, normal, list, start, size, camera, params);
+    for (int start = RSM_FIRST; start < RSM_END(size); start += RSM_STRIDE) {
+        const RsmReceiver r = rsm_receiver(depth, normal, RSM_LIST start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, shares, irradiance, params);
+            rsm_write(rsm_nothing(), r, start, size, RSM_SHARES irradiance, params);
             continue;
         }
         RsmSum sum = rsm_nothing();
@@ -52,6 +57,6 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, shares, irradiance, params);
+        rsm_write(sum, r, start, size, RSM_SHARES irradiance, params);
     }
 }

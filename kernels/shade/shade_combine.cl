@@ -40,8 +40,21 @@ static inline vfloat shade_brightened(const vfloat a, const vfloat albedo)
 #endif
 
 __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
-                            ssgi_plane emission, ssgi_plane direct, ssgi_plane openness,
-                            ssgi_plane indirect, __global const float *restrict ambient,
+#if SHADE_EMISSION
+                            ssgi_plane emission,
+#endif
+#if SHADE_DIRECT
+                            ssgi_plane direct,
+#endif
+#if SHADE_AO
+                            ssgi_plane openness,
+#endif
+#if SHADE_INDIRECT
+                            ssgi_plane indirect,
+#endif
+#if SHADE_AMBIENT
+                            __global const float *restrict ambient,
+#endif
                             __global const float *restrict sky, __global float *restrict radiance,
                             const int2 size, const SsgiCamera camera, const CombineParams params)
 {

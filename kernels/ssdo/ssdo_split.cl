@@ -21,8 +21,15 @@
 #error "SPLIT_GATHERED, _SKY, _BOUNCE, _LAMPS and _FIRST must be defined by the host"
 #endif
 
-__kernel void ssdo_split(ssgi_plane depth, ssgi_plane gathered, ssgi_plane lamps,
-                         __global float *restrict direct, __global float *restrict bounce,
+__kernel void ssdo_split(ssgi_plane depth,
+#if SPLIT_GATHERED
+                         ssgi_plane gathered,
+#endif
+#if SPLIT_LAMPS
+                         ssgi_plane lamps,
+#endif
+                         __global float *restrict direct,
+                         ssgi_optional __global float *restrict bounce,
                          const int2 size, const SplitParams params)
 {
     const int x = ssgi_first_column();

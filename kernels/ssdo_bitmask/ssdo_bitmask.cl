@@ -108,10 +108,12 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 
 __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                            __global const float *restrict slopes,
-                           __global const float *restrict sky, __global const float *restrict sent,
-                           __global const float *restrict sides,
-                           __global const int *restrict tiles,
-                           __global float *restrict light, __global int *restrict kept,
+                           ssgi_optional __global const float *restrict sky,
+                           ssgi_optional __global const float *restrict sent,
+                           ssgi_optional __global const float *restrict sides,
+                           ssgi_optional __global const int *restrict tiles,
+                           __global float *restrict light,
+                           ssgi_optional __global int *restrict kept,
                            const int2 size, const SsgiCamera camera, const SliceParams params,
                            const SsdoBitmaskParams own)
 {

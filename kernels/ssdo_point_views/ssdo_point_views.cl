@@ -62,8 +62,11 @@ static inline void point_views_turned(const PointViewsParams view, const vfloat 
 
 __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
                                __global const float *restrict directions,
-                               __global const int *restrict planes, ssgi_plane thickness,
-                               __global const int *restrict senders,
+                               __global const int *restrict planes,
+#if POINTS_THICKNESS == 2
+                               ssgi_plane thickness,
+#endif
+                               ssgi_optional __global const int *restrict senders,
                                __global float *restrict gathered, __global int *restrict kept,
                                const int2 size, // of the result
                                const SsgiCamera camera, const SsgiCamera other,
@@ -137,7 +140,7 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
                 continue;
             }
             const PointsHit hit =
-                points_search(&at, &way, open, planes, thickness, others, other, params);
+                points_search(&at, &way, open, planes, POINTS_GIVEN others, other, params);
             const vmask hides = v_gt(hit.hides, zero);
             met |= hides & bit;
             changes |= hides;

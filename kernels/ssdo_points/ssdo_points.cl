@@ -83,12 +83,15 @@ static inline void points_store(const vfloat *by_phase, __global float *restrict
 #endif
 }
 
-__kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickness,
+__kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal,
+#if POINTS_THICKNESS == 2
+                          ssgi_plane thickness,
+#endif
                           __global const int *restrict planes,
-                          __global const int *restrict senders,
+                          ssgi_optional __global const int *restrict senders,
                           __global const float *restrict directions,
                           __global float *restrict gathered,
-                          __global float *restrict kept, // bits of ints
+                          ssgi_optional __global int *restrict kept,
                           const int2 size, // of the result
                           const SsgiCamera camera, const PointsParams params)
 {
@@ -173,7 +176,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
             way.cosine = v_abs(side);
             way.weight = way.cosine * field[4];
             const PointsHit hit =
-                points_search(&at, &way, active, planes, thickness, whole, camera, params);
+                points_search(&at, &way, active, planes, POINTS_GIVEN whole, camera, params);
             hidden = v_fma(way.weight, hit.hides, hidden);
             all = all + way.weight;
 #if POINTS_KEPT
@@ -221,7 +224,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal, ssgi_plane thickn
         for (int phase = 0; phase < POINTS_PHASES; ++phase) {
             bits[phase] = v_from_bits(met[word][phase]);
         }
-        points_store(bits, kept, size, word, x, y);
+        points_store(bits, (__global float *)kept, size, word, x, y);
     }
 #endif
     for (int c = 0; c < 3; ++c) {

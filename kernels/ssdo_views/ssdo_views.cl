@@ -62,7 +62,10 @@ static inline vmask views_touches(const vfloat x, const vfloat y, const vfloat z
 }
 
 __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const float *restrict table,
-                         ssgi_plane depth, ssgi_plane seen, ssgi_plane radiance,
+                         ssgi_plane depth, ssgi_plane seen,
+#if VIEWS_SENDERS > 0
+                         ssgi_plane radiance,
+#endif
                          __global float *restrict light, __global int *restrict masks,
                          const int2 size, const SsgiCamera camera, const SsgiCamera other,
                          const ViewsParams params)

@@ -93,12 +93,16 @@ static inline vint vpl_last(__global const float *restrict table, const int elem
     return at;
 }
 
-__kernel void vpl_cut(ssgi_plane position, ssgi_plane normal, ssgi_plane axis, ssgi_plane flux,
-                      ssgi_plane area, ssgi_plane gloss, __global const int *restrict order,
+__kernel void vpl_cut(ssgi_plane position, ssgi_plane normal,
+#if VPL_GLOSSY
+                      ssgi_plane axis, ssgi_plane gloss,
+#endif
+                      ssgi_plane flux, ssgi_plane area, __global const int *restrict order,
                       __global const float *restrict quarters, __global const float *restrict runs,
                       __global const float *restrict blocks,
-                      __global const float *restrict importance,
-                      __global const float *restrict edges, __global float *restrict found,
+                      ssgi_optional __global const float *restrict importance,
+                      ssgi_optional __global const float *restrict edges,
+                      __global float *restrict found,
                       const int2 size, // of the map
                       const VplCurveParams params, const int edge_stride, const int edge_step)
 {

@@ -3,7 +3,7 @@
 //
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
 //          bounds  [segments][VPL_BOUNDS][params.stride] of all lights; see vpl_lists
-// Writes:  grid      VPL_GRID^3 bits, 0
+// Writes:  occupancy  VPL_GRID^3 bits, 0
 //          grid_box  4 floats; see vpl/grid.clh
 // Macros:  VPL_GRID
 // Params:  params.count segments
@@ -21,7 +21,7 @@
 #define VPL_BOUNDS 7 // as in vpl_lists
 
 __kernel void vpl_grid(__global const float *restrict boxes, __global const float *restrict bounds,
-                       __global int *restrict grid, __global float *restrict grid_box,
+                       __global int *restrict occupancy, __global float *restrict grid_box,
                        const int2 size, const VplParams params)
 {
     const int y = (int)get_global_id(0);
@@ -30,7 +30,7 @@ __kernel void vpl_grid(__global const float *restrict boxes, __global const floa
         return;
     }
     for (int i = 0; i < VPL_GRID / 32; ++i) {
-        grid[(z * VPL_GRID + y) * (VPL_GRID / 32) + i] = 0;
+        occupancy[(z * VPL_GRID + y) * (VPL_GRID / 32) + i] = 0;
     }
     if (y == 0 && z == 0) {
         float low[3], high[3];

@@ -10,7 +10,7 @@
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
 //          lists   [tiles][16][params.room] and counts [tiles][16], see vpl_lists
-//          grid, grid_box  see vpl_occupy
+//          occupancy, grid_box  see vpl_occupy
 //          near, near_counts  see vpl_near (VPL_PARTS 1)
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
 // Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_SIGHT (0: light passes
@@ -49,7 +49,7 @@ static inline float vpl_luminous(__global const float *restrict light)
 }
 
 // Whether a light is hidden from lanes that want to know.
-static inline vmask vpl_hidden(__global const int *restrict grid,
+static inline vmask vpl_hidden(__global const int *restrict occupancy,
                                __global const float *restrict grid_box, const VplCell start,
                                __global const float *restrict light, const vmask wanted,
                                const VplParams params)
@@ -57,7 +57,7 @@ static inline vmask vpl_hidden(__global const int *restrict grid,
     const VplCell finish = vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
                                     v_splat(-light[VPL_NORMAL]), v_splat(-light[VPL_NORMAL + 1]),
                                     v_splat(-light[VPL_NORMAL + 2]), grid_box, params);
-    return vpl_blocked(grid, start, finish, wanted);
+    return vpl_blocked(occupancy, start, finish, wanted);
 }
 #endif
 
@@ -99,10 +99,10 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                               __global const float *restrict lights,
                               __global const int *restrict lists,
                               __global const int *restrict counts,
-                              __global const int *restrict grid,
-                              __global const float *restrict grid_box,
-                              __global const int *restrict near,
-                              __global const int *restrict near_counts,
+                              ssgi_optional __global const int *restrict occupancy,
+                              ssgi_optional __global const float *restrict grid_box,
+                              ssgi_optional __global const int *restrict near,
+                              ssgi_optional __global const int *restrict near_counts,
                               __global float *restrict irradiance, const int2 size,
                               const SsgiCamera camera, const VplParams params)
 {
@@ -158,7 +158,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
             vpl_target(all_lights, near_list + first, end - first, fraction, subset, params);
-        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
+        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted, params);
 #else
         const vmask open = wanted;
 #endif
@@ -192,7 +192,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
             vpl_target(lights, list + first, end - first, fraction, -1, params);
-        const vmask open = ~vpl_hidden(grid, grid_box, start, one, wanted, params);
+        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted, params);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);
         }

@@ -8,7 +8,7 @@
 // Reads:   points    VPL_LAYERS x [rows, columns] depth, scene units; or 3 x [rows, columns] position
 //          normal    3 x [rows, columns], 0 where no position is (not read with depths)
 //          grid_box  see vpl/grid.clh
-// Writes:  grid      VPL_GRID^3 bits, to which 1s are added
+// Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
 // Macros:  VPL_GRID, VPL_LAYERS (0: positions; 1 or more of depth)
 // Params:  camera; from the space of positions to view space
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -93,7 +93,7 @@ static inline vmask vpl_apart(const VplAt b, const VplAt c, vfloat *cells)
 }
 
 // Marks what lies between b and c, if it is on one surface with a, before b, or d, behind c.
-static inline void vpl_fill(__global int *restrict grid, const VplAt a, const VplAt b,
+static inline void vpl_fill(__global int *restrict occupancy, const VplAt a, const VplAt b,
                             const VplAt c, const VplAt d, const vmask apart, const vfloat cells)
 {
     const vfloat x = c.x - b.x;
@@ -108,12 +108,12 @@ static inline void vpl_fill(__global int *restrict grid, const VplAt a, const Vp
             break;
         }
         const vfloat t = i / v_max(v_to_float(v_to_int(cells)) + 1.0f, v_splat(1.0f));
-        vpl_mark(grid, v_fma(x, t, b.x), v_fma(y, t, b.y), v_fma(z, t, b.z), between);
+        vpl_mark(occupancy, v_fma(x, t, b.x), v_fma(y, t, b.y), v_fma(z, t, b.z), between);
     }
 }
 
 __kernel void vpl_occupy(ssgi_plane points, ssgi_plane normal,
-                         __global const float *restrict grid_box, __global int *restrict grid,
+                         __global const float *restrict grid_box, __global int *restrict occupancy,
                          const int2 size, const SsgiCamera camera, const VplParams params,
                          const VplTurn turn)
 {
@@ -128,19 +128,19 @@ __kernel void vpl_occupy(ssgi_plane points, ssgi_plane normal,
     {
         const VplAt here = vpl_at(VPL_SOURCE, x, y);
         if (v_any(here.there)) {
-            vpl_mark(grid, here.x, here.y, here.z, here.there);
+            vpl_mark(occupancy, here.x, here.y, here.z, here.there);
             vfloat cells;
             const VplAt right = vpl_at(VPL_SOURCE, x + 1, y);
             vmask apart = vpl_apart(here, right, &cells);
             if (v_any(apart)) {
-                vpl_fill(grid, vpl_at(VPL_SOURCE, x - 1, y), here, right,
+                vpl_fill(occupancy, vpl_at(VPL_SOURCE, x - 1, y), here, right,
                          vpl_at(VPL_SOURCE, x + 2, y), apart, cells);
             }
             const VplAt below = vpl_at(VPL_SOURCE, x, min(y + 1, size.y - 1));
             apart = vpl_apart(here, below, &cells);
             if (v_any(apart)) {
                 // At the image's borders the row is its own neighbour, which bends.
-                vpl_fill(grid, vpl_at(VPL_SOURCE, x, max(y - 1, 0)), here, below,
+                vpl_fill(occupancy, vpl_at(VPL_SOURCE, x, max(y - 1, 0)), here, below,
                          vpl_at(VPL_SOURCE, x, min(y + 2, size.y - 1)), apart, cells);
             }
         }

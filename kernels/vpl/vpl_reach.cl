@@ -4,7 +4,7 @@
 // Method:  the least, along the axis, of the greater of the way there and the distance found in the
 //          pass before; after three passes it is the distance in the greatest direction.
 // Reads and writes:
-//          grid  see vpl/grid.clh
+//          occupancy  see vpl/grid.clh
 // Macros:  VPL_GRID
 // Launch:  SSGI_LANES blocks per work-item
 // Cost:    2 VPL_REACH reads per block
@@ -16,7 +16,7 @@
 #error "VPL_GRID must be defined"
 #endif
 
-__kernel void vpl_reach(__global int *grid,
+__kernel void vpl_reach(__global int *occupancy,
                         const int2 size) // (blocks from one to the next along the axis, pass)
 {
     const int first = ssgi_first_column();
@@ -31,13 +31,13 @@ __kernel void vpl_reach(__global int *grid,
         const vint other = v_iselect(number, number + k * size.x, inside);
         vint far;
         if (size.y == 0) {
-            const vint bits = v_igather(grid, 2 * other) | v_igather(grid, 2 * other + 1);
+            const vint bits = v_igather(occupancy, 2 * other) | v_igather(occupancy, 2 * other + 1);
             far = v_iselect(v_splat_int(VPL_REACH), v_splat_int(0), v_ine(bits, v_splat_int(0)));
         } else {
-            far = v_igather(grid + (size.y == 1 ? 3 : 2) * VPL_ALL_BLOCKS, other);
+            far = v_igather(occupancy + (size.y == 1 ? 3 : 2) * VPL_ALL_BLOCKS, other);
         }
         far = v_iselect(v_splat_int(VPL_REACH), far, inside);
         least = v_imin(least, v_imax(far, v_splat_int(max(k, -k))));
     }
-    v_istore(least, grid + (size.y == 1 ? 2 : 3) * VPL_ALL_BLOCKS + first);
+    v_istore(least, occupancy + (size.y == 1 ? 2 : 3) * VPL_ALL_BLOCKS + first);
 }

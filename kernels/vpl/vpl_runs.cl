@@ -20,9 +20,12 @@
 #error "VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
 
-__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area, ssgi_plane gloss,
+__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area,
+#if VPL_GLOSSY
+                       ssgi_plane gloss,
+#endif
                        __global const int *restrict order,
-                       __global const float *restrict importance,
+                       ssgi_optional __global const float *restrict importance,
                        __global float *restrict quarters, __global float *restrict runs,
                        const int2 size, // of the map
                        const VplCurveParams params)

@@ -12,7 +12,7 @@
 //          flux      3 x [rows, columns] W
 //          order     see vpl_runs
 //          depth, seen_normal  of the G-buffer, with margin; view space
-//          grid, grid_box  see vpl/grid.clh
+//          occupancy, grid_box  see vpl/grid.clh
 // Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how many
 //                      these are
 // Macros:  VPL_GRID
@@ -38,7 +38,7 @@
 
 __kernel void vpl_view_importance(
     ssgi_plane position, ssgi_plane normal, ssgi_plane flux, __global const int *restrict order,
-    ssgi_plane depth, ssgi_plane seen_normal, __global const int *restrict grid,
+    ssgi_plane depth, ssgi_plane seen_normal, __global const int *restrict occupancy,
     __global const float *restrict grid_box, __global float *restrict importance,
     const int2 size, // of the map
     const SsgiCamera camera, const VplParams vpl, const VplCurveParams params, const VplTurn turn,
@@ -100,7 +100,7 @@ __kernel void vpl_view_importance(
         }
         const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, vpl);
         const VplCell end = vpl_cell(lx, ly, lz, mx, my, mz, grid_box, vpl);
-        sum = sum + v_select(zero, w, wanted & ~vpl_blocked(grid, start, end, wanted));
+        sum = sum + v_select(zero, w, wanted & ~vpl_blocked(occupancy, start, end, wanted));
     }
     v_store(sum, importance + params.first_run + first);
     v_store(count, importance + params.runs + params.first_run + first);

@@ -12,7 +12,7 @@
 //          uvs        2 x [vertices, likewise]; cutouts, materials, textures, texels, decode: of
 //                     triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
 //          grid_box   see vpl/grid.clh
-// Writes:  grid       VPL_GRID^3 bits, to which 1s are added
+// Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
 // Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's alpha)
 // Params:  from positions to view space in lengths of params.per_unit
 // Launch:  a work-item for each triangle and slice, which takes every so-many-th row of columns
@@ -65,7 +65,7 @@ __kernel void vpl_voxelize(__global const int *restrict corners,
                            __global const int *restrict textures,
                            __global const int *restrict texels,
                            __global const float *restrict decode,
-                           __global const float *restrict grid_box, __global int *restrict grid,
+                           __global const float *restrict grid_box, __global int *restrict occupancy,
                            const int2 size, const VplTurn turn)
 {
     const int triangle = (int)get_global_id(0);
@@ -138,7 +138,7 @@ __kernel void vpl_voxelize(__global const int *restrict corners,
                 }
 #endif
                 const vfloat vv = v_splat(v);
-                vpl_mark(grid, axis == 0 ? w : axis == 1 ? vv : u,
+                vpl_mark(occupancy, axis == 0 ? w : axis == 1 ? vv : u,
                          axis == 0 ? u : axis == 1 ? w : vv, axis == 0 ? vv : axis == 1 ? u : w,
                          hit);
             }

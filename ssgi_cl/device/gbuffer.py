@@ -158,12 +158,11 @@ class DeviceGBuffer:
         with self._derived.over(self.window) as window:
             for layer in range(self.attributes):
                 self._kernels[given].run(
-                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
-                    self.whole,
-                    reads=[self.depth, self.normal_world],
-                    writes=[self.linear, self.normal],
-                    values=[self.camera_struct, rotation, np.int32(layer)],
+                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""), self.whole,
                     window=window,
+                    depth=self.depth, normal=self.normal_world, linear=self.linear,
+                    normal_view=self.normal, camera=self.camera_struct, rotation=rotation,
+                    layer=layer,
                 )
 
     @property

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ssgi_cl.core.errors import DeviceError, KernelBuildError
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arguments import Arguments
+from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.signature import Signature
+from ssgi_cl.device.structs import Struct
 
 if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
@@ -35,14 +36,22 @@ def check_groups(label: str, device: Any) -> None:
 
 
 class Kernel:
-    """A compiled kernel. `run` sets all arguments anew, so callers may share it."""
+    """A compiled kernel. `run` sets all arguments anew, so callers may share it.
 
-    def __init__(self, runtime: Runtime, program: Any, name: str, source: str) -> None:
+    Attributes:
+        runtime: its device.
+        name: as in its text.
+        signature: what it takes.
+    """
+
+    def __init__(
+        self, runtime: Runtime, program: Any, name: str, source: str, text: str,
+        macros: Mapping[str, int], structs: Sequence[Struct],
+    ) -> None:
         cl = opencl()
 
         self.runtime = runtime
         self.name = name
-        self._typed = False
         try:
             self._kernel = cl.Kernel(program, self.name)
         except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
@@ -50,27 +59,27 @@ class Kernel:
                 f"{source} has no kernel {self.name} on {runtime.info.label}, "
                 f"{runtime.form}: {error}"
             ) from error
+        self.signature = Signature.of(name, text, macros)
+        self._arguments = Arguments(self.signature, structs)
+        self._kernel.set_arg_types(self._arguments.types)
 
     def run(
         self,
         name: str,
         size: Size,
-        reads: Sequence[Plane | DeviceArray],
-        writes: Sequence[Plane | DeviceArray],
-        values: Sequence[Any] = (),
+        /,
         *,
         grid: Size | None = None,
         local: Size | None = None,
         window: Window | None = None,
         cell: Size | None = None,
+        **arguments: Any,
     ) -> None:
-        """Queue the kernel. Arguments in order: reads, writes, size, values.
+        """Queue the kernel.
 
         Args:
             name: of the pass, for the table of times.
-            size: (rows, columns) that the kernel gets as int2 (columns, rows).
-            reads, writes: planes or arrays.
-            values: further arguments: numpy scalars or packed structs.
+            size: (rows, columns), the kernel's own parameter `size`.
             grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
                 a row.
             local: (rows, columns) of a work-group; by default chosen for the device.
@@ -78,9 +87,13 @@ class Kernel:
                 work-group are computed if any is.
             cell: (rows, columns) of pixels that a work-item has, for a window with a grid; by
                 default a lane-wide piece of a row.
-        """
-        cl = opencl()
+            arguments: by the names of the kernel's parameters: planes and arrays, numbers, packed
+                structs; (rows, columns) for an int2 (columns, rows); None for memory that is
+                `ssgi_optional`.
 
+        Raises:
+            TypeError: an argument is missing, unknown or of another type than the kernel's.
+        """
         lanes = self.runtime.form.lanes
         first: Size | None = None
         rows, columns = grid or (size[0], -(-size[1] // lanes))
@@ -88,36 +101,22 @@ class Kernel:
             first, (rows, columns) = window.cells(cell or (1, lanes))
         if rows == 0 or columns == 0:
             return
-        arguments = [read.argument() for read in reads]
-        arguments += [write.buffer for write in writes]
-        extent = np.array([size[1], size[0]], np.int32)
-        arguments += [extent, *values]
+        if self._arguments.takes_size:
+            arguments["size"] = size
+        values = self._arguments.converted(arguments)
         group = local or self._group(rows, columns if first is None else 1)
         work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
-        self.runtime.touch()
-        for write in writes:
-            if isinstance(write, Plane):
-                write.written()
-        with self.runtime.lock:
-            if not self._typed:
-                # PyOpenCL finds out what an argument is by trying, 11 us each, unless it is told.
-                self._kernel.set_arg_types([_argument_type(argument) for argument in arguments])
-                self._typed = True
-            self._kernel.set_args(*arguments)
-            event = cl.enqueue_nd_range_kernel(
-                self.runtime.queue, self._kernel, work, (group[1], group[0]),
+        runtime = self.runtime
+        runtime.touch()
+        with runtime.lock:
+            self._kernel.set_args(*values)
+            event = opencl().enqueue_nd_range_kernel(
+                runtime.queue, self._kernel, work, (group[1], group[0]),
                 None if first is None else (first[1], first[0]),
             )
-        self.runtime.record(name, event)
+        runtime.record(name, event)
 
     def _group(self, rows: int, columns: int) -> Size:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":
             return (1, CPU_WIDTH)
         return (8, 8) if rows >= 8 else (1, 64)
-
-
-def _argument_type(argument: Any) -> np.dtype[Any] | None:
-    """Return what PyOpenCL is told of an argument: None for memory, bytes for vectors, structs."""
-    if isinstance(argument, np.ndarray):
-        return np.dtype(f"V{argument.nbytes}")
-    return argument.dtype if isinstance(argument, np.generic) else None

@@ -107,7 +107,7 @@ class DeviceRsm:
         self._stamps = np.full(faces, -1, np.int32)
         self._uploaded: ReflectiveShadowMap | None = None
         self._kernel = runtime.kernel("rsm/rsm_face.cl", structs=(CAMERA, FACE))
-        self._face_values: list[Any] = []
+        self._face_values: dict[str, Any] = {}
 
     def upload(self, rsm: ReflectiveShadowMap) -> None:
         """Replace the contents by a map of the same size, unless they are that very map's."""
@@ -204,11 +204,13 @@ class DeviceRsm:
             "rows": self.size[0],
             "stamp": self.version,
         }
-        self._face_values = [CAMERA.pack(camera_values(camera)), FACE.pack(values)]
+        self._face_values = {
+            "camera": CAMERA.pack(camera_values(camera)), "params": FACE.pack(values)
+        }
         self._kernel.run(
-            "rsm face", self.face_size, reads=[depth, normal, flux],
-            writes=[self.position, self.normal, self.flux, self.area, self._lit],
-            values=self._face_values,
+            "rsm face", self.face_size,
+            depth=depth, normal=normal, flux=flux, position=self.position, lit_normal=self.normal,
+            power=self.flux, area=self.area, lit=self._lit, **self._face_values,
         )
 
     def write_lobes(self, depth: Plane, normal: Plane, flux: Plane, gloss: Plane) -> None:
@@ -223,8 +225,9 @@ class DeviceRsm:
         if lobes is None:
             raise ValueError("the device RSM has no room for lobes: expected glossy=True")
         self.runtime.kernel("rsm/rsm_lobe.cl", structs=(CAMERA, FACE)).run(
-            "rsm lobes", self.face_size, reads=[depth, normal, flux, gloss],
-            writes=[lobes.axis, lobes.flux, lobes.gloss, self._lit], values=self._face_values,
+            "rsm lobes", self.face_size,
+            depth=depth, normal=normal, flux=flux, gloss=gloss, axis=lobes.axis, power=lobes.flux,
+            sharp=lobes.gloss, lit=self._lit, **self._face_values,
         )
 
     def lit(self) -> NDArray[np.bool_]:

@@ -407,7 +407,9 @@ class Runtime:
                 check_not_forked()
                 text = sources.flatten(path, "\n".join(struct.text for struct in structs))
                 name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-                kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, most_lanes)
+                kernel = self._kernel(
+                    name, f"kernels/{path}", text, macros or {}, structs, most_lanes
+                )
                 self._kernels[key] = kernel
             return kernel
 
@@ -424,31 +426,32 @@ class Runtime:
         """
         prelude = "\n".join(struct.text for struct in structs)
         flat = sources.flatten_text(text, name, prelude)
-        return self._kernel(name, f"kernel text {name!r}", flat, macros or {})
+        return self._kernel(name, f"kernel text {name!r}", flat, macros or {}, structs)
 
     def _kernel(
-        self, name: str, source: str, text: str, macros: Mapping[str, int], most_lanes: int = 16
+        self, name: str, source: str, text: str, macros: Mapping[str, int],
+        structs: Sequence[Struct], most_lanes: int = 16,
     ) -> Kernel:
         limits = self._image_limits
-        options = [
-            "-cl-std=CL1.2",
-            f"-DSSGI_LANES={min(self.form.lanes, most_lanes)}",
-            f"-DSSGI_IMAGES={int(self.form.storage == 'image')}",
-            *([f"-DSSGI_IMAGE_ROWS={limits.rows}"] if limits else []),
-            *(f"-D{macro}={value}" for macro, value in sorted(macros.items())),
-        ]
+        defined = {
+            "SSGI_LANES": min(self.form.lanes, most_lanes),
+            "SSGI_IMAGES": int(self.form.storage == "image"),
+            **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
+            **dict(sorted(macros.items())),
+        }
+        options = ["-cl-std=CL1.2", *(f"-D{macro}={value}" for macro, value in defined.items())]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:
             program = self._programs[key] = self._build(source, text, options)
         try:
-            return Kernel(self, program, name, source)
+            return Kernel(self, program, name, source, text, defined, structs)
         except KernelBuildError:
             # PoCL 3.0 takes an empty file of its cache for a program without kernels.
             if program.num_kernels or not pocl_cache.clear_damaged(since=time.time()):
                 raise
         program = self._programs[key] = self._build(source, text, options)
-        return Kernel(self, program, name, source)
+        return Kernel(self, program, name, source, text, defined, structs)
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
         cl = opencl()

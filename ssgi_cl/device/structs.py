@@ -29,7 +29,8 @@ class Struct:
     def dtype(self) -> np.dtype[Any]:
         """The numpy type of the same layout."""
         kinds = {"float": np.float32, "int": np.int32}
-        return np.dtype([(name, kinds[kind]) for name, kind in self.members])
+        members = [(name, kinds[kind]) for name, kind in self.members]
+        return np.dtype(members, metadata={"struct": self.name})
 
     @property
     def text(self) -> str:

@@ -162,12 +162,11 @@ class Tiles:
             if window is not None:
                 window = window.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
             self._look.run(
-                "tile facts", self._facts.size,
-                reads=[gbuffer.linear, gbuffer.normal, gbuffer.depth],
-                writes=[self._facts], grid=self._facts.size,
-                values=[np.array([columns, rows], np.int32), np.array(start, np.int32),
-                        gbuffer.camera_struct],
-                window=window, cell=(TILE, TILE),
+                "tile facts", self._facts.size, grid=self._facts.size, window=window,
+                cell=(TILE, TILE),
+                linear=gbuffer.linear, normal=gbuffer.normal, depth=gbuffer.depth,
+                facts=self._facts, whole=(rows, columns), start=start[::-1],
+                camera=gbuffer.camera_struct,
             )
         facts = self._facts.download()
         layers = max(int(facts[_LAYER].max(initial=0.0)), 1)
@@ -224,8 +223,9 @@ class Tiles:
             to = float(camera[f"to_{name}"])
             slopes |= {f"to_{name}": to, f"at_{name}": float(camera[f"at_{name}"]) + to * margin}
         self._prove.run(
-            "tiles open", self.size, reads=[self._facts], writes=[self._open], grid=self.size,
-            values=[TILES.pack({
+            "tiles open", self.size, grid=self.size,
+            facts=self._facts, open=self._open,
+            params=TILES.pack({
                 "reach_px": reach.radius * pixels * reach.stretch,
                 "far_px": reach.radius * pixels / reach.step,
                 "more_px": reach.more_px,
@@ -241,10 +241,11 @@ class Tiles:
                 "lead_rows": self._lead[0],
                 "columns": columns,
                 "rows": rows,
-            })],
+            }),
         )
         self._settle.run(
-            "tiles calm", self.size, reads=[self._open], writes=[self._calm], grid=self.size
+            "tiles calm", self.size, grid=self.size,
+            open=self._open, calm=self._calm,
         )
         bits = self._calm.download()
         opened, far, flat = (int(np.count_nonzero(bits & bit)) for bit in (_OPEN, _FAR, _FLAT))

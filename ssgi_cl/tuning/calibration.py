@@ -43,7 +43,10 @@ class Calibration:
         source, copy = runtime.plane(1, COPY_SIZE), runtime.plane(1, COPY_SIZE)
         kernel = runtime.kernel("calibrate/calibrate_copy.cl")
         copying = _fastest_ms(
-            runtime, lambda: kernel.run("copy", COPY_SIZE, reads=[source], writes=[copy])
+            runtime, lambda: kernel.run(
+                "copy", COPY_SIZE,
+                source=source, copy=copy,
+            )
         )
         gathers = GatherLoad(runtime)
         gathering = _fastest_ms(runtime, gathers.run)
@@ -54,7 +57,10 @@ class Calibration:
         numbers.upload(np.full((1, *ADD_SIZE), 0.25, np.float32))
         adding = _fastest_ms(
             runtime,
-            lambda: adds.run("multiply-adds", ADD_SIZE, reads=[numbers], writes=[result]),
+            lambda: adds.run(
+                "multiply-adds", ADD_SIZE,
+                source=numbers, result=result,
+            ),
         )
         return cls(
             bandwidth_gb_s=8e-6 * pixels / copying,
@@ -90,7 +96,8 @@ class GatherLoad:
     def run(self) -> None:
         """Queue it."""
         self._kernel.run(
-            self.name, self.size, reads=[self._source, self._steps], writes=[self._sum]
+            self.name, self.size,
+            source=self._source, steps=self._steps, sum=self._sum,
         )
 
 

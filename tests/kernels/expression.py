@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
 
@@ -77,12 +77,12 @@ def run_expressions(
     result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
     size = next(iter(planes.values())).size if planes else (1, whole)
     padded = [np.pad(numbers, (0, whole - count), "edge") for numbers in inputs.values()]
+    names = [*tables, *(f"all_{name}" for name in inputs)]
     arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
-    reads: list[Plane | DeviceArray] = [*planes.values(), *arrays]
     kernel.run(
-        "expression", size, reads, [result],
-        [np.int32(whole), *(value for _, value in values.values())],
-        grid=(1, whole // runtime.form.lanes), local=(1, 1),
+        "expression", size, grid=(1, whole // runtime.form.lanes), local=(1, 1),
+        result=result, whole=whole, **planes, **dict(zip(names, arrays, strict=True)),
+        **{name: value for name, (_, value) in values.items()},
     )
     rows = result.download().reshape(len(expressions), whole)[:, :count]
     return dict(zip(expressions, rows, strict=True))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -33,13 +31,8 @@ class BentNormals:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         to_world = camera.view[:3, :3].T
         self._kernel.run(
-            "bent normals",
-            self._size,
-            reads=[scanned, gbuffer.normal],
-            writes=[self._bent],
-            values=[
-                np.array(gbuffer.margin[::-1], np.int32), np.float32(LEAST_OPEN),
-                VIEW_ROTATION.pack(rotation_values(to_world)),
-            ],
+            "bent normals", self._size,
+            scanned=scanned, normal=gbuffer.normal, bent=self._bent, margin=gbuffer.margin,
+            least=LEAST_OPEN, to_world=VIEW_ROTATION.pack(rotation_values(to_world)),
         )
         return self._bent

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.device.active_region import Trace, Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
@@ -91,7 +91,6 @@ class OcclusionTechnique(ABC):
         coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)
         self._trace = Trace()
-        self._no_tiles = runtime.array(np.zeros(1, np.int32))
         self._reduced: ReducedGBuffer | None = None
         blur = params.blur
         self._upsample: Upsample | UpsampleBlur | None = None
@@ -161,10 +160,6 @@ class OcclusionTechnique(ABC):
 
         Only pixels in `window` are needed.
         """
-
-    def _bits(self, tiles: OpenTiles | None) -> DeviceArray:
-        """Return what kernels read of the tiles."""
-        return self._no_tiles if tiles is None else tiles.bits
 
     def _margins(self, source: Any) -> dict[str, int]:
         """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""

@@ -246,16 +246,10 @@ class SliceScan:
         near = self._near[key]
         with self._traces[key].over(self._rows_of(gbuffer.window)) as over:
             kernel.run(
-                "near",
-                near.size,
-                reads=[gbuffer.depth] if thickness is None else [gbuffer.depth, thickness],
-                writes=[near],
-                values=[
-                    *self._places(gbuffer.depth),
-                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
-                    gbuffer.camera_struct,
-                ],
-                window=over,
+                "near", near.size, window=over,
+                depth=gbuffer.depth, thickness=thickness, near=near,
+                ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
+                camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
             )
         return near
 
@@ -281,9 +275,8 @@ class SliceScan:
         kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
         with self._traces["sorted", count].over(self._rows_of(window)) as over:
             kernel.run(
-                name, self.sorted_size, reads=[images], writes=[self._sorted[count]],
-                values=self._places(images),
-                window=over,
+                name, self.sorted_size, window=over,
+                images=images, sorted=self._sorted[count], **self._places(images),
             )
         return self._sorted[count]
 
@@ -298,14 +291,10 @@ class SliceScan:
         )
         with self._traces["slopes"].over(self._rows_of(gbuffer.window)) as over:
             kernel.run(
-                "slopes", self.sorted_size, reads=[gbuffer.depth, gbuffer.normal],
-                writes=[self._slopes],
-                values=[
-                    *self._places(gbuffer.depth),
-                    np.float32(_ortho_unit(gbuffer.camera_struct, self.step)),
-                    gbuffer.camera_struct,
-                ],
-                window=over,
+                "slopes", self.sorted_size, window=over,
+                depth=gbuffer.depth, normal=gbuffer.normal, slopes=self._slopes,
+                ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
+                camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
             )
         return self._slopes
 
@@ -314,13 +303,12 @@ class SliceScan:
         rows, columns = self.sorted_size
         return self.runtime.array(np.zeros((count * rows + 2) * (columns + GUARD), np.float32))
 
-    def _places(self, fine: Plane) -> list[Any]:
-        """Return which pixels of a plane are picked and where they are put."""
-        rows, columns = fine.size
-        return [
-            np.array([columns, rows], np.int32), np.int32(self._whole[1]), np.int32(self._lead),
-            np.int32(self.step), np.int32(self._first[1]), np.int32(self._first[0]),
-        ]
+    def _places(self, fine: Plane) -> dict[str, Any]:
+        """Return arguments: which pixels of a plane are picked and where they are put."""
+        return {
+            "fine_size": fine.size, "columns": self._whole[1], "lead": self._lead,
+            "step": self.step, "first_x": self._first[1], "first_y": self._first[0],
+        }
 
     def packed(self, source: Any, values: Mapping[str, float]) -> Any:
         """Return the struct for a G-buffer, or it reduced, with the technique's own `values`."""
@@ -413,12 +401,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         kernel = self._kernel(thick=thickness is not None, layers=layers)
         for strip in self._scan.strips(window):
             kernel.run(
-                self.name,
-                self._openness.size,
-                reads=[near, source.normal, self._scan.table, self._bits(tiles)],
-                writes=[self._openness],
-                values=[source.camera_struct, packed],
-                grid=self._scan.grid, window=strip, cell=(1, 1),
+                self.name, self._openness.size, grid=self._scan.grid, window=strip, cell=(1, 1),
+                near=near, normal=source.normal, table=self._scan.table,
+                tiles=None if tiles is None else tiles.bits,
+                openness=self._openness, camera=source.camera_struct, params=packed,
             )
 
     def _macros(self) -> Mapping[str, int]:

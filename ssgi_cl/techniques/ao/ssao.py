@@ -243,12 +243,10 @@ class Ssao(OcclusionTechnique):
         window: Window | None,
     ) -> None:
         self._kernel.run(
-            "ssao",
-            self._openness.size,
-            reads=[source.depth, source.normal, self._points, self._curve, self._bits(tiles)],
-            writes=[self._openness],
-            values=[source.camera_struct, self._packed(source, tiles)],
-            window=window,
+            "ssao", self._openness.size, window=window,
+            depth=source.depth, normal=source.normal, samples=self._points, curve=self._curve,
+            tiles=None if tiles is None else tiles.bits, openness=self._openness,
+            camera=source.camera_struct, params=self._packed(source, tiles),
         )
 
     def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:

@@ -101,7 +101,6 @@ class Bilateral:
             )
             for shape in self._shapes
         }
-        self._no_tiles = runtime.array(np.zeros(1, np.int32))
         weights = np.append(params.weights(), 0.0)
         weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
         self._weights = runtime.array(weights.astype(np.float32))
@@ -132,7 +131,7 @@ class Bilateral:
                 **tile_values(tiles, step),
             }
         )
-        bits = self._no_tiles if tiles is None else tiles.bits
+        bits = None if tiles is None else tiles.bits
         lanes = self.runtime.form.lanes
         for i in range(params.passes):
             for shape in self._shapes:
@@ -142,12 +141,11 @@ class Bilateral:
                     self._kernels[shape].run(
                         f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                         self.size,
-                        reads=[value, gbuffer.linear, gbuffer.normal, self._weights, bits],
-                        writes=[out],
-                        values=[gbuffer.camera_struct, packed],
-                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
-                        window=over,
+                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)), window=over,
                         cell=(self._rows[shape], lanes),
+                        value=value, linear=gbuffer.linear, normal=gbuffer.normal,
+                        weights=self._weights, tiles=bits, blurred=out,
+                        camera=gbuffer.camera_struct, params=packed,
                     )
                 value = out
         return value

@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.active_region import Trace, Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
@@ -92,16 +93,14 @@ class ReducedGBuffer:
         return self._depth
 
     def _reduce(self, name: str, fine: Plane, coarse: Plane, window: Window | None) -> None:
-        rows, columns = fine.size
         if window is not None:
             whole = self.whole[0] * self.step, self.whole[1] * self.step
             window = window.inside(whole, self.first).reduced(self.step)
         with self._traces[name].over(window) as over:
             self._kernels[coarse.count].run(
-                f"reduce {name}", self.whole, reads=[fine], writes=[coarse],
-                values=[_int2(columns, rows), np.int32(self.first[1]), np.int32(self.first[0]),
-                        np.float32(coarse.outside)],
-                window=over,
+                f"reduce {name}", self.whole, window=over,
+                fine=fine, coarse=coarse, fine_size=fine.size, first_x=self.first[1],
+                first_y=self.first[0], outside=coarse.outside,
             )
 
 
@@ -141,13 +140,11 @@ class Upsample:
         lanes = self.runtime.form.lanes
         with self._trace.over(gbuffer.seen) as over:
             self._kernel.run(
-                "upsample",
-                self.size,
-                reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
-                writes=[self._fine],
-                values=[gbuffer.camera_struct, packed],
-                grid=(self.size[0], -(-coarse.size[1] // lanes)),
+                "upsample", self.size, grid=(self.size[0], -(-coarse.size[1] // lanes)),
                 window=over, cell=(1, lanes * self.step),
+                coarse=coarse, coarse_linear=reduced.linear, coarse_normal=reduced.normal,
+                linear=gbuffer.linear, normal=gbuffer.normal, fine=self._fine,
+                camera=gbuffer.camera_struct, params=packed,
             )
         return self._fine
 
@@ -202,9 +199,11 @@ class UpsampleBlur:
         """Queue the passes and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         rows, columns = coarse.size
-        guides: list[Plane | DeviceArray] = [
-            coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal, self._weights
-        ]
+        guides: dict[str, Any] = {
+            "coarse": coarse, "coarse_linear": reduced.linear, "coarse_normal": reduced.normal,
+            "linear": gbuffer.linear, "normal": gbuffer.normal, "weights": self._weights,
+            "camera": gbuffer.camera_struct, "params": packed,
+        }
         along_rows, along_columns = self._kernels
         seen, wide = gbuffer.seen, None
         if seen is not None:
@@ -212,24 +211,15 @@ class UpsampleBlur:
             wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
         with self._traces[0].over(wide) as over:
             along_rows.run(
-                "blur rows",
-                self._rows.size,
-                reads=guides,
-                writes=[self._rows],
-                values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
-                        packed],
-                grid=(rows, -(-columns // self._lanes)),
+                "blur rows", self._rows.size, grid=(rows, -(-columns // self._lanes)),
                 window=over, cell=(1, self._lanes * self.step),
+                blurred=self._rows, small=coarse.size, whole=gbuffer.whole, **guides,
             )
         with self._traces[1].over(seen) as over:
             along_columns.run(
-                "blur columns",
-                self.size,
-                reads=[self._rows, *guides],
-                writes=[self._fine],
-                values=[gbuffer.camera_struct, packed],
-                grid=(rows, -(-self.size[1] // self._lanes)),
+                "blur columns", self.size, grid=(rows, -(-self.size[1] // self._lanes)),
                 window=over, cell=(self.step, self._lanes),
+                rows=self._rows, fine=self._fine, **guides,
             )
         return self._fine
 
@@ -315,7 +305,3 @@ def upsample(
         reduced.update(device)
         result = technique.run(plane, reduced, device).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
-
-
-def _int2(x: int, y: int) -> NDArray[np.int32]:
-    return np.array([x, y], np.int32)

@@ -114,19 +114,19 @@ class FluxCurve:
         for rsm, table in zip(maps, self._tables, strict=True):
             _, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl runs", rsm.size,
-                reads=[flux, rsm.area, gloss, self._orders[rsm.face_size], self._weights()],
-                writes=[self.quarters, self.runs], values=[self._packed(table)],
-                grid=(1, table["map_runs"] // lanes),
+                "vpl runs", rsm.size, grid=(1, table["map_runs"] // lanes),
+                flux=flux, area=rsm.area, gloss=gloss, order=self._orders[rsm.face_size],
+                importance=self._importance, quarters=self.quarters, runs=self.runs,
+                params=self._packed(table),
             )
         blocks = self._counts["blocks"]
         runtime.kernel("vpl/vpl_blocks.cl", structs=(CURVE,)).run(
-            "vpl blocks", (SUMS, blocks), reads=[], writes=[self.runs, self.blocks],
-            values=[self._packed(self._tables[0])],
+            "vpl blocks", (SUMS, blocks),
+            runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0]),
         )
         runtime.kernel("vpl/vpl_totals.cl").run(
-            "vpl totals", (blocks, SUMS), reads=[], writes=[self.blocks],
-            grid=(1, -(-SUMS // lanes)), local=(1, 1),
+            "vpl totals", (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1),
+            blocks=self.blocks,
         )
         self._versions = versions
 
@@ -150,16 +150,13 @@ class FluxCurve:
             )
             axis, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl cut", rsm.size,
-                reads=[
-                    rsm.position, rsm.normal, axis, flux, rsm.area, gloss,
-                    self._orders[rsm.face_size], self.quarters, self.runs, self.blocks,
-                    self._weights(), (edges or found).array,
-                ],
-                writes=[found.array],
-                values=[packed, np.int32(edges.stride if edges else 0),
-                        np.int32((edges.count - 1) // (lights * split) if edges else 0)],
-                grid=(1, -(-found.count // lanes)),
+                "vpl cut", rsm.size, grid=(1, -(-found.count // lanes)),
+                position=rsm.position, normal=rsm.normal, axis=axis, flux=flux, area=rsm.area,
+                gloss=gloss, order=self._orders[rsm.face_size], quarters=self.quarters,
+                runs=self.runs, blocks=self.blocks, importance=self._importance,
+                edges=edges.array if edges else None, found=found.array, params=packed,
+                edge_stride=edges.stride if edges else 0,
+                edge_step=(edges.count - 1) // (lights * split) if edges else 0,
             )
 
     def pieces(self) -> Iterator[tuple[DeviceRsm, DeviceArray, Any, int]]:
@@ -176,14 +173,10 @@ class FluxCurve:
         weighted = int(self._importance is not None)
         return {"VPL_GLOSSY": int(self.glossy), "VPL_WEIGHTED": weighted}
 
-    def _weights(self) -> DeviceArray:
-        """Return the importance of runs, or what is not read."""
-        return self.blocks if self._importance is None else self._importance
-
-    def _lobes(self, rsm: DeviceRsm) -> tuple[Plane, Plane, Plane]:
-        """Return axis, flux and exponent; of diffuse light, planes for those that aren't read."""
+    def _lobes(self, rsm: DeviceRsm) -> tuple[Plane | None, Plane, Plane | None]:
+        """Return axis, flux and exponent; diffuse light has flux alone."""
         if not self.glossy:
-            return rsm.normal, rsm.flux, rsm.area
+            return None, rsm.flux, None
         lobes = rsm.lobes
         if lobes is None:
             raise ValueError("a reflective shadow map has no specular flux: expected it in all")

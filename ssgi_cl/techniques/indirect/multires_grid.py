@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -122,9 +122,9 @@ class Points:
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) * 0.5 / to
         self.camera_struct = struct
         self._reduce.run(
-            "multires reduce", self.size, reads=[fine.depth, fine.normal],
-            writes=[self.depth, self.linear, self.normal],
-            values=[int2(fine.whole), int2(fine.margin), struct],
+            "multires reduce", self.size,
+            fine_depth=fine.depth, fine_normal=fine.normal, depth=self.depth, linear=self.linear,
+            normal=self.normal, fine_size=fine.whole, margin=fine.margin, camera=struct,
         )
 
 
@@ -166,22 +166,20 @@ class Level:
         self._count = runtime.kernel("multires/multires_count.cl")
         self._fill = runtime.kernel("multires/multires_list.cl")
 
-    def mark(
-        self, kernel: Kernel, name: str, reads: Sequence[Plane | DeviceArray],
-        values: Sequence[Any], grid: Size,
-    ) -> None:
+    def mark(self, kernel: Kernel, name: str, grid: Size, **arguments: Any) -> None:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
         kernel.run(
-            name, self.size, reads, [self.values, self.shares, self._masks], values, grid=grid
+            name, self.size, grid=grid,
+            values=self.values, shares=self.shares, masks=self._masks, **arguments,
         )
-        count = np.int32(self._tile_count)
         self._count.run(
-            "multires list", self.size, [self._masks, self._tiles], [self._counts], [count],
-            grid=(1, self._tile_count),
+            "multires list", self.size, grid=(1, self._tile_count),
+            masks=self._masks, tiles=self._tiles, counts=self._counts, tile_count=self._tile_count,
         )
         self._fill.run(
-            "multires list", self.size, [self._masks, self._counts, self._tiles], [self.list],
-            [count], grid=(1, -(-self._tile_count // CHUNK)), local=(1, 1),
+            "multires list", self.size, grid=(1, -(-self._tile_count // CHUNK)), local=(1, 1),
+            masks=self._masks, counts=self._counts, tiles=self._tiles, list=self.list,
+            tile_count=self._tile_count,
         )
 
     def listed(self) -> NDArray[np.int32]:
@@ -261,9 +259,8 @@ class MultiresGrid:
             if coarser is None:
                 level.mark(
                     self.runtime.kernel("multires/multires_start.cl", self._macros),
-                    "multires start", [source.depth],
-                    [int2(source.whole), int2(source.margin)],
-                    (level.size[0], -(-level.size[1] // TILE)),
+                    "multires start", (level.size[0], -(-level.size[1] // TILE)),
+                    depth=source.depth, whole=source.whole, margin=source.margin,
                 )
             else:
                 self._interpolate(coarser, level, bound)
@@ -291,8 +288,8 @@ class MultiresGrid:
         }
         self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(
             "multires rough", coarser.size,
-            reads=[known.linear, known.normal, coarser.values, bound], writes=[known.rough],
-            values=[known.camera_struct, MULTIRES.pack(values)],
+            linear=known.linear, normal=known.normal, values=coarser.values, bound=bound,
+            rough=known.rough, camera=known.camera_struct, params=MULTIRES.pack(values),
         )
         values["margin_rows"], values["margin_columns"] = source.margin
         kernel = self.runtime.kernel(
@@ -300,13 +297,8 @@ class MultiresGrid:
         )
         level.mark(
             kernel, "multires interpolate",
-            [known.linear, known.normal, coarser.values, known.rough, source.linear,
-             source.normal, bound],
-            [int2(coarser.size), source.camera_struct, MULTIRES.pack(values)],
             (coarser.size[0], -(-coarser.size[1] // max(self.runtime.form.lanes, TILE // 2))),
+            coarse_linear=known.linear, coarse_normal=known.normal, coarse_values=coarser.values,
+            coarse_rough=known.rough, linear=source.linear, normal=source.normal, bound=bound,
+            coarse=coarser.size, camera=source.camera_struct, params=MULTIRES.pack(values),
         )
-
-
-def int2(size: Size) -> NDArray[np.int32]:
-    """Return (rows, columns) as a kernel's int2 (columns, rows)."""
-    return np.array([size[1], size[0]], np.int32)

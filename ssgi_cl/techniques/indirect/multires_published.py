@@ -18,7 +18,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.indirect.multires_grid import TILE, Level, int2
+from ssgi_cl.techniques.indirect.multires_grid import TILE, Level
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.indirect.vpl_tree import CPU_ITEMS
@@ -155,13 +155,14 @@ class MultiresPublished:
         """Queue the passes that make the mipmap and the lists of subsplats of all levels."""
         params, levels, variation = self.params, self._levels, self._variation
         self._vary.run(
-            "subsplat variation", self.size, reads=[gbuffer.depth, gbuffer.normal],
-            writes=[variation[0]], values=[int2(gbuffer.whole), int2(gbuffer.margin)],
+            "subsplat variation", self.size,
+            depth=gbuffer.depth, normal=gbuffer.normal, variation=variation[0], whole=gbuffer.whole,
+            margin=gbuffer.margin,
         )
         for finer, coarser in pairwise(variation):
             self._mip.run(
-                "subsplat mip", coarser.size, reads=[finer], writes=[coarser],
-                values=[int2(finer.size)],
+                "subsplat mip", coarser.size,
+                finer=finer, coarser=coarser, finer_size=finer.size,
             )
         for n, level in enumerate(levels):
             # There is nothing above the coarsest level: no limit that a parent could keep.
@@ -174,9 +175,9 @@ class MultiresPublished:
                 "coarser_normal": params.normal_limit(n + 1) if above else -math.inf,
             }
             level.mark(
-                self._refine, "subsplat refine", [variation[n], coarser],
-                [int2(coarser.size), SUBSPLAT.pack(limits)],
-                (level.size[0], -(-level.size[1] // TILE)),
+                self._refine, "subsplat refine", (level.size[0], -(-level.size[1] // TILE)),
+                variation=variation[n], coarser=coarser, coarser_size=coarser.size,
+                limits=SUBSPLAT.pack(limits),
             )
 
     def _light(self, gbuffer: DeviceGBuffer, level: Level) -> None:
@@ -192,24 +193,26 @@ class MultiresPublished:
                 }
             )
             self._shade.run(
-                f"subsplats {level.step}", level.size,
-                reads=[gbuffer.depth, gbuffer.normal, level.list, self._lights.lights],
-                writes=[level.values],
-                values=[gbuffer.camera_struct, packed, int2(self.size), np.int32(level.step)],
-                grid=(1, min(pieces, items)), local=(1, 64 if is_gpu else 1),
+                f"subsplats {level.step}", level.size, grid=(1, min(pieces, items)),
+                local=(1, 64 if is_gpu else 1),
+                depth=gbuffer.depth, normal=gbuffer.normal, list=level.list,
+                lights=self._lights.lights, values=level.values, camera=gbuffer.camera_struct,
+                params=packed, image=self.size, step=level.step,
             )
 
     def _combine(self) -> Plane:
         """Queue the passes that interpolate from the coarsest level down to the pixels."""
         coarsest = self._levels[-1]
         values, shares = coarsest.values, coarsest.shares
-        for level, merged in zip(self._levels[-2::-1], self._merged[::-1], strict=True):
+        finer = zip(self._levels[-2::-1], self._merged[::-1], strict=True)
+        for level, (merged, merged_shares) in finer:
             self._upsample.run(
                 "subsplat upsample", level.size,
-                reads=[values, shares, level.values, level.shares], writes=merged,
-                values=[int2(values.size)],
+                coarse_values=values, coarse_shares=shares, fine_values=level.values,
+                fine_shares=level.shares, values=merged, shares=merged_shares,
+                coarse_size=values.size,
             )
-            values, shares = merged
+            values, shares = merged, merged_shares
         return values
 
 

@@ -179,8 +179,9 @@ class MultiresSplat:
         packed = VPL.pack(values)
         tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
         self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-            "vpl boxes", seen.size, reads=[seen.depth, seen.normal],
-            writes=[self._boxes], values=[seen.camera_struct, packed], grid=tiles,
+            "vpl boxes", seen.size, grid=tiles,
+            depth=seen.depth, normal=seen.normal, boxes=self._boxes, camera=seen.camera_struct,
+            params=packed,
         )
         walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
         return VPL.pack(

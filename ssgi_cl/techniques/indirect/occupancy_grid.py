@@ -106,8 +106,9 @@ class SightGrid:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         self._clear.run(
-            "vpl grid", size, reads=[boxes, lights.bounds], writes=[self.grid, self.box],
-            values=[packed], grid=(self.cells, self.cells),
+            "vpl grid", size, grid=(self.cells, self.cells),
+            boxes=boxes, bounds=lights.bounds, occupancy=self.grid, grid_box=self.box,
+            params=packed,
         )
         if scene is not None:
             self._voxelize(scene, camera, lights.values["per_unit"])
@@ -118,8 +119,9 @@ class SightGrid:
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
             reach.run(
-                "vpl reach", (axis, blocks**axis), reads=[], writes=[self.grid],
+                "vpl reach", (axis, blocks**axis),
                 grid=(1, -(-blocks**3 // self.runtime.form.lanes)),
+                occupancy=self.grid,
             )
 
     def _voxelize(self, scene: DeviceScene, camera: Camera, per_unit: float) -> None:
@@ -130,10 +132,11 @@ class SightGrid:
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
         self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
-            "vpl voxelize", (scene.vertices, scene.triangles),
-            reads=[scene.corners, scene.positions, scene.uvs, scene.cutouts, scene.materials,
-                   scene.textures, scene.texels, scene.decode, self.box],
-            writes=[self.grid], values=[packed_turn(from_scene)], grid=(slices, scene.triangles),
+            "vpl voxelize", (scene.vertices, scene.triangles), grid=(slices, scene.triangles),
+            corners=scene.corners, positions=scene.positions, uvs=scene.uvs, cutouts=scene.cutouts,
+            materials=scene.materials, textures=scene.textures, texels=scene.texels,
+            decode=scene.decode, grid_box=self.box, occupancy=self.grid,
+            turn=packed_turn(from_scene),
         )
 
     def _mark_seen(
@@ -147,8 +150,9 @@ class SightGrid:
                 "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
             )
             kernel.run(
-                "vpl occupy", whole, reads=[points, normal, self.box], writes=[self.grid],
-                values=[gbuffer.camera_struct, packed, packed_turn(turn)],
+                "vpl occupy", whole,
+                points=points, normal=normal, grid_box=self.box, occupancy=self.grid,
+                camera=gbuffer.camera_struct, params=packed, turn=packed_turn(turn),
             )
 
 

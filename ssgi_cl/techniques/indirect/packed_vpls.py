@@ -181,11 +181,10 @@ class DeviceVpls:
         for part, places in enumerate(wanted):
             macros = {"VPL_PART": part, "VPL_GLOSSY": int(self.glossy)}
             kernel = self.runtime.kernel("vpl/vpl_place.cl", macros, (PLACE,))
-            writes: list[DeviceArray] = [self.lights, self.bounds]
             kernel.run(
                 "vpl place", (self.segments, self.stride * (PARTS if part else 1)),
-                reads=[chosen.edges.array, places.array], writes=writes,
-                values=[PLACE.pack({**values, "place_stride": places.stride})],
+                edges=chosen.edges.array, places=places.array, lights=self.lights,
+                bounds=self.bounds, params=PLACE.pack({**values, "place_stride": places.stride}),
             )
 
     def _scale(self, furthest: float, brightest: float) -> tuple[float, float]:

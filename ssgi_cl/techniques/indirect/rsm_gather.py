@@ -118,8 +118,9 @@ class RsmGather(RsmTechnique):
             self._maps.gather(level.source, camera, level.values, level)
             if level.number == 0:
                 self._bounds.run(
-                    "mean", level.size, [level.list], [level.values, self._bound],
-                    [np.float32(self.params.error)], grid=(1, 1), local=(1, 1),
+                    "mean", level.size, grid=(1, 1), local=(1, 1),
+                    list=level.list, values=level.values, bound=self._bound,
+                    share=self.params.error,
                 )
         return self._grid.result
 

@@ -85,9 +85,6 @@ class RsmMaps:
         self.sampling = sampling
         self._maps: list[tuple[DeviceRsm, _Samples]] = []
         self._kept: list[_Samples] = []
-        # Without a list kernels get one and shares that they don't read.
-        self._no_list = runtime.empty(1, np.int32)
-        self._no_shares = runtime.plane(1, (1, 1))
         self._in_disk = sampling.pattern in ("fixed", "rotated")
         self._patterns: dict[bool, DeviceArray] = {}
         if self._in_disk:
@@ -132,7 +129,7 @@ class RsmMaps:
         self, source: Any, camera: Camera, result: Plane, level: Level | None, rsm: DeviceRsm,
         samples: _Samples, *, add: bool,
     ) -> None:
-        kernel, reads, values, count = self._pass(rsm, samples, listed=level is not None)
+        kernel, given, count = self._pass(rsm, samples, listed=level is not None)
         to_map = rsm.from_view(camera)
         packed = GATHER.pack(
             {
@@ -151,17 +148,17 @@ class RsmMaps:
             pieces = -(-result.size[0] * result.size[1] // self.runtime.form.lanes)
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
-        listed = self._no_list if level is None else level.list
-        shares = self._no_shares if level is None else level.shares
         kernel.run(
             "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
-            reads=[source.depth, source.normal, listed, *reads, shares],
-            writes=[result], values=[source.camera_struct, packed, *values], grid=grid, local=local,
+            grid=grid, local=local,
+            depth=source.depth, normal=source.normal, list=None if level is None else level.list,
+            shares=None if level is None else level.shares, irradiance=result,
+            camera=source.camera_struct, params=packed, **given,
         )
 
     def _pass(
         self, rsm: DeviceRsm, samples: _Samples, *, listed: bool
-    ) -> tuple[Kernel, list[Any], list[Any], int]:
+    ) -> tuple[Kernel, dict[str, Any], int]:
         """Return the kernel, its further arguments and the number of samples."""
         sampling = self.sampling
         macros = {"RSM_GATHER_LISTED": int(listed)}
@@ -170,7 +167,7 @@ class RsmMaps:
             kernel = self.runtime.kernel(
                 "rsm_gather/rsm_gather_same.cl", macros, (CAMERA, GATHER)
             )
-            return kernel, [chosen.records], [], chosen.count
+            return kernel, {"samples": chosen.records}, chosen.count
         kernel = self.runtime.kernel(
             "rsm_gather/rsm_gather_disk.cl",
             {
@@ -193,8 +190,14 @@ class RsmMaps:
             "columns": columns,
             "rows": rows,
         }
-        reads = [samples.texels.records, self._patterns[rsm.faces == 6], self._turns]
-        return kernel, reads, [CAMERA.pack(light), MAP.pack(values)], sampling.samples
+        given = {
+            "texels": samples.texels.records,
+            "pattern": self._patterns[rsm.faces == 6],
+            "turns": self._turns if sampling.pattern == "rotated" else None,
+            "map": CAMERA.pack(light),
+            "light": MAP.pack(values),
+        }
+        return kernel, given, sampling.samples
 
     def _make_pattern(self, *, cap: bool) -> None:
         """Bring the pattern for maps of one face, or of six, to the device."""

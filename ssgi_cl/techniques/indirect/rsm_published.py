@@ -13,7 +13,7 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.indirect.multires_grid import TILE, Level, int2
+from ssgi_cl.techniques.indirect.multires_grid import TILE, Level
 from ssgi_cl.techniques.indirect.rsm_maps import MapSampling
 from ssgi_cl.techniques.indirect.rsm_technique import RsmTechnique
 
@@ -107,18 +107,19 @@ class RsmPublished(RsmTechnique):
         return sum(int(level.list.download()[0]) for level in levels) / math.prod(self.size)
 
     def _gathered(self, gbuffer: DeviceGBuffer, camera: Camera) -> Plane:
-        step, margin = np.int32(self.params.spacing), int2(gbuffer.margin)
         grid = (self.size[0], -(-self.size[1] // TILE))
         self._lattice.mark(
-            self._choose, "rsm lattice", [gbuffer.depth], [int2(gbuffer.whole), margin, step], grid
+            self._choose, "rsm lattice", grid,
+            depth=gbuffer.depth, whole=gbuffer.whole, margin=gbuffer.margin,
+            step=self.params.spacing,
         )
         self._maps.gather(gbuffer, camera, self._lattice.values, self._lattice)
         if self.params.spacing == 1:
             return self._lattice.values
         self._rest.mark(
-            self._interpolate, "rsm interpolate",
-            [gbuffer.depth, gbuffer.normal, self._lattice.values],
-            [int2(gbuffer.whole), gbuffer.camera_struct, self._limits(gbuffer)], grid,
+            self._interpolate, "rsm interpolate", grid,
+            depth=gbuffer.depth, normal=gbuffer.normal, lattice=self._lattice.values,
+            whole=gbuffer.whole, camera=gbuffer.camera_struct, params=self._limits(gbuffer),
         )
         self._maps.gather(gbuffer, camera, self._rest.values, self._rest)
         return self._rest.values

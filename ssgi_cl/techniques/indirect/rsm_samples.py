@@ -119,8 +119,9 @@ class TexelRecords:
     def update(self, rsm: DeviceRsm) -> None:
         """Queue the pass that brings the records, and what each is picked by."""
         self._kernel.run(
-            "rsm texels", self.size, reads=[rsm.position, rsm.normal, rsm.flux, rsm.area],
-            writes=[self.records, self.sums],
+            "rsm texels", self.size,
+            position=rsm.position, normal=rsm.normal, flux=rsm.flux, area=rsm.area,
+            texels=self.records, powers=self.sums,
         )
 
     def add_up(self) -> None:
@@ -132,8 +133,8 @@ class TexelRecords:
                 "columns": below[1], "rows": below[0],
             }
             self._sums.run(
-                "rsm sums", size, reads=[], writes=[self.sums], values=[SUMS.pack(values)],
-                grid=size,
+                "rsm sums", size, grid=size,
+                pyramid=self.sums, params=SUMS.pack(values),
             )
 
     def level_table(self) -> NDArray[np.int32]:
@@ -167,8 +168,7 @@ class FluxSamples:
         """Queue the passes that draw the samples from what the texels are now."""
         self._texels.add_up()
         self._kernel.run(
-            "rsm pick", (1, self.count),
-            reads=[self._texels.records, self._texels.sums, self._table, self._points],
-            writes=[self.records], values=[np.int32(self._depth)], grid=(1, self.count),
-            local=(1, 16),
+            "rsm pick", (1, self.count), grid=(1, self.count), local=(1, 16),
+            texels=self._texels.records, pyramid=self._texels.sums, levels=self._table,
+            points=self._points, samples=self.records, level_count=self._depth,
         )

@@ -110,10 +110,9 @@ class Ssdo:
         self._lamp_blur = LampBlur(runtime, params)
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
-        self._nothing = runtime.plane(1, (1, 1))
         self._direct = runtime.plane(3, size)
         self._trace = Trace()
-        self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
+        self._bounce = runtime.plane(3, size) if params.bounce else None
 
     def run(
         self,
@@ -259,12 +258,9 @@ class Ssdo:
         }
         with self._trace.over(gbuffer.seen, bounces) as over:
             kernel.run(
-                "ssdo split",
-                self.size,
-                reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
-                writes=[self._direct, self._bounce],
-                values=[SPLIT.pack(values)],
-                window=over,
+                "ssdo split", self.size, window=over,
+                depth=gbuffer.depth, gathered=gathered, lamps=lamps, direct=self._direct,
+                bounce=self._bounce, params=SPLIT.pack(values),
             )
 
 

@@ -93,8 +93,6 @@ class SsdoBitmask:
         self._shape = (size, margin, layers)
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
-        self._nothing = runtime.array(np.zeros(1, np.float32))
-        self._no_tiles = runtime.array(np.zeros(1, np.int32))
         self._sides = Sides(runtime)
         self._light: dict[int, Plane] = {}
         self._trace = Trace()
@@ -168,23 +166,18 @@ class SsdoBitmask:
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
         window = gbuffer.seen_every(scan.step)
         values = {"thickness": self.params.thickness, **tile_values(tiles, scan.step)}
-        packed = scan.packed(source, values), OWN.pack(own)
+        packed, packed_own = scan.packed(source, values), OWN.pack(own)
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
         with self._trace.over(window, light.count) as over:
             for strip in scan.strips(over):
                 kernel.run(
-                    "ssdo_bitmask",
-                    self.size,
-                    reads=[
-                        near, source.normal, scan.table, slopes, lookup or self._nothing,
-                        sent or self._nothing, sides or self._nothing,
-                        self._no_tiles if tiles is None else tiles.bits,
-                    ],
-                    writes=[light, self.masks or self._nothing],
-                    values=[source.camera_struct, *packed],
-                    grid=scan.grid, window=strip, cell=(1, 1),
+                    "ssdo_bitmask", self.size, grid=scan.grid, window=strip, cell=(1, 1),
+                    near=near, normal=source.normal, table=scan.table, slopes=slopes, sky=lookup,
+                    sent=sent, sides=sides, tiles=None if tiles is None else tiles.bits,
+                    light=light, kept=self.masks, camera=source.camera_struct, params=packed,
+                    own=packed_own,
                 )
         return light
 

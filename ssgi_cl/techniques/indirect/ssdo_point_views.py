@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -35,8 +33,6 @@ class SsdoPointViews:
 
     def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        self._nothing = runtime.plane(1, (1, 1))
-        self._no_senders = runtime.array(np.zeros(1, np.int32))
 
     def add(
         self,
@@ -79,18 +75,12 @@ class SsdoPointViews:
             (CAMERA, POINTS, POINT_VIEWS),
         )
         kernel.run(
-            "ssdo view",
-            light.size,
-            reads=[
-                gbuffer.depth, gbuffer.normal, points.wide_directions,
-                points.planes_of(other, other.layers), other.thickness or self._nothing,
-                self._no_senders if records is None else records.array,
-            ],
-            writes=[light, points.kept],
-            values=[
-                gbuffer.camera_struct, other.camera_struct, points.packed(gbuffer),
-                _packed(gbuffer.camera, other.camera, other.whole, points.params.radius),
-            ],
+            "ssdo view", light.size,
+            depth=gbuffer.depth, normal=gbuffer.normal, directions=points.wide_directions,
+            planes=points.planes_of(other, other.layers), thickness=other.thickness,
+            senders=None if records is None else records.array, gathered=light, kept=points.kept,
+            camera=gbuffer.camera_struct, other=other.camera_struct, params=points.packed(gbuffer),
+            view=_packed(gbuffer.camera, other.camera, other.whole, points.params.radius),
         )
 
 

@@ -111,11 +111,9 @@ class SurfacePlanes:
             (CAMERA,),
         )
         kernel.run(
-            "ssdo planes",
-            self.whole,
-            reads=[gbuffer.depth, gbuffer.normal],
-            writes=[self.array],
-            values=[gbuffer.camera_struct],
+            "ssdo planes", self.whole,
+            depth=gbuffer.depth, normal=gbuffer.normal, planes=self.array,
+            camera=gbuffer.camera_struct,
         )
         return self.array
 
@@ -156,9 +154,6 @@ class SsdoPoints:
         self.params = params or PointsParams()
         self.reduced = reduced
         self._results: dict[int, Plane] = {}
-        self._nothing = runtime.plane(1, (1, 1))
-        self._no_senders = runtime.array(np.zeros(1, np.int32))
-        self._no_bits = runtime.array(np.zeros(1, np.int32))
         self._sets: DirectionSets | None = None
         self._lit: Any = None  # what the sets were made for
         self._turn: NDArray[np.float64] | None = None
@@ -231,15 +226,10 @@ class SsdoPoints:
         result = self._results[count]
         planes = self.planes_of(read, layers)
         kernel.run(
-            "ssdo points",
-            result.size,
-            reads=[
-                read.depth, read.normal, thickness or self._nothing, planes,
-                self._no_senders if radiance is None else radiance.array, self._directions,
-            ],
-            writes=[result, self.kept or self._no_bits],
-            values=[read.camera_struct, self.packed(read)],
-            grid=self._grid(result.size),
+            "ssdo points", result.size, grid=self._grid(result.size),
+            depth=read.depth, normal=read.normal, thickness=thickness, planes=planes,
+            senders=None if radiance is None else radiance.array, directions=self._directions,
+            gathered=result, kept=self.kept, camera=read.camera_struct, params=self.packed(read),
         )
         return result
 

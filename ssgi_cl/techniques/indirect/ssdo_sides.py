@@ -44,11 +44,9 @@ class Sides:
         )
         with self._trace.over(gbuffer.window) as over:
             kernel.run(
-                "ssdo sides",
-                gbuffer.whole,
-                reads=[gbuffer.depth, gbuffer.normal, gbuffer.normal_world],
-                writes=[self._sides],
-                values=[VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
-                window=over,
+                "ssdo sides", gbuffer.whole, window=over,
+                depth=gbuffer.depth, normal=gbuffer.normal, given=gbuffer.normal_world,
+                sides=self._sides,
+                rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),
             )
         return self._sides

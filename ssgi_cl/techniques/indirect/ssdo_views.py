@@ -68,7 +68,6 @@ class SsdoViews:
         self.slices = slices
         self.params = params or ViewsParams()
         self._table = runtime.array(slice_table(slices))
-        self._nothing = runtime.plane(1, (1, 1))
         self._unseen = UnseenDepth(runtime, slices.radius)
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
@@ -117,17 +116,11 @@ class SsdoViews:
             (CAMERA, VIEWS),
         )
         kernel.run(
-            "ssdo view",
-            light.size,
-            reads=[
-                source.linear, source.normal, self._table, self._unseen.of(other), other.normal,
-                radiance or self._nothing,
-            ],
-            writes=[light, masks],
-            values=[
-                source.camera_struct, other.camera_struct,
-                self._packed(light, gbuffer, source, other, camera, further),
-            ],
+            "ssdo view", light.size,
+            linear=source.linear, normal=source.normal, table=self._table,
+            depth=self._unseen.of(other), seen=other.normal, radiance=radiance, light=light,
+            masks=masks, camera=source.camera_struct, other=other.camera_struct,
+            params=self._packed(light, gbuffer, source, other, camera, further),
         )
 
     def _packed(

@@ -71,15 +71,10 @@ class UnseenDepth:
                 (CAMERA, UNSEEN),
             )
             kernel.run(
-                "ssdo unseen",
-                view.whole,
-                reads=[view.normal, depth, normal],
-                writes=[unseen],
-                values=[
-                    view.camera_struct, earlier_struct,
-                    self._packed(camera, earlier, depth.size),
-                ],
-                window=view.window,
+                "ssdo unseen", view.whole, window=view.window,
+                normal=view.normal, earlier=depth, facing=normal, depth=unseen,
+                camera=view.camera_struct, before=earlier_struct,
+                view=self._packed(camera, earlier, depth.size),
             )
         # The next view may be drawn to the same memory.
         key = len(self._before), view.whole, view.layers, view.normal.count

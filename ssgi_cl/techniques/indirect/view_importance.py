@@ -52,16 +52,15 @@ class ViewImportance:
         kernel = runtime.kernel("vpl/vpl_view_importance.cl", walls.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
-                "vpl importance", rsm.size,
-                reads=[rsm.position, rsm.normal, rsm.flux, order, gbuffer.depth, gbuffer.normal,
-                       walls.grid, walls.box],
-                writes=[self._importance],
-                values=[gbuffer.camera_struct, packed, table, packed_turn(rsm.to_view(camera)),
-                        np.int32(gbuffer.size[1]), np.int32(gbuffer.size[0])],
-                grid=(1, map_runs // runtime.form.lanes),
+                "vpl importance", rsm.size, grid=(1, map_runs // runtime.form.lanes),
+                position=rsm.position, normal=rsm.normal, flux=rsm.flux, order=order,
+                depth=gbuffer.depth, seen_normal=gbuffer.normal, occupancy=walls.grid,
+                grid_box=walls.box, importance=self._importance, camera=gbuffer.camera_struct,
+                vpl=packed, params=table, turn=packed_turn(rsm.to_view(camera)),
+                columns=gbuffer.size[1], rows=gbuffer.size[0],
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
-            "vpl importance", (runs, SUMS), reads=[], writes=[self._importance],
-            grid=(1, -(-SUMS // runtime.form.lanes)), local=(1, 1),
+            "vpl importance", (runs, SUMS), grid=(1, -(-SUMS // runtime.form.lanes)), local=(1, 1),
+            importance=self._importance,
         )
         return self._importance

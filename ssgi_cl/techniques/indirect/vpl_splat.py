@@ -15,7 +15,7 @@ from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -243,8 +243,9 @@ class VplSplat:
         if params.cull:
             packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
             self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-                "vpl boxes", self.size, reads=[gbuffer.depth, gbuffer.normal],
-                writes=[self._boxes], values=[gbuffer.camera_struct, packed], grid=self._tiles,
+                "vpl boxes", self.size, grid=self._tiles,
+                depth=gbuffer.depth, normal=gbuffer.normal, boxes=self._boxes,
+                camera=gbuffer.camera_struct, params=packed,
             )
         return values
 
@@ -301,52 +302,50 @@ class VplSplat:
                     "VPL_GLOSSY": int(lights.glossy),
                 }
                 self.runtime.kernel("vpl/vpl_lists.cl", macros, structs).run(
-                    "vpl lists", self.size, reads=[self._boxes, lights.bounds],
-                    writes=[self._lists, self._counts], values=[packed],
-                    grid=(rows, columns * lights.subsets),
+                    "vpl lists", self.size, grid=(rows, columns * lights.subsets),
+                    boxes=self._boxes, lights=lights.bounds, lists=self._lists, counts=self._counts,
+                    params=packed,
                 )
             macros = {
                 "VPL_NEAR": NEARS.index(params.near), "VPL_CUT": part, "VPL_ADD": int(add),
                 "VPL_GLOSSY": int(lights.glossy),
             }
-            reads: list[Plane | DeviceArray] = [
-                gbuffer.depth, gbuffer.normal, lights.lights, self._lists, self._counts
-            ]
+            given: dict[str, Any] = {
+                "depth": gbuffer.depth, "normal": gbuffer.normal, "lights": lights.lights,
+                "lists": self._lists, "counts": self._counts, "irradiance": self._irradiance,
+                "camera": gbuffer.camera_struct, "params": packed,
+            }
             if params.interleave:
                 if parted:
                     self.runtime.kernel("vpl/vpl_near.cl", structs=(CAMERA, VPL)).run(
-                        "vpl near", self.size, reads=[self._boxes, lights.bounds],
-                        writes=[self._near, self._near_counts], values=[packed],
-                        grid=(rows, columns),
+                        "vpl near", self.size, grid=(rows, columns),
+                        boxes=self._boxes, lights=lights.bounds, near=self._near,
+                        counts=self._near_counts, params=packed,
                     )
                 macros["VPL_PARTS"] = int(parted)
-                self._interleaved(gbuffer, reads, macros, packed, walls=walls)
+                self._interleaved(given, macros, walls=walls)
             else:
                 macros |= {
                     "VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS
                 }
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
-                    "vpl splat", self.size, reads=reads, writes=[self._irradiance],
-                    values=[gbuffer.camera_struct, packed],
+                    "vpl splat", self.size,
                     grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.form.lanes)),
+                    **given,
                 )
             add = True
 
     def _interleaved(
-        self, gbuffer: DeviceGBuffer, reads: Sequence[Plane | DeviceArray],
-        macros: dict[str, int], packed: Any, *, walls: bool,
+        self, given: dict[str, Any], macros: dict[str, int], *, walls: bool
     ) -> None:
         grid = self._walls if walls else None
-        # Without walls the kernel does not look at the grid: anything will do.
-        walls_read = [grid.grid, grid.box] if grid else [self._counts, self._boxes]
         macros |= grid.macros if grid else {"VPL_GRID": 32}
         macros |= {"VPL_SIGHT": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.form.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
-            "vpl splat", self.size,
-            reads=[*reads, *walls_read, self._near, self._near_counts], writes=[self._irradiance],
-            values=[gbuffer.camera_struct, packed],
-            grid=(self._tiles[0], self._tiles[1] * pieces),
+            "vpl splat", self.size, grid=(self._tiles[0], self._tiles[1] * pieces),
+            occupancy=grid.grid if grid else None, grid_box=grid.box if grid else None,
+            near=self._near, near_counts=self._near_counts, **given,
         )
 
 

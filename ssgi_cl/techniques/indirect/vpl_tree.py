@@ -84,7 +84,6 @@ class VplTree:
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
         self._walls = walls
-        self._sight = [walls.grid, walls.box] if walls else []
         self._rows = ROWS // 2 if walls else ROWS
         macros |= {
             "SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None),
@@ -107,12 +106,13 @@ class VplTree:
         packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
         segments = self.lights.segments
         self._order.run(
-            "light order", (1, 1), reads=[self.lights.lights],
-            writes=[self._records, self._bounds], values=[packed, total], grid=(1, segments),
+            "light order", (1, 1), grid=(1, segments),
+            lights=self.lights.lights, records=self._records, bounds=self._bounds, params=packed,
+            total=total,
         )
         self._make_runs.run(
-            "light runs", (1, 1), reads=[], writes=[self._records, self._bounds],
-            values=[packed, total], grid=(segments, self._runs), local=(1, 8),
+            "light runs", (1, 1), grid=(segments, self._runs), local=(1, 8),
+            records=self._records, bounds=self._bounds, params=packed, total=total,
         )
 
     def measure(
@@ -124,16 +124,15 @@ class VplTree:
         The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many.
         """
         self._mean.run(
-            "mean", source.size, reads=[source.depth, source.normal, samples, self._records],
-            writes=[self._found],
-            values=[source.camera_struct, self._packed(values, source.margin),
-                    np.int32(self.lights.count), np.int32(SAMPLES)],
-            grid=(1, SAMPLES // self.runtime.form.lanes), local=(1, 4),
+            "mean", source.size, grid=(1, SAMPLES // self.runtime.form.lanes), local=(1, 4),
+            depth=source.depth, normal=source.normal, list=samples, records=self._records,
+            found=self._found, camera=source.camera_struct,
+            params=self._packed(values, source.margin), total=self.lights.count, wanted=SAMPLES,
         )
         self._limits.run(
-            "mean", source.size, reads=[self._found], writes=[self.limits],
-            values=[np.int32(SAMPLES), np.float32(interpolation), np.float32(runs)],
-            grid=(1, 1),
+            "mean", source.size, grid=(1, 1),
+            found=self._found, limits=self.limits, count=SAMPLES, interpolation=interpolation,
+            runs=runs,
         )
 
     def shine(
@@ -157,31 +156,32 @@ class VplTree:
         # Light too weak for a float32 is 0, and so is what may be left out of it.
         groups = -(-most // GROUP)
         scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
-        pixels: list[Plane | DeviceArray] = [source.depth, source.normal, samples]
         parted = self.lights.parted and values.get("refine", 0.0) > 0.0
         shade = self.runtime.kernel(
             "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)},
             (CAMERA, VPL, CUT),
         )
-        parts = [self.lights.lights] if parted else []
+        walls = self._walls
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale})
             for batch in self.lights.batches():
-                packed = self._packed({**values, **batch}, source.margin)
-                shared = [packed, cut]
+                shared = {
+                    "list": samples, "lists": self._lists, "counts": self._counts, "cut": cut,
+                    "params": self._packed({**values, **batch}, source.margin),
+                }
                 self._cut.run(
-                    "light cuts", source.size, reads=[*pixels, self._bounds, self.limits],
-                    writes=[self._kept, self._lists, self._counts],
-                    values=[source.camera_struct, *shared],
-                    grid=(1, min(here, items)), local=local,
+                    "light cuts", source.size, grid=(1, min(here, items)), local=local,
+                    depth=source.depth, normal=source.normal, bounds=self._bounds,
+                    limits=self.limits, kept=self._kept, camera=source.camera_struct, **shared,
                 )
                 shade.run(
-                    "light samples", source.size,
-                    reads=[samples, self._kept, self._records, self._lists, self._counts,
-                           *parts, *self._sight, shares],
-                    writes=[result],
-                    values=shared, grid=(1, min(here * pieces, items)), local=local,
+                    "light samples", source.size, grid=(1, min(here * pieces, items)), local=local,
+                    samples=self._kept, records=self._records,
+                    lights=self.lights.lights if parted else None,
+                    occupancy=walls.grid if walls else None,
+                    grid_box=walls.box if walls else None,
+                    shares=shares, values=result, **shared,
                 )
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:

@@ -46,8 +46,6 @@ class SenderRecords:
         self.array: DeviceArray = runtime.empty(
             4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32
         )
-        self._nothing = runtime.plane(1, (1, 1))
-        self._no_ambient = runtime.array(np.zeros(1, np.float32))
 
     def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
         """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
@@ -57,13 +55,10 @@ class SenderRecords:
         for layer in range(self.layers):
             values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
             kernel.run(
-                "pack senders",
-                gbuffer.whole,
+                "pack senders", gbuffer.whole,
                 # Without light, what is sent is what is emitted.
-                reads=[gbuffer.depth, gbuffer.normal, radiance, radiance, self._nothing,
-                       self._nothing, self._no_ambient],
-                writes=[self.array],
-                values=[LIT.pack({**values, "layer": layer, "image": layer})],
+                depth=gbuffer.depth, normal=gbuffer.normal, albedo=radiance, emission=radiance,
+                records=self.array, params=LIT.pack({**values, "layer": layer, "image": layer}),
             )
 
 
@@ -110,7 +105,6 @@ class LitLayers:
         self._ambient = Ambient(runtime)
         self._radiance: Plane | None = None
         self._records: SenderRecords | None = None
-        self._nothing = runtime.plane(1, (1, 1))
         self._traces: defaultdict[Any, Trace] = defaultdict(Trace)
 
     def run(
@@ -237,14 +231,13 @@ class LitLayers:
             kernel.run(
                 "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
                 + (" back" if layer.facing < 0.0 else ""),
-                self.whole,
-                reads=[
-                    layer.depth, layer.normal, layer.albedo, layer.emission,
-                    lamps or self._nothing, openness or self._nothing, self._ambient.irradiance,
-                ],
-                writes=[to.array if isinstance(to, SenderRecords) else to],
-                values=[LIT.pack(values)],
-                window=over,
+                self.whole, window=over,
+                depth=layer.depth, normal=layer.normal, albedo=layer.albedo,
+                emission=layer.emission if self._emits(layer) else None,
+                lamps=lamps, openness=openness,
+                ambient=self._ambient.irradiance if self._ambient.shines else None,
+                **({"records": to.array} if isinstance(to, SenderRecords) else {"radiance": to}),
+                params=LIT.pack(values),
             )
 
 

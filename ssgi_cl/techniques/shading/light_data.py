@@ -28,7 +28,7 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
     ),
 )
 
@@ -57,7 +57,6 @@ class Lamps:
         self.runtime = runtime
         self.size = size
         self.irradiance = runtime.plane(3, size)
-        self._nothing = runtime.plane(1, (1, 1))
         self._trace = Trace()
 
     def run(
@@ -92,11 +91,13 @@ class Lamps:
         window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
+        blocks = shadow.blocks if shadow else None
         kernel = self.runtime.kernel(
             "shade/shade_light.cl",
             {
                 "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
                 "SHADE_SHADOW": int(shadow is not None),
+                "SHADE_BLOCKS": int(blocks is not None),
                 "SHADE_ADD": int(add),
             },
             (CAMERA, LIGHT),
@@ -104,24 +105,12 @@ class Lamps:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         light_camera = shadow.cameras[0] if shadow else camera
-        blocks = shadow.blocks if shadow else None
         kernel.run(
-            f"light {kind_name(light)}",
-            self.size,
-            reads=[
-                gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing,
-                blocks or self._nothing,
-            ],
-            writes=[self.irradiance],
-            values=[
-                gbuffer.camera_struct,
-                CAMERA.pack(camera_values(light_camera)),
-                LIGHT.pack({
-                    **light_values(light, camera, light_camera, gbuffer),
-                    "blocks": int(blocks is not None),
-                }),
-            ],
-            window=window,
+            f"light {kind_name(light)}", self.size, window=window,
+            depth=gbuffer.depth, normal=gbuffer.normal, map=shadow.depth if shadow else None,
+            blocks=blocks, irradiance=self.irradiance, camera=gbuffer.camera_struct,
+            light_camera=CAMERA.pack(camera_values(light_camera)),
+            light=LIGHT.pack(light_values(light, camera, light_camera, gbuffer)),
         )
 
 
@@ -173,5 +162,4 @@ def light_values(
         "margin_columns": gbuffer.margin[1],
         "margin_rows": gbuffer.margin[0],
         "layer": gbuffer.front,
-        "blocks": 0,
     }

@@ -111,17 +111,10 @@ class LampShadows(Lamps):
             }
         )
         kernel.run(
-            f"light {kind_name(light)}",
-            self.size,
-            reads=[
-                gbuffer.depth, gbuffer.normal, gbuffer.thickness or self._nothing, self._tile,
-            ],
-            writes=[self.irradiance],
-            values=[
-                gbuffer.camera_struct,
-                LIGHT.pack(light_values(light, camera, camera, gbuffer)),
-                packed,
-            ],
+            f"light {kind_name(light)}", self.size,
+            depth=gbuffer.depth, normal=gbuffer.normal, thickness=gbuffer.thickness,
+            tile=self._tile, irradiance=self.irradiance, camera=gbuffer.camera_struct,
+            light=LIGHT.pack(light_values(light, camera, camera, gbuffer)), params=packed,
         )
 
     def _misses(self, gbuffer: DeviceGBuffer, light: Light) -> bool:

@@ -39,7 +39,6 @@ class Shade:
         self.size = size
         self._lamps = Lamps(runtime, size)
         self._radiance = runtime.plane(3, size)
-        self._nothing = runtime.plane(1, (1, 1))
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
         self._sky_size = (1, 1)
@@ -97,6 +96,7 @@ class Shade:
         """
         if self._ambient.set(lights):
             self._set_sky([light for light in lights if isinstance(light, Environment)])
+        shines = ambient and self._ambient.shines
         sky_rows, sky_columns = self._sky_size
         kernel = self.runtime.kernel(
             "shade/shade_combine.cl",
@@ -108,7 +108,7 @@ class Shade:
                     0 if indirect is None else 2 if indirect_ao and openness is not None else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
-                "SHADE_AMBIENT": int(ambient and self._ambient.shines),
+                "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
                 **self._ambient.macros,
             },
@@ -126,16 +126,13 @@ class Shade:
         }
         with self._trace.over(self.seen(gbuffer), self._background) as over:
             kernel.run(
-                "combine",
-                self.size,
-                reads=[
-                    gbuffer.linear, gbuffer.normal, gbuffer.albedo, gbuffer.emission,
-                    lit or self._nothing, openness or self._nothing, indirect or self._nothing,
-                    self._ambient.irradiance, self._sky,
-                ],
-                writes=[self._radiance],
-                values=[gbuffer.camera_struct, COMBINE.pack(values)],
-                window=over,
+                "combine", self.size, window=over,
+                linear=gbuffer.linear, normal=gbuffer.normal, albedo=gbuffer.albedo,
+                emission=gbuffer.emission if gbuffer.emits else None, direct=lit,
+                openness=openness, indirect=indirect,
+                ambient=self._ambient.irradiance if shines else None, sky=self._sky,
+                radiance=self._radiance, camera=gbuffer.camera_struct,
+                params=COMBINE.pack(values),
             )
         return self._radiance
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime
 
@@ -36,9 +34,7 @@ class ShadowBlocks:
         """
         rows, columns = self.size
         self._kernel.run(
-            "shadow blocks", depth.size, reads=[depth], writes=[blocks],
-            values=[
-                np.array([columns, rows], np.int32), np.int32(depth.count), np.float32(perspective)
-            ],
-            grid=(depth.count * rows, columns),
+            "shadow blocks", depth.size, grid=(depth.count * rows, columns),
+            map=depth, blocks=blocks, count=(rows, columns), faces=depth.count,
+            perspective=float(perspective),
         )

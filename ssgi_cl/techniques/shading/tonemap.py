@@ -28,7 +28,7 @@ class Tonemap:
         number = CURVES.index(checks.choice("curve", curve, CURVES))
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
-        self._encoded = runtime.empty(size[0] * self._pitch * 3, np.uint8)
+        self._encoded = runtime.empty(size[0] * self._pitch * 3 // 4, np.uint32)
 
     def run(
         self, radiance: Plane, exposure: float, window: Window | None = None
@@ -43,13 +43,13 @@ class Tonemap:
             parts.append(Window(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
-                "tonemap", self.size, reads=[radiance], writes=[self._encoded],
-                values=[np.float32(min(exposure, LARGEST_EXPOSURE))], window=part,
+                "tonemap", self.size, window=part,
+                radiance=radiance, encoded=self._encoded, exposure=min(exposure, LARGEST_EXPOSURE),
             )
         rows, columns = self.size
         picture = np.empty((rows, columns, 3), np.uint8)
         with self._encoded.mapped() as flat:
-            encoded = flat.reshape(rows, self._pitch, 3)[:, :columns]
+            encoded = flat.view(np.uint8).reshape(rows, self._pitch, 3)[:, :columns]
             copy_window(encoded, picture, window, beyond)
         return picture
 

@@ -14,8 +14,8 @@ from time import perf_counter
 from typing import Any
 
 from ssgi_cl.core import checks
-from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.graph_record import GraphRun, StageRun, device_bytes
+from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.frame.graph_record import GraphLog, StageNames, StageRun, device_bytes
 from ssgi_cl.frame.plan import same
 from ssgi_cl.frame.stage import Resource, Stage, Values, ordered, writers_of
 
@@ -38,6 +38,19 @@ class Compiled:
     culled: Mapping[str, str]
 
 
+@dataclass(frozen=True, eq=False)
+class GraphRun:
+    """A run of a graph.
+
+    Attributes:
+        values: all resources by name; None, or no entry, where there is nothing.
+        log: what became of each stage, and the passes of the frame.
+    """
+
+    values: Mapping[str, Any]
+    log: GraphLog
+
+
 class Graph:
     """The stages of a frame, and what they made last.
 
@@ -46,6 +59,7 @@ class Graph:
         stages: in any order; those that may run at the same place run as they are listed.
         resources: those of which more than the name is to be known.
         keep: whether results are reused.
+        costs: what `costs` is to be, for stages that estimate what they leave out.
 
     Attributes:
         stages: in the order in which they run.
@@ -60,16 +74,22 @@ class Graph:
 
     def __init__(
         self, runtime: Runtime, stages: Sequence[Stage], resources: Sequence[Resource] = (), *,
-        keep: bool = True,
+        keep: bool = True, costs: dict[str, float] | None = None,
     ) -> None:
         self.runtime = runtime
         self.keep = keep
-        self.costs: dict[str, float] = {}
+        self.costs: dict[str, float] = {} if costs is None else costs
         self.device_bytes: dict[str, int] = {}
         self.resources = {each.name: each for each in resources}
         self._writer = writers_of(stages)
         self.stages = ordered(stages, self._writer, self.resources)
-        self._inputs = {stage.name: tuple(self._inputs_of(stage)) for stage in stages}
+        self._names = tuple(
+            StageNames(s.name, s.reads, s.hints, s.writes, keep and s.reuse == "kept")
+            for s in self.stages
+        )
+        self._inputs = {
+            stage.name: tuple(dict.fromkeys(self._inputs_of(stage))) for stage in stages
+        }
         self._compiled: dict[tuple[frozenset[str], frozenset[str]], Compiled] = {}
         self._made: dict[str, tuple[tuple[object, ...], tuple[Any, ...]]] = {}
         self._versions = dict.fromkeys(self._inputs, 0)
@@ -101,7 +121,23 @@ class Graph:
         with self.runtime.frame(self.costs):
             values = self._run(compiled, given, log)
             passes = tuple(self.runtime.times())
-        return GraphRun(self, compiled, frozenset(given), values, log, passes)
+        return GraphRun(values, self._log(compiled, given, log, passes))
+
+    def planned(self, given: Iterable[str], outputs: Iterable[str]) -> GraphLog:
+        """Return what a run would leave if no stage were idle and nothing were reused."""
+        compiled = self.compiled(outputs, given)
+        runs = {stage.name: StageRun("planned") for stage in self.stages}
+        runs |= {name: StageRun("culled", why) for name, why in compiled.culled.items()}
+        return self._log(compiled, given, runs, ())
+
+    def _log(
+        self, compiled: Compiled, given: Iterable[str], runs: Mapping[str, StageRun],
+        passes: tuple[PassTime, ...],
+    ) -> GraphLog:
+        return GraphLog(
+            self.runtime, compiled.outputs, frozenset(given), self._names, runs, passes,
+            dict(self.costs), dict(self.device_bytes),
+        )
 
     # ---- compiling
 
@@ -196,8 +232,7 @@ class Graph:
         inputs = tuple(self._input(each, values, log) for each in self._inputs[name])
         made = self._made.get(name)
         if kept and made is not None and same(made[0], inputs):
-            told = "" if stage.silent else UNCHANGED
-            log[name] = self._left("reused", UNCHANGED, name, told)
+            log[name] = self._left("reused", UNCHANGED, name, UNCHANGED)
             values.update(zip(stage.writes, made[1], strict=True))
             return
         for each in stage.uses:
@@ -208,7 +243,7 @@ class Graph:
         self._made.pop(name, None)
         self._versions[name] += 1
         first, start = self.runtime.noted, perf_counter()
-        why = next((self._absent(each, values) for each in stage.reads), "")
+        why = next(filter(None, (self._absent(each, values) for each in stage.reads)), "")
         with self.runtime.part(name):
             if why:
                 self.runtime.skip(stage.label or name, why)
@@ -228,10 +263,8 @@ class Graph:
         """Return what tells whether a resource changed."""
         resource, writer = self.resources.get(name, Resource(name)), self._writer.get(name)
         if resource.by_value or writer is None or log[writer.name].state == "culled":
-            return resource.key(values[name])
-        if log[writer.name].state in ("ran", "reused"):
-            return self._versions[writer.name]
-        return None
+            return resource.key(values.get(name))
+        return self._versions[writer.name] if name in values else None
 
     def _absent(self, name: str, values: Values) -> str:
         resource = self.resources.get(name)

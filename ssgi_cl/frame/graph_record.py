@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
-from ssgi_cl.device.runtime import PassTime
-
-if TYPE_CHECKING:
-    from ssgi_cl.frame.graph import Compiled, Graph
+from ssgi_cl.device.runtime import PassTime, Runtime
 
 STATES = {
     "ran": "ran",
@@ -151,82 +148,78 @@ class GraphRecord:
         return svg(self)
 
 
+@dataclass(frozen=True)
+class StageNames:
+    """The names of a stage and of its resources, see `Stage`, and whether its results are kept."""
+
+    name: str
+    reads: tuple[str, ...]
+    hints: tuple[str, ...]
+    writes: tuple[str, ...]
+    kept: bool
+
+
 @dataclass(frozen=True, eq=False)
-class GraphRun:
-    """A run of a graph.
+class GraphLog:
+    """What a run of a graph leaves: no resource, and nothing that holds device memory.
 
     Attributes:
-        graph, compiled: what was run.
+        runtime: the device.
+        outputs: resources asked for.
         given: names of the resources that the caller gave.
-        values: all resources by name; None where there is nothing.
-        log: what became of each stage, by name.
+        stages: in their order.
+        runs: what became of each stage, by name.
         passes: of the frame, in order.
+        costs: ms of the latest run, by name of stage.
+        device_bytes: of each resource, by name.
     """
 
-    graph: Graph
-    compiled: Compiled
+    runtime: Runtime
+    outputs: frozenset[str]
     given: frozenset[str]
-    values: dict[str, Any]
-    log: Mapping[str, StageRun]
+    stages: tuple[StageNames, ...]
+    runs: Mapping[str, StageRun]
     passes: tuple[PassTime, ...]
+    costs: Mapping[str, float]
+    device_bytes: Mapping[str, int]
 
     def record(self) -> GraphRecord:
-        """Return what became of stages and resources, without the resources themselves."""
-        return graph_record(self.graph, self.compiled, self.given, self.log, self.passes)
+        """Return the record; its memory is that of now."""
+        stages = []
+        for stage in self.stages:
+            run = self.runs[stage.name]
+            own = self.passes[run.first : run.end]
+            ran = tuple(p for p in own if not p.skipped)
+            stages.append(StageRecord(
+                stage.name, run.state, run.why, sum(p.ms for p in ran), run.host_ms,
+                self.costs.get(stage.name), stage.reads, stage.hints, stage.writes, ran,
+                tuple(p for p in own if p.skipped),
+            ))
+        memory, info = self.runtime.memory, self.runtime.info
+        return GraphRecord(
+            f"{info.label}, {self.runtime.form}", tuple(sorted(self.outputs)), tuple(stages),
+            tuple(self._resources(stages)),
+            {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
+        )
 
-
-def graph_record(
-    graph: Graph, compiled: Compiled, given: frozenset[str], log: Mapping[str, StageRun],
-    passes: tuple[PassTime, ...],
-) -> GraphRecord:
-    """Return the record of a graph, of a run or, with an empty `log`, of what one would do."""
-    stages = []
-    for stage in compiled.stages:
-        culled = compiled.culled.get(stage.name)
-        run = log.get(stage.name) or StageRun("planned" if culled is None else "culled", culled or "")
-        own = passes[run.first : run.end]
-        ran = tuple(p for p in own if not p.skipped)
-        stages.append(StageRecord(
-            stage.name, run.state, run.why, sum(p.ms for p in ran), run.host_ms,
-            graph.costs.get(stage.name), stage.reads, stage.hints, stage.writes, ran,
-            tuple(p for p in own if p.skipped),
-        ))
-    memory, runtime = graph.runtime.memory, graph.runtime
-    return GraphRecord(
-        f"{runtime.info.label}, {runtime.form}", tuple(sorted(compiled.outputs)), tuple(stages),
-        tuple(_resources(graph, compiled, given, stages)),
-        {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
-    )
-
-
-def _resources(
-    graph: Graph, compiled: Compiled, given: frozenset[str], stages: list[StageRecord]
-) -> list[ResourceRecord]:
-    kept = {
-        name for stage in compiled.stages for name in stage.writes
-        if graph.keep and stage.reuse == "kept"
-    }
-    writers = {name: stage for stage in stages for name in stage.writes}
-    names = [
-        *dict.fromkeys(name for stage in stages for name in stage.reads if name in given),
-        *(name for name in writers if name not in given),
-    ]
-    found = []
-    for name in names:
-        touching = [
-            stage.name for stage in stages
-            if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
-        ]
-        brought = name in given
-        there = brought or writers[name].live
-        found.append(ResourceRecord(
-            name, None if brought or not there else graph.device_bytes.get(name), brought,
-            name in compiled.outputs, name in kept and not brought,
-            None if brought else writers[name].name,
-            touching[0] if there and touching else None,
-            touching[-1] if there and touching else None,
-        ))
-    return found
+    def _resources(self, stages: Sequence[StageRecord]) -> Iterator[ResourceRecord]:
+        kept = {name for stage in self.stages if stage.kept for name in stage.writes}
+        writers = {name: each for each in stages for name in each.writes if name not in self.given}
+        read = (name for stage in stages for name in stage.reads if name in self.given)
+        for name in dict.fromkeys((*read, *writers)):
+            writer = writers.get(name)
+            touching = [
+                stage.name for stage in stages
+                if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
+            ]
+            if writer is not None and not writer.live:
+                touching = []
+            yield ResourceRecord(
+                name, self.device_bytes.get(name) if writer is not None and touching else None,
+                writer is None, name in self.outputs, writer is not None and name in kept,
+                None if writer is None else writer.name,
+                touching[0] if touching else None, touching[-1] if touching else None,
+            )
 
 
 def device_bytes(value: Any) -> int:

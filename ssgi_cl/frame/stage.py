@@ -33,7 +33,7 @@ class Stage:
             when a stage that reads it runs, and keeps by itself what it can. "every frame".
         label: the name under which `PassTime` reports an idle stage; by default `name`.
         culled: why it is not run where no output needs it, if passes are to tell that.
-        silent: whether passes tell nothing of it when it is idle or reused.
+        silent: whether passes tell nothing of it when it is idle.
     """
 
     name: str

@@ -261,10 +261,14 @@ class Graph:
 
     def _input(self, name: str, values: Values, log: Mapping[str, StageRun]) -> object:
         """Return what tells whether a resource changed."""
-        resource, writer = self.resources.get(name, Resource(name)), self._writer.get(name)
-        if resource.by_value or writer is None or log[writer.name].state == "culled":
-            return resource.key(values.get(name))
-        return self._versions[writer.name] if name in values else None
+        if name not in values:
+            return None
+        resource, writer = self.resources.get(name), self._writer.get(name)
+        made = writer is not None and log[writer.name].state != "culled"
+        if resource is not None and (resource.by_value or not made):
+            return resource.key(values[name])
+        assert writer is not None  # noqa: S101  what is not given is written
+        return self._versions[writer.name]
 
     def _absent(self, name: str, values: Values) -> str:
         resource = self.resources.get(name)

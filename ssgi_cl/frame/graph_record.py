@@ -239,3 +239,8 @@ def device_bytes(value: Any) -> int:
 
     visit(value, True)
     return sum(buffers.values())
+
+
+def mebibytes(size: int) -> str:
+    """Return a number of bytes in MiB, or KiB where that is less than a tenth."""
+    return f"{size / 2**20:.1f} MiB" if size >= 2**20 / 10 else f"{size / 2**10:.1f} KiB"

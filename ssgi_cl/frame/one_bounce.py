@@ -37,8 +37,11 @@ class OneBounce(Protocol):
         blocked: whether triangles of the scene block its light: then it needs the scene.
     """
 
-    name: str
-    blocked: bool
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def blocked(self) -> bool: ...
 
     def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
         """Queue the passes; return the plane of irradiance.

@@ -1,4 +1,4 @@
-"""What a frame is asked for: its outputs, what may be left out, and when two inputs are the same."""
+"""What a frame is asked for: outputs and skips; and when two inputs are the same."""
 
 from __future__ import annotations
 

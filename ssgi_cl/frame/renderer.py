@@ -19,6 +19,7 @@ from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
 from ssgi_cl.frame.plan import Needs, chosen_skips
 from ssgi_cl.frame.render_params import BounceParams
 from ssgi_cl.frame.result import Frame
+from ssgi_cl.frame.stage import Stage
 from ssgi_cl.frame.stages import (
     AO,
     CAMERA,
@@ -96,72 +97,74 @@ class Renderer:
         self.runtime = runtime
         self.size = size
         self.skips = chosen_skips(skips)
-        ssdo = indirect if isinstance(indirect, SsdoParams) else None
-        attributes = layers if ssdo is not None else 1
+        ssdo = isinstance(indirect, SsdoParams)
+        attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
             windows="window" in self.skips,
         )
         maps = LightMaps(
-            runtime, shadow_size, flux=indirect is not None and ssdo is None,
+            runtime, shadow_size, flux=indirect is not None and not ssdo,
             glossy=getattr(indirect, "glossy_vpls", 0) > 0, rsm_size=rsm_size,
         )
-        self._ao: Occluder | None = None
-        self._bounce: OneBounce | None = None
-        self._near = Opener(runtime, "ssdo", "ssdo_bitmask")
-        self._rest = TileRest()
-        tiles: Tiles | None = None
-        if self.skips & ({"tiles", "lights", "layers"} if ssdo is None else {"tiles"}):
-            tiles = Tiles(runtime, size, margin, layers, pieces=ssdo is not None)
-        shade, tonemap = Shade(runtime, size), Tonemap(runtime, size, curve)
-        costs: dict[str, float] = {}
-        stages, light = [gbuffer_stage(self.rasterizer)], [DIRECT]
         keep = "maps" in self.skips
-        if ssdo is not None:
-            technique = Ssdo(
-                runtime, size, replace(ssdo, bent_normals=False), margin, layers, attributes
-            )  # a picture has no bent normals
-            if tiles is not None and technique.reach(self.rasterizer.target) is None:
+        tiles: Tiles | None = None
+        if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
+            tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
+        shade = Shade(runtime, size)
+        costs: dict[str, float] = {}
+        self._rest = TileRest()
+        self._openers: list[Opener | Occluder] = []
+        self._bounce: OneBounce | None = None
+        near: list[Stage] = []
+        light = [DIRECT]
+        if isinstance(indirect, SsdoParams):
+            params = replace(indirect, bent_normals=False)  # a picture has none
+            technique = Ssdo(runtime, size, params, margin, layers, attributes)
+            if technique.reach(self.rasterizer.target) is None:
                 tiles = None
-            if tiles is not None:
-                stages.append(tiles_stage(tiles, self._rest))
-            drawn = FurtherViews(runtime, views) if views else None
-            stages += [
+            opener = Opener(runtime, "ssdo", "ssdo_bitmask")
+            self._openers.append(opener)
+            near = [
                 maps_stage(maps, keep=keep, reflects=False, all_lights=True),
-                *ssdo_stages(technique, self._near, tiles, drawn),
+                *ssdo_stages(
+                    technique, opener, tiles, FurtherViews(runtime, views) if views else None
+                ),
             ]
             light.append(INDIRECT)
         else:
-            if tiles is not None:
-                stages.append(tiles_stage(tiles, self._rest))
             if indirect is not None:
                 self._bounce = one_bounce(runtime, size, indirect, margin)
-            indirect_ao = indirect_ao and self._bounce is not None
-            if ao is not None:
-                self._ao = Occluder(runtime, size, ao, margin, layers, self.skips)
-                light.append(AO)
-                stages.append(
-                    occlusion_stage(self._ao, tiles, self.skips, dims_indirect=indirect_ao)
-                )
-            if "lights" in self.skips:
-                stages.append(idle_lights_stage(runtime, costs))
-            # What reflects light is in one map of all lights, idle or not.
             reflects = self._bounce is not None
-            stages += [
+            indirect_ao = indirect_ao and reflects
+            if ao is not None:
+                occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
+                self._openers.append(occluder)
+                near.append(
+                    occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao)
+                )
+                light.append(AO)
+            if "lights" in self.skips:
+                near.append(idle_lights_stage(runtime, costs))
+            # What reflects light is in one map of all lights, idle or not.
+            near += [
                 maps_stage(maps, keep=keep, reflects=reflects, all_lights=reflects),
                 direct_stage(shade),
             ]
             if self._bounce is not None:
-                stages.append(one_bounce_stage(self._bounce, runtime))
+                near.append(one_bounce_stage(self._bounce, runtime))
                 light.append(INDIRECT)
-        stages += [
-            combine_stage(shade, light, ambient=ssdo is None, indirect_ao=indirect_ao),
-            *picture_stages(shade, tonemap),
+        stages = [
+            gbuffer_stage(self.rasterizer),
+            *([] if tiles is None else [tiles_stage(tiles, self._rest)]),
+            *near,
+            combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
+            *picture_stages(shade, Tonemap(runtime, size, curve)),
         ]
         self._graph = Graph(
             runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs
         )
-        self._made = {INDIRECT} & set(light) | ({AO} if self._ao is not None else set())
+        self._light = frozenset(light)
         self._log: GraphLog | None = None
 
     def __call__(
@@ -194,9 +197,9 @@ class Renderer:
         """Return the resources that the outputs of a frame are made of."""
         wanted = {GBUFFER}
         if needs.ao:
-            wanted |= {AO} & self._made
+            wanted |= {AO} & self._light
         if needs.bounce:
-            wanted |= {INDIRECT} & self._made
+            wanted |= {INDIRECT} & self._light
         if needs.light:
             wanted |= {RADIANCE, EXPOSURE}
         if "radiance" in needs.outputs:
@@ -219,7 +222,7 @@ class Renderer:
             run = self._graph.run(given, self._resources(needs))
             made, seen = run.values, run.values[GBUFFER]
             image, openness, bounced = (made.get(name) for name in (IMAGE, AO, INDIRECT))
-            picture = image.copy() if "image" in needs.outputs else None
+            picture = image.copy() if image is not None and "image" in needs.outputs else None
             ao = None if openness is None else openness.download(window=seen.seen)[0]
             indirect = None if bounced is None else pixels(bounced)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
@@ -243,9 +246,8 @@ class Renderer:
 
     def _learn(self, made: Mapping[str, Any]) -> None:
         """Take from what passes took what tiles save, and whether to look at them next time."""
-        openers = [self._near] if self._ao is None else [self._near, self._ao]
-        for opener in openers:
+        for opener in self._openers:
             opener.learn(self._graph.costs)
         if made.get(TILES) is not None:
-            pays = any(opener.pays for opener in openers)
+            pays = any(opener.pays for opener in self._openers)
             self._rest.learn(pays or bool(made.get(IDLE_LIGHTS)))

@@ -15,7 +15,7 @@ from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import OUTPUTS, SKIPS, Stages, chosen_outputs, chosen_skips
+from ssgi_cl.frame.plan import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
 from ssgi_cl.frame.render import Frame, Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.ao.gtao import GtaoParams
@@ -239,19 +239,3 @@ def test_skips_and_outputs_are_names() -> None:
     ):
         with pytest.raises(error, match=message):
             chosen_outputs(wrong)
-
-
-def test_a_stage_that_fails_is_made_anew(runtime: Runtime) -> None:
-    stages = Stages(runtime, keep=True)
-
-    def fail() -> int:
-        raise RuntimeError("no")
-
-    with runtime.frame():
-        assert stages.make("one", (1,), lambda: 5) == 5
-        assert stages.make("one", (1,), fail) == 5
-        with pytest.raises(RuntimeError, match="no"):
-            stages.make("one", (2,), fail)
-        assert not stages.stays("one", (1,))
-        assert stages.make("one", (1,), lambda: 6) == 6
-        assert stages.versions("one", "two") == (3, 0)

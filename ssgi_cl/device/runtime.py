@@ -536,6 +536,12 @@ class Runtime:
         cost = log.costs.get(name, 0.0) if saved is None else saved
         log.skips.append((len(log.events), PassTime(name, 0.0, why, cost)))
 
+    @property
+    def noted(self) -> int:
+        """Number of passes that this thread's frame has so far, skipped ones counted: the place
+        that the next one gets in `times`."""
+        return len(self._log.events) + len(self._log.skips)
+
     def finish(self) -> None:
         """Wait for the device."""
         self.queue.finish()

@@ -1,16 +1,15 @@
-"""The plan of a frame: which outputs are asked for, and what may be left out of making them."""
+"""What a frame is asked for: outputs and skips; and when two inputs are the same."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
-from ssgi_cl.device.runtime import Runtime
 
 _VALUES = (Camera, SpotLight, PointLight, DirectionalLight, Environment)
 _PLAIN = (bool, int, float, str, frozenset, type(None))
@@ -109,46 +108,6 @@ class Needs:
             light=light, picture=picture,
             given=names | ({"ao", "indirect"} if chosen is None else set()),
         )
-
-
-class Stages:
-    """The stages of a frame and what they last made, which stays where all it is made of stays.
-
-    Args:
-        runtime: the device.
-        keep: whether anything stays.
-    """
-
-    def __init__(self, runtime: Runtime, *, keep: bool) -> None:
-        self.runtime = runtime
-        self._keep = keep
-        self._made: dict[str, tuple[tuple[object, ...], Any]] = {}
-        self._versions: dict[str, int] = {}
-
-    def stays(self, name: str, inputs: tuple[object, ...]) -> bool:
-        """Return whether `make` would return what is there."""
-        made = self._made.get(name)
-        return self._keep and made is not None and same(made[0], inputs)
-
-    def make(self, name: str, inputs: tuple[object, ...], run: Callable[[], Any]) -> Any:
-        """Return what `run` returned for the same inputs last time, or its result now.
-
-        `inputs` are scenes, cameras, lights, plain values, and `versions` of earlier stages.
-        """
-        if self.stays(name, inputs):
-            self.runtime.skip(name, "all that it is made of stays the same")
-            return self._made[name][1]
-        # Should it fail, nothing is taken for made.
-        self._made.pop(name, None)
-        self._versions[name] = self._versions.get(name, 0) + 1
-        with self.runtime.part(name):
-            value = run()
-        self._made[name] = inputs, value
-        return value
-
-    def versions(self, *names: str) -> tuple[int, ...]:
-        """Return how often each stage has run: an input of what is made of its result."""
-        return tuple(self._versions.get(name, 0) for name in names)
 
 
 def same(a: object, b: object) -> bool:

@@ -7,31 +7,23 @@ from typing import Any
 from ssgi_cl.core import checks
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.one_bounce import OneBounceParams
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.indirect import multires_splat, rsm_gather
-from ssgi_cl.techniques.indirect.multires_published import (
-    MultiresPublished,
-    MultiresPublishedParams,
-)
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublishedParams
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplatParams
 from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
-from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.indirect.rsm_gather import RsmGatherParams
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublishedParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
 
 AO_DEFAULT = "gtao"
 BOUNCES = ("multires", "vpl", "gather", "ssdo")
 """The first is the default of one bounce."""
 
-LampBounceParams = (
-    MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams
-    | RsmPublishedParams
-)
-BounceParams = LampBounceParams | SsdoParams
-LampBounce = MultiresSplat | MultiresPublished | VplSplat | RsmGather | RsmPublished
-"""What computes the light of lamps that surfaces reflect."""
+BounceParams = OneBounceParams | SsdoParams
 
 
 def ao_name(ao: object, samples: int | None) -> str | None:
@@ -119,18 +111,3 @@ def bounce_params(
         vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True,
         grid=MOST_CELLS,
     )
-
-
-def lamp_bounce(
-    runtime: Runtime, size: Size, params: LampBounceParams, margin: Size
-) -> LampBounce:
-    """Return what computes the light of lamps that surfaces reflect, by its parameters."""
-    if isinstance(params, RsmGatherParams):
-        return RsmGather(runtime, size, params, margin)
-    if isinstance(params, RsmPublishedParams):
-        return RsmPublished(runtime, size, params, margin)
-    if isinstance(params, MultiresPublishedParams):
-        return MultiresPublished(runtime, size, params)
-    if isinstance(params, MultiresSplatParams):
-        return MultiresSplat(runtime, size, params)
-    return VplSplat(runtime, size, params)

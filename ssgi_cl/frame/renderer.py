@@ -2,46 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import FurtherViews
-from ssgi_cl.frame.plan import Needs, Stages, chosen_skips
-from ssgi_cl.frame.render_params import BounceParams, LampBounce, lamp_bounce
+from ssgi_cl.frame.graph import Graph
+from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
+from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
+from ssgi_cl.frame.plan import Needs, chosen_skips
+from ssgi_cl.frame.render_params import BounceParams
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.tile_classifier import Occluder, Opener
+from ssgi_cl.frame.stage import Stage
+from ssgi_cl.frame.stages import (
+    AO,
+    CAMERA,
+    DIRECT,
+    EXPOSURE,
+    GBUFFER,
+    IDLE_LIGHTS,
+    IMAGE,
+    INDIRECT,
+    LIGHTS,
+    MULTI_BOUNCE,
+    PIXELS,
+    RADIANCE,
+    RESOURCES,
+    SCENE,
+    TILES,
+    combine_stage,
+    direct_stage,
+    gbuffer_stage,
+    idle_lights_stage,
+    maps_stage,
+    occlusion_stage,
+    one_bounce_stage,
+    picture_stages,
+    pixels,
+    ssdo_stages,
+    tiles_stage,
+)
+from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
 from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.view import device_scene, downloaded
+from ssgi_cl.rasterize.view import downloaded
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublished
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
-from ssgi_cl.techniques.indirect.rsm_gather import RsmGather
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublished
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
-from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
-from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
-from ssgi_cl.techniques.tiles import TileFacts, Tiles
-
-REST = 7
-"""Frames that don't look at the tiles after one where that brought nothing: a look costs up to a
-twentieth of a frame."""
+from ssgi_cl.techniques.shading.tonemap import Tonemap
+from ssgi_cl.techniques.tiles import Tiles
 
 
 class Renderer:
@@ -81,41 +97,75 @@ class Renderer:
         self.runtime = runtime
         self.size = size
         self.skips = chosen_skips(skips)
-        near = isinstance(indirect, SsdoParams)
-        attributes = layers if near else 1
+        ssdo = isinstance(indirect, SsdoParams)
+        attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
             windows="window" in self.skips,
         )
-        glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
-        self._maps = LightMaps(
-            runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy,
-            rsm_size=rsm_size,
+        maps = LightMaps(
+            runtime, shadow_size, flux=indirect is not None and not ssdo,
+            glossy=getattr(indirect, "glossy_vpls", 0) > 0, rsm_size=rsm_size,
         )
-        self._ao: Occluder | None = None
-        if ao is not None and not near:
-            self._ao = Occluder(runtime, size, ao, margin, layers, self.skips)
-        self._bounce: LampBounce | None = None
-        self._ssdo: Ssdo | None = None
-        self._views: FurtherViews | None = None
+        keep = "maps" in self.skips
+        tiles: Tiles | None = None
+        if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
+            tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
+        shade = Shade(runtime, size)
+        costs: dict[str, float] = {}
+        self._rest = TileRest()
+        self._openers: list[Opener | Occluder] = []
+        self._bounce: OneBounce | None = None
+        near: list[Stage] = []
+        light = [DIRECT]
         if isinstance(indirect, SsdoParams):
-            near_params = replace(indirect, bent_normals=False)  # a picture has none
-            self._ssdo = Ssdo(runtime, size, near_params, margin, layers, attributes)
-            self._views = FurtherViews(runtime, views) if views else None
-        elif indirect is not None:
-            self._bounce = lamp_bounce(runtime, size, indirect, margin)
-        self._tiles: Tiles | None = None
-        if self.skips & ({"tiles"} if near else {"tiles", "lights", "layers"}):
-            self._tiles = Tiles(runtime, size, margin, layers, pieces=near)
-        self._near = Opener(runtime, "ssdo", "ssdo_bitmask")
-        self._indirect_ao = indirect_ao and self._bounce is not None
-        self._shade = Shade(runtime, size)
-        self._tonemap = Tonemap(runtime, size, curve)
-        self._stages = Stages(runtime, keep="unchanged" in self.skips)
-        self._costs: dict[str, float] = {}
-        self._found_idle = False
-        self._rest = 0  # frames that don't look at the tiles of this scene with so many lights
-        self._rest_of: tuple[object, int] = (None, 0)
+            params = replace(indirect, bent_normals=False)  # a picture has none
+            technique = Ssdo(runtime, size, params, margin, layers, attributes)
+            if technique.reach(self.rasterizer.target) is None:
+                tiles = None
+            opener = Opener(runtime, "ssdo", "ssdo_bitmask")
+            self._openers.append(opener)
+            near = [
+                maps_stage(maps, keep=keep, reflects=False, all_lights=True),
+                *ssdo_stages(
+                    technique, opener, tiles, FurtherViews(runtime, views) if views else None
+                ),
+            ]
+            light.append(INDIRECT)
+        else:
+            if indirect is not None:
+                self._bounce = one_bounce(runtime, size, indirect, margin)
+            reflects = self._bounce is not None
+            indirect_ao = indirect_ao and reflects
+            if ao is not None:
+                occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
+                self._openers.append(occluder)
+                near.append(
+                    occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao)
+                )
+                light.append(AO)
+            if "lights" in self.skips:
+                near.append(idle_lights_stage(runtime, costs))
+            # What reflects light is in one map of all lights, idle or not.
+            near += [
+                maps_stage(maps, keep=keep, reflects=reflects, all_lights=reflects),
+                direct_stage(shade),
+            ]
+            if self._bounce is not None:
+                near.append(one_bounce_stage(self._bounce, runtime))
+                light.append(INDIRECT)
+        stages = [
+            gbuffer_stage(self.rasterizer),
+            *([] if tiles is None else [tiles_stage(tiles, self._rest)]),
+            *near,
+            combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
+            *picture_stages(shade, Tonemap(runtime, size, curve)),
+        ]
+        self._graph = Graph(
+            runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs
+        )
+        self._light = frozenset(light)
+        self._log: GraphLog | None = None
 
     def __call__(
         self,
@@ -136,234 +186,68 @@ class Renderer:
             )
         )
 
+    def graph(self) -> GraphRecord:
+        """Return the frame graph: that of the latest frame, or what a first one would run."""
+        if self._log is not None:
+            return self._log.record()
+        given = (SCENE, CAMERA, LIGHTS, MULTI_BOUNCE)
+        return self._graph.planned(given, self._resources(Needs.of(None, self.skips))).record()
+
+    def _resources(self, needs: Needs) -> set[str]:
+        """Return the resources that the outputs of a frame are made of."""
+        wanted = {GBUFFER}
+        if needs.ao:
+            wanted |= {AO} & self._light
+        if needs.bounce:
+            wanted |= {INDIRECT} & self._light
+        if needs.light:
+            wanted |= {RADIANCE, EXPOSURE}
+        if "radiance" in needs.outputs:
+            wanted.add(PIXELS)
+        return wanted | {IMAGE} if needs.picture else wanted
+
     def _frame(
         self, scene: Scene, camera: Camera, lights: Sequence[Light], *, exposure: float | None,
         gbuffer: bool, multi_bounce: bool, outputs: Iterable[str] | None,
     ) -> Frame:
         start = perf_counter()
-        lights = tuple(lights)
         needs = Needs.of(outputs, self.skips)
-        factor, image, values = 1.0 if exposure is None else exposure, None, None
-        with self.runtime.frame(self._costs):
-            seen = self._stages.make(
-                "G-buffer", (scene.key, camera), lambda: self._see(scene, camera)
-            )
-            facts = self._look(scene, seen, lights, needs)
-            openness = self._openness(seen, facts, lights, needs)
-            direct = bounced = None
-            if self._ssdo is not None and (needs.light or needs.bounce):
-                direct, bounced = self._near_light(
-                    self._ssdo, scene, camera, lights, seen, facts
-                )
-            elif needs.light or needs.bounce:
-                direct, bounced = self._light(scene, camera, lights, seen, facts, needs)
-            if needs.light:
-                radiance = self._stages.make(
-                    "combine",
-                    (lights, multi_bounce, openness is None, self._stages.versions(
-                        "G-buffer", *self._ao_name, "direct light", "bounce", "ssdo")),
-                    lambda: self._shade.combine(
-                        seen, lights, direct, ambient=self._ssdo is None, openness=openness,
-                        indirect=bounced, multi_bounce=multi_bounce,
-                        indirect_ao=self._indirect_ao,
-                    ),
-                )
-                summed = self._stages.versions("combine")
-                window = self._shade.seen(seen)
-                if "radiance" in needs.outputs:
-                    values = _pixels(radiance, window)
-                if exposure is None:
-                    factor = self._stages.make(
-                        "exposure", summed,
-                        lambda: auto_exposure(
-                            _pixels(radiance, window) if values is None else values, window
-                        ),
-                    )
-                if needs.picture:
-                    encoded = self._stages.make(
-                        "picture", (*summed, factor),
-                        lambda: self._tonemap.run(radiance, factor, window),
-                    )
-                    image = encoded.copy()
-            passes = tuple(self.runtime.times())
+        lights = tuple(lights)
+        given = {
+            SCENE: scene, CAMERA: camera, LIGHTS: lights, MULTI_BOUNCE: multi_bounce,
+            EXPOSURE: exposure,
+        }
+        self._rest.begin(scene.key, len(lights))
+        with self.runtime.frame(self._graph.costs):
+            run = self._graph.run(given, self._resources(needs))
+            made, seen = run.values, run.values[GBUFFER]
+            image, openness, bounced = (made.get(name) for name in (IMAGE, AO, INDIRECT))
+            picture = image.copy() if image is not None and "image" in needs.outputs else None
             ao = None if openness is None else openness.download(window=seen.seen)[0]
-            indirect = None if bounced is None else _pixels(bounced)
+            indirect = None if bounced is None else pixels(bounced)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
             levels = None
-            if kept and bounced is not None and isinstance(self._bounce, MultiresSplat):
-                levels = self._bounce.grid.computed()
-        if self._ao is not None:
-            self._ao.learn(self._costs)
-        self._near.learn(self._costs)
-        if facts is not None:
-            pays = self._found_idle or self._near.pays or (
-                self._ao is not None and self._ao.pays
-            )
-            self._rest = 0 if pays else REST
+            if kept and bounced is not None and self._bounce is not None:
+                levels = self._bounce.levels()
+        self._learn(made)
+        self._log = run.log
         return Frame(
             ao=ao if "ao" in needs.given else None,
             indirect=indirect if "indirect" in needs.given else None,
             gbuffer=kept,
             levels=levels,
-            exposure=factor,
-            passes=passes,
+            exposure=made.get(EXPOSURE, 1.0),
+            passes=run.log.passes,
             wall_ms=(perf_counter() - start) * 1e3,
-            _image=image if "image" in needs.outputs else None,
-            _radiance=values,
+            _image=picture,
+            _radiance=made[PIXELS] if "radiance" in needs.outputs else None,
+            _log=run.log,
         )
 
-    def _see(self, scene: Scene, camera: Camera) -> DeviceGBuffer:
-        """Queue the passes that draw the G-buffer."""
-        seen: DeviceGBuffer = self.rasterizer.render(device_scene(scene, self.runtime), camera)
-        if seen.window is not None:
-            rows, columns = seen.window.rows, seen.window.columns
-            why = f"nothing is seen outside of {columns} x {rows} pixels"
-            self.runtime.skip("window", why, 0.0)
-        seen.derive()
-        return seen
-
-    def _look(
-        self, scene: Scene, seen: DeviceGBuffer, lights: Sequence[Light], needs: Needs
-    ) -> TileFacts | None:
-        """Find out about the tiles, if anything may be left out for it."""
-        tiles = self._tiles
-        if self._rest_of[0] is not scene.key or self._rest_of[1] != len(lights):
-            self._rest, self._rest_of = 0, (scene.key, len(lights))
-        if self._rest > 0:
-            self._rest -= 1
-            return None
-        occlusion = self._ao is not None and self._dims(lights, needs)
-        lamps = "lights" in self.skips and any(not isinstance(x, Environment) for x in lights)
-        useful = (occlusion and self.skips & {"tiles", "layers"}) or (needs.light and lamps)
-        if self._ssdo is not None:
-            useful = (needs.light or needs.bounce) and self._ssdo.reach(seen) is not None
-        if tiles is None or not useful:
-            return None
-        facts: TileFacts = self._stages.make(
-            "tile facts", self._stages.versions("G-buffer"), lambda: tiles.look(seen)
-        )
-        return facts
-
-    @property
-    def _ao_name(self) -> tuple[str, ...]:
-        return () if self._ao is None else (self._ao.name,)
-
-    def _dims(self, lights: Sequence[Light], needs: Needs) -> bool:
-        """Return whether ambient occlusion changes any output."""
-        ambient = any(_is_ambient(light) for light in lights) or "dark" not in self.skips
-        return needs.ao or (needs.light and (ambient or self._indirect_ao))
-
-    def _openness(
-        self, seen: DeviceGBuffer, facts: TileFacts | None, lights: Sequence[Light], needs: Needs
-    ) -> Plane | None:
-        """Queue the passes of ambient occlusion; return A, or None if nothing needs it."""
-        ao = self._ao
-        if ao is None:
-            return None
-        if not self._dims(lights, needs):
-            why = "no ambient light for it to dim" if needs.light else "no output that it changes"
-            self.runtime.skip(ao.name, why)
-            return None
-        openness: Plane = self._stages.make(
-            ao.name, self._stages.versions("G-buffer"), lambda: ao.run(seen, self._tiles, facts)
-        )
-        return openness
-
-    def _near_light(
-        self, ssdo: Ssdo, scene: Scene, camera: Camera, lights: Sequence[Light],
-        seen: DeviceGBuffer, facts: TileFacts | None,
-    ) -> tuple[Plane | None, Plane | None]:
-        """Queue the passes of SSDO; return the planes of direct and reflected irradiance."""
-        self.runtime.skip("ambient occlusion", "ssdo hides ambient light by itself")
-
-        def gathered() -> tuple[Plane | None, Plane | None]:
-            shadows, _ = self._maps.draw(scene, lights, keep="maps" in self.skips)
-            views = self._views.drawn(scene, camera, seen, lights) if self._views else ()
-            looked_at = None if facts is None else self._tiles
-            tiles = self._near.find(seen, looked_at, ssdo.reach(seen))
-            found = ssdo.run(seen, lights, shadows=shadows, views=views, tiles=tiles)
-            return found.direct, found.bounce
-
-        planes: tuple[Plane | None, Plane | None] = self._stages.make(
-            "ssdo", (lights, self._stages.versions("G-buffer")), gathered
-        )
-        return planes
-
-    def _light(
-        self, scene: Scene, camera: Camera, lights: tuple[Light, ...], seen: DeviceGBuffer,
-        facts: TileFacts | None, needs: Needs,
-    ) -> tuple[Plane | None, Plane | None]:
-        """Queue the passes of lamps, and of the light that surfaces reflect, where needed."""
-        idle = self._idle(lights, camera, facts)
-        bounce = self._bounce if needs.bounce else None
-        inputs = lights, scene.key, self._stages.versions("G-buffer")
-        stay = [self._stages.stays(name, inputs) for name in ("direct light", "bounce")]
-        shadows, rsm = None, None
-        if not (stay[0] or not needs.light) or not (stay[1] or bounce is None):
-            # What reflects light is in one map of all lamps, idle or not.
-            without = () if bounce is not None else idle
-            keep = "maps" in self.skips
-            shadows, rsm = self._maps.draw(scene, lights, idle=without, keep=keep)
-        lit = [i for i in range(len(lights)) if i not in idle]
-        direct = None
-        if needs.light:
-            direct = self._stages.make(
-                "direct light", inputs,
-                lambda: self._shade.light(
-                    seen, [lights[i] for i in lit], shadows and [shadows[i] for i in lit]
-                ),
-            )
-        bounced = None
-        if bounce is not None:
-            bounced = self._stages.make(
-                "bounce", inputs, lambda: self._reflected(bounce, scene, seen, rsm)
-            )
-        return direct, bounced
-
-    def _idle(
-        self, lights: Sequence[Light], camera: Camera, facts: TileFacts | None
-    ) -> set[int]:
-        """Return which lamps light nothing that is seen."""
-        if facts is None or "lights" not in self.skips:
-            return set()
-        lamps = {
-            index: light for index, light in enumerate(lights)
-            if not isinstance(light, Environment) and power(light).any()
-        }
-        reach = reaching(list(lamps.values()), facts.boxes, camera)
-        idle = {
-            index: light for (index, light), reaches in zip(lamps.items(), reach, strict=True)
-            if not reaches
-        }
-        for light in idle.values():
-            kind = kind_name(light)
-            why = "all that is seen is turned away from it or outside its cone"
-            # Its light would be found to be none soon, but not before its map is drawn.
-            self.runtime.skip(f"light {kind}", why, self._costs.get(f"map {kind}", 0.0))
-        self._found_idle = bool(idle)
-        return set(idle)
-
-    def _reflected(
-        self, bounce: LampBounce, scene: Scene, seen: DeviceGBuffer,
-        rsm: DeviceRsm | None,
-    ) -> Plane | None:
-        """Queue the passes of one bounce; return its plane of irradiance, or None if it is dark."""
-        if rsm is None:
-            self.runtime.skip(bounce.name, "no light that a map could be made of")
-            return None
-        if isinstance(bounce, (RsmGather, RsmPublished)):
-            return bounce.run(seen, rsm)
-        if isinstance(bounce, MultiresPublished):
-            return bounce.run(seen, None, [rsm])
-        return bounce.run(seen, None, [rsm], scene=device_scene(scene, self.runtime))
-
-
-def _is_ambient(light: Light) -> bool:
-    return isinstance(light, Environment) and bool(np.any(np.asarray(light.radiance)))
-
-
-def _pixels(plane: Plane, window: Window | None = None) -> NDArray[np.float32]:
-    """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
-    pixels = np.empty((*plane.size, plane.count), np.float32)
-    plane.download(np.moveaxis(pixels, -1, 0), window)
-    return pixels
+    def _learn(self, made: Mapping[str, Any]) -> None:
+        """Take from what passes took what tiles save, and whether to look at them next time."""
+        for opener in self._openers:
+            opener.learn(self._graph.costs)
+        if made.get(TILES) is not None:
+            pays = any(opener.pays for opener in self._openers)
+            self._rest.learn(pays or bool(made.get(IDLE_LIGHTS)))

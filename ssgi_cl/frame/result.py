@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import PassTime
+from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,6 +37,12 @@ class Frame:
     wall_ms: float
     _image: NDArray[np.uint8] | None
     _radiance: NDArray[np.float32] | None
+    _log: GraphLog
+
+    @property
+    def graph(self) -> GraphRecord:
+        """The frame graph as it was run: what became of each stage, its time, and resources."""
+        return self._log.record()
 
     @property
     def image(self) -> NDArray[np.uint8]:

@@ -1,8 +1,9 @@
-"""Ambient occlusion of a frame, where it is not known before it is computed."""
+"""Tiles of a frame that are proven unoccluded, and ambient occlusion without them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -13,6 +14,37 @@ from ssgi_cl.techniques.tiles import OpenTiles, Reach, TileFacts, Tiles
 
 WORTH = 0.125
 """Share of open tiles that saves what it costs to find them."""
+
+
+REST = 7
+"""Frames that don't look at the tiles after one where that brought nothing: a look costs up to a
+twentieth of a frame."""
+
+
+class TileRest:
+    """Says when to look at the tiles again, where the latest look saved nothing."""
+
+    def __init__(self) -> None:
+        self._frames = 0
+        self._rests = False
+        self._of: tuple[object, int] = (None, 0)
+
+    def begin(self, scene_key: object, lights: int) -> None:
+        """Count a frame of a scene with so many lights; another scene or number begins anew."""
+        if self._of[0] is not scene_key or self._of[1] != lights:
+            self._frames, self._of = 0, (scene_key, lights)
+        self._rests = self._frames > 0
+        self._frames -= self._rests
+
+    def condition(self, _: Mapping[str, Any]) -> str | None:
+        """Return why this frame does not look at its tiles, or None."""
+        if not self._rests:
+            return None
+        return f"the latest look saved nothing; {self._frames} more frames do without"
+
+    def learn(self, pays: bool) -> None:
+        """Take note whether a look saved anything."""
+        self._frames = 0 if pays else REST
 
 
 class Opener:

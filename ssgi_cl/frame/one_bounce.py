@@ -1,0 +1,129 @@
+"""What computes one bounce of the light of punctual lights in a frame: one protocol for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.techniques.indirect.multires_published import (
+    MultiresPublished,
+    MultiresPublishedParams,
+)
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+
+OneBounceParams = (
+    MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams
+    | RsmPublishedParams
+)
+
+
+class OneBounce(Protocol):
+    """A technique of one-bounce indirect light, prepared for one size.
+
+    Attributes:
+        name: of its passes.
+        blocked: whether triangles of the scene block its light: then it needs the scene.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def blocked(self) -> bool: ...
+
+    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
+        """Queue the passes; return the plane of irradiance.
+
+        Args:
+            gbuffer: what the camera sees.
+            rsm: the reflective shadow map of all lights.
+            scene: whose triangles block light; None where the technique is not `blocked`.
+        """
+
+    def levels(self) -> NDArray[np.int32] | None:
+        """Return how many pixels apart the latest run computed, see `Frame.levels`, or None."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Technique:
+    """A technique of the library as a `OneBounce`."""
+
+    technique: Any
+    blocked: bool
+    queue: Callable[[DeviceGBuffer, DeviceRsm, DeviceScene | None], Plane]
+    computed: Callable[[], NDArray[np.int32]] | None = None
+
+    @property
+    def name(self) -> str:
+        return str(self.technique.name)
+
+    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
+        return self.queue(gbuffer, rsm, scene)
+
+    def levels(self) -> NDArray[np.int32] | None:
+        return None if self.computed is None else self.computed()
+
+
+def _multires(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
+    splat = MultiresSplat(runtime, size, params)
+    return _Technique(
+        splat, True, lambda seen, rsm, scene: splat.run(seen, None, [rsm], scene=scene),
+        lambda: splat.grid.computed(),
+    )
+
+
+def _multires_published(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
+    splat = MultiresPublished(runtime, size, params)
+    return _Technique(splat, False, lambda seen, rsm, scene: splat.run(seen, None, [rsm]))
+
+
+def _vpl(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
+    splat = VplSplat(runtime, size, params)
+    return _Technique(
+        splat, True, lambda seen, rsm, scene: splat.run(seen, None, [rsm], scene=scene)
+    )
+
+
+def _gather(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
+    gather = RsmGather(runtime, size, params, margin)
+    return _Technique(gather, False, lambda seen, rsm, scene: gather.run(seen, rsm))
+
+
+def _gather_published(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
+    gather = RsmPublished(runtime, size, params, margin)
+    return _Technique(gather, False, lambda seen, rsm, scene: gather.run(seen, rsm))
+
+
+_MAKERS: dict[type, Callable[[Runtime, Size, Any, Size], OneBounce]] = {
+    MultiresSplatParams: _multires,
+    MultiresPublishedParams: _multires_published,
+    VplSplatParams: _vpl,
+    RsmGatherParams: _gather,
+    RsmPublishedParams: _gather_published,
+}
+
+
+def one_bounce(
+    runtime: Runtime, size: Size, params: OneBounceParams, margin: Size
+) -> OneBounce:
+    """Return the technique that has such parameters, prepared.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: of the technique, which say which it is.
+        margin: (rows, columns) by which the G-buffers exceed it on every side.
+    """
+    return _MAKERS[type(params)](runtime, size, params, margin)

@@ -1,0 +1,254 @@
+"""The stages of the pipeline as records, see `ssgi_cl.frame.stage`.
+
+Each function returns the record of one stage; a new one is added to the list that `Renderer` makes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.one_bounce import OneBounce
+from ssgi_cl.frame.stage import Resource, Stage, Values
+from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
+from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.shading.light_data import kind_name, power
+from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.techniques.shading.light_reach import reaching
+from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
+from ssgi_cl.techniques.tiles import Tiles
+
+SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
+GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
+AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
+SHADOWS, RSM = "shadow maps", "reflective shadow map"
+RADIANCE, PIXELS, EXPOSURE, IMAGE = "radiance", "radiance on the host", "exposure", "image"
+
+RESOURCES = (
+    Resource(SCENE, given=True, key=lambda scene: scene.key),
+    Resource(CAMERA, given=True),
+    Resource(LIGHTS, given=True),
+    Resource(MULTI_BOUNCE, given=True),
+    Resource(EXPOSURE, given=True, by_value=True),
+    Resource(RSM, absent="no light that a map could be made of"),
+)
+"""Of which more than the name is to be known."""
+
+
+def gbuffer_stage(rasterizer: Rasterizer) -> Stage:
+    """Return the stage that draws the G-buffer."""
+    runtime = rasterizer.runtime
+
+    def run(r: Values) -> DeviceGBuffer:
+        seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
+        if seen.window is not None:
+            rows, columns = seen.window.rows, seen.window.columns
+            why = f"nothing is seen outside of {columns} x {rows} pixels"
+            runtime.skip("window", why, 0.0)
+        seen.derive()
+        return seen
+
+    return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run)
+
+
+def tiles_stage(tiles: Tiles, rest: TileRest) -> Stage:
+    """Return the stage that classifies tiles of the G-buffer."""
+    return Stage(
+        name="tile facts", reads=(GBUFFER,), writes=(TILES,), run=lambda r: tiles.look(r[GBUFFER]),
+        condition=rest.condition, silent=True,
+    )
+
+
+def occlusion_stage(
+    ao: Occluder, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool
+) -> Stage:
+    """Return the stage of ambient occlusion.
+
+    Args:
+        ao: the technique.
+        tiles: what classifies tiles, if anything may be left out for that.
+        skips: see `plan.SKIPS`; "dark", "tiles" and "layers" count.
+        dims_indirect: whether indirect light is dimmed too.
+    """
+    def condition(facts: Values) -> str | None:
+        if AO in facts["outputs"] or dims_indirect or "dark" not in skips:
+            return None
+        lit = any(_is_ambient(light) for light in facts[LIGHTS])
+        return None if lit else "no ambient light for it to dim"
+
+    hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
+    return Stage(
+        name=ao.name, reads=(GBUFFER,), hints=hints, writes=(AO,), condition=condition,
+        run=lambda r: ao.run(r[GBUFFER], tiles, r.get(TILES)), culled="no output that it changes",
+    )
+
+
+def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
+    """Return the stage that finds the lights which light nothing that is seen.
+
+    `costs` are those of the graph.
+    """
+    def condition(facts: Values) -> str | None:
+        lamps = any(not isinstance(light, Environment) for light in facts[LIGHTS])
+        return None if lamps else "no spot, point or directional light"
+
+    def run(r: Values) -> set[int]:
+        if r[TILES] is None:
+            return set()
+        lamps = {
+            index: light for index, light in enumerate(r[LIGHTS])
+            if not isinstance(light, Environment) and power(light).any()
+        }
+        reach = reaching(list(lamps.values()), r[TILES].boxes, r[CAMERA])
+        idle = {
+            index: light for (index, light), reaches in zip(lamps.items(), reach, strict=True)
+            if not reaches
+        }
+        for light in idle.values():
+            kind = kind_name(light)
+            why = "all that is seen is turned away from it or outside its cone"
+            # Its light would be found to be none soon, but not before its map is drawn.
+            runtime.skip(f"light {kind}", why, costs.get(f"map {kind}", 0.0))
+        return set(idle)
+
+    return Stage(
+        name="idle lights", reads=(CAMERA, LIGHTS), hints=(TILES,), writes=(IDLE_LIGHTS,), run=run,
+        condition=condition, reuse="every frame", silent=True,
+    )
+
+
+def maps_stage(maps: LightMaps, *, keep: bool, reflects: bool, all_lights: bool) -> Stage:
+    """Return the stage that draws the maps of lights.
+
+    Args:
+        maps: what draws them.
+        keep: whether maps are kept where neither light nor scene changed.
+        reflects: whether what reflects light is asked for too.
+        all_lights: whether lights have maps that light nothing that is seen.
+    """
+    def run(r: Values) -> Any:
+        idle = r.get(IDLE_LIGHTS) or ()
+        shadows, rsm = maps.draw(r[SCENE], r[LIGHTS], idle=idle, keep=keep)
+        return (shadows, rsm) if reflects else shadows
+
+    return Stage(
+        name="shadow maps", reads=(SCENE, LIGHTS), hints=() if all_lights else (IDLE_LIGHTS,),
+        writes=(SHADOWS, RSM) if reflects else (SHADOWS,), run=run, reuse="on demand",
+    )
+
+
+def direct_stage(shade: Shade) -> Stage:
+    """Return the stage of direct light."""
+    def run(r: Values) -> Plane | None:
+        lights, shadows, idle = r[LIGHTS], r[SHADOWS], r[IDLE_LIGHTS] or ()
+        lit = [i for i in range(len(lights)) if i not in idle]
+        return shade.light(r[GBUFFER], [lights[i] for i in lit], [shadows[i] for i in lit])
+
+    return Stage(
+        name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,),
+        writes=(DIRECT,), run=run,
+    )
+
+
+def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
+    """Return the stage of the light that surfaces reflect once."""
+    def run(r: Values) -> Plane:
+        scene = device_scene(r[SCENE], runtime) if bounce.blocked else None
+        return bounce.run(r[GBUFFER], r[RSM], scene)
+
+    return Stage(
+        name="bounce", reads=(GBUFFER, RSM, *((SCENE,) if bounce.blocked else ())),
+        writes=(INDIRECT,), run=run, label=bounce.name,
+    )
+
+
+def ssdo_stages(
+    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: FurtherViews | None
+) -> list[Stage]:
+    """Return the stage of directional occlusion, and that of the occlusion which it replaces.
+
+    Args:
+        ssdo: the technique.
+        opener: finds open tiles for it.
+        tiles: what classifies tiles, if any may be left out.
+        views: draws what auxiliary cameras see.
+    """
+    def run(r: Values) -> tuple[Plane | None, Plane | None]:
+        seen, lights = r[GBUFFER], r[LIGHTS]
+        extra = views.drawn(r[SCENE], r[CAMERA], seen, lights) if views is not None else ()
+        known = None if r.get(TILES) is None else tiles
+        open_ = opener.find(seen, known, ssdo.reach(seen))
+        found = ssdo.run(seen, lights, shadows=r[SHADOWS], views=extra, tiles=open_)
+        return found.direct, found.bounce
+
+    replaced = Stage(
+        name="ambient occlusion", reads=(GBUFFER,), writes=(AO,), run=lambda r: None,
+        condition=lambda facts: "ssdo hides ambient light by itself",
+    )
+    return [replaced, Stage(
+        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS),
+        hints=(AO,) if tiles is None else (AO, TILES), writes=(DIRECT, INDIRECT), run=run,
+    )]
+
+
+def combine_stage(
+    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool
+) -> Stage:
+    """Return the stage that sums up all light.
+
+    Args:
+        shade: what does it.
+        reads: the kinds of light and occlusion that there are, by name.
+        ambient: whether the light of environments is not in direct light yet.
+        indirect_ao: whether ambient occlusion dims indirect light too.
+    """
+    def run(r: Values) -> Plane:
+        return shade.combine(
+            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, openness=r.get(AO),
+            indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
+        )
+
+    return Stage(
+        name="combine", reads=(GBUFFER, LIGHTS, MULTI_BOUNCE, *reads), writes=(RADIANCE,), run=run
+    )
+
+
+def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
+    """Return the stages from radiance to the picture: read-back, exposure, tone mapping."""
+    def expose(r: Values) -> float:
+        return auto_exposure(r[PIXELS], shade.seen(r[GBUFFER]))
+
+    return [
+        Stage(
+            name="read-back", reads=(RADIANCE, GBUFFER), writes=(PIXELS,), reuse="on demand",
+            run=lambda r: pixels(r[RADIANCE], shade.seen(r[GBUFFER])),
+        ),
+        Stage(name="exposure", reads=(PIXELS, GBUFFER), writes=(EXPOSURE,), run=expose),
+        Stage(
+            name="picture", reads=(RADIANCE, GBUFFER, EXPOSURE), writes=(IMAGE,),
+            run=lambda r: tonemap.run(r[RADIANCE], r[EXPOSURE], shade.seen(r[GBUFFER])),
+        ),
+    ]
+
+
+def pixels(plane: Plane, window: Window | None = None) -> NDArray[np.float32]:
+    """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
+    found = np.empty((*plane.size, plane.count), np.float32)
+    plane.download(np.moveaxis(found, -1, 0), window)
+    return found
+
+
+def _is_ambient(light: Light) -> bool:
+    return isinstance(light, Environment) and bool(np.any(np.asarray(light.radiance)))

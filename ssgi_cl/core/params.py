@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any, Self, get_type_hints
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.keywords import check_names
 
 
 def param(
@@ -35,6 +36,11 @@ _kinds = cache(get_type_hints)
 class Params:
     """Base of the frozen dataclasses of parameters; checks every field that has a declaration."""
 
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Raise TypeError with the nearest name if a parameter is misspelt."""
+        check_names(f"{cls.__name__}()", given, parameter_fields(cls))
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         own: Any = type(self)
         kinds = _kinds(own)
@@ -57,6 +63,11 @@ class Params:
                     and field.default == math.inf,
                 )
             object.__setattr__(self, field.name, value)
+
+
+def parameter_fields(params: type[Params]) -> dict[str, dataclasses.Field[Any]]:
+    """Return the declarations of parameters by name."""
+    return {field.name: field for field in dataclasses.fields(params)}  # type: ignore[arg-type]
 
 
 def describe(params: type[Params]) -> list[tuple[str, str, str]]:

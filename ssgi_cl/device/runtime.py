@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
+from ssgi_cl.core.keywords import check_keywords
 from ssgi_cl.device import drivers, image_limits, pocl_cache, sources
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.driver_caches import replaced_caches
@@ -545,6 +546,7 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     """
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        check_keywords(function, kwargs)
         given = (kwargs.get("runtime"), *(getattr(value, "runtime", None) for value in args))
         runtime = next((r for r in given if isinstance(r, Runtime)), None) or Runtime.open()
 

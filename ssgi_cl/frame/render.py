@@ -152,7 +152,7 @@ def render(
     params: Any = None
     if dims is not None and indirect != "ssdo":
         samples = {} if ao_samples is None else {"samples": ao_samples}
-        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)  # type: ignore[call-arg]
+        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
     key = (
         Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size,
         rsm_size, curve, indirect_ao, skips,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,16 @@ class OcclusionParams(Params):
         return BilateralParams(
             radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step
         )
+
+
+class OcclusionKeywords(TypedDict, total=False):
+    """`OcclusionParams` as keyword arguments."""
+
+    max_radius_px: float
+    resolution: str
+    blur_radius: int
+    blur_passes: int
+    blur_resolution: str
 
 
 class OcclusionTechnique(ABC):

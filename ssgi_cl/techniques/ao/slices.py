@@ -19,7 +19,12 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.occlusion import (
+    RESOLUTIONS,
+    OcclusionKeywords,
+    OcclusionParams,
+    OcclusionTechnique,
+)
 from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
@@ -100,6 +105,14 @@ class SliceParams(OcclusionParams):
     def overshoot(self) -> float:
         """By how many taps the taps are moved away from the receiver."""
         return 0.0
+
+
+class SliceKeywords(OcclusionKeywords, total=False):
+    """`SliceParams` as keyword arguments, but those that functions name."""
+
+    tap_power: float
+    bias: float
+    contrast: float
 
 
 @dataclass(frozen=True, eq=False)

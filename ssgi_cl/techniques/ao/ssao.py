@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
@@ -128,6 +128,24 @@ class SsaoParams(OcclusionParams):
             raise ValueError(
                 f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
             )
+
+
+class SsaoKeywords(OcclusionKeywords, total=False):
+    """The other parameters of `ssao`."""
+
+    length_power: float
+    hemisphere: bool
+    falloff: str | tuple[float, ...]
+    rate: float
+    full: float
+    none: float
+    power: float
+    falloff_end: float
+    bias: float
+    contrast: float
+    outside: str | float
+    near_px: float
+    max_samples: int
 
 
 def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
@@ -289,7 +307,7 @@ def ssao(
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[SsaoKeywords],
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from points in a ball round each pixel.
 

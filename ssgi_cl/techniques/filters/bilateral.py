@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +72,17 @@ class BilateralParams(Params):
             "depth_scale": 1.0 / (math.sqrt(2.0 * FIT_POWER) * self.depth_sigma),
             "normal_scale": 1.0 / (FIT_POWER * self.normal_sigma**2),
         }
+
+
+class BilateralKeywords(TypedDict, total=False):
+    """The parameters of `bilateral_blur`."""
+
+    radius: int
+    sigma: float
+    depth_sigma: float
+    normal_sigma: float
+    passes: int
+    separable: bool
 
 
 class Bilateral:
@@ -159,7 +171,7 @@ def bilateral_blur(
     gbuffer: GBuffer | DeviceGBuffer,
     *,
     runtime: Runtime | None = None,
-    **params: float | bool,
+    **params: Unpack[BilateralKeywords],
 ) -> NDArray[np.float32]:
     """Blur an image without crossing the edges of what it shows.
 
@@ -183,7 +195,7 @@ def bilateral_blur(
     values = checks.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
     values = checks.plane("image", values, channels=channels)
-    chosen = BilateralParams(**params)  # type: ignore[arg-type]
+    chosen = BilateralParams(**params)
     if values.shape[:2] != gbuffer.size:
         raise ValueError(f"image has shape {values.shape}: expected {gbuffer.size} as the G-buffer")
     device = on_device(gbuffer, runtime)

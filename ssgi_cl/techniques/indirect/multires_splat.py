@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,26 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         check_grid(self.grid)
         if self.share not in SHARES:
             raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
+
+
+class MultiresSplatKeywords(TypedDict, total=False):
+    """The other parameters of `multires_splat`, of either method."""
+
+    cutoff: float
+    unit_distance: float
+    near: str
+    coarsest: int
+    plane_tolerance: float
+    normal_tolerance: float
+    light_error: float
+    refine: float
+    visibility: bool
+    grid: int
+    share: int
+    importance: bool
+    levels: int
+    depth_threshold: float
+    normal_threshold: float
 
 
 class MultiresSplat:
@@ -220,7 +240,7 @@ def multires_splat(
     scene: Scene | None = None,
     method: str = "adaptive",
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[MultiresSplatKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights, where it is not smooth.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,17 @@ class RsmGatherParams(Params):
     normal_tolerance: float = param(
         0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0
     )
+
+
+class RsmGatherKeywords(TypedDict, total=False):
+    """The other parameters of `rsm_gather`, of either method."""
+
+    error: float
+    plane_tolerance: float
+    normal_tolerance: float
+    offset: float
+    spacing: int
+    position_tolerance: float
 
 
 class RsmGather(RsmTechnique):
@@ -142,7 +153,7 @@ def rsm_gather(
     pattern: str | None = None,
     resolution: str | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by light that the surfaces in reflective shadow maps reflect once.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
 from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
@@ -278,7 +278,7 @@ def ssdo(
     radiance: ArrayLike | None = None,
     views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
     """Compute direct light that near surfaces hide, and the light that they reflect once.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,23 @@ class VplSplatParams(VplParams):
     def parted(self) -> bool:
         """Whether lights may give way to their parts."""
         return self.refine > 0.0 and self.cull
+
+
+class VplSplatKeywords(TypedDict, total=False):
+    """The other parameters of `vpl_splat`."""
+
+    unit_distance: float
+    near: str
+    restore: bool
+    refine: float
+    interleave: bool
+    blur_radius: int
+    visibility: bool
+    grid: int
+    importance: bool
+    share: int
+    glossy_vpls: int
+    cull: bool
 
 
 class VplSplat:
@@ -359,7 +376,7 @@ def vpl_splat(
     *,
     scene: Scene | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[VplSplatKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights.
 

@@ -81,7 +81,7 @@ def test_messages() -> None:
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=4, height=3)
     gbuffer = GBuffer(camera=camera, depth=np.ones((3, 4), np.float32))
     with pytest.raises(
-        TypeError, match=r"^gtao\(\) has no parameter 'radios': did you mean 'radius'\? It has bent_normals"
+        TypeError, match=r"^gtao\(\) has no .* 'radios': did you mean 'radius'\? It has bent_"
     ):
         gi.gtao(gbuffer, radios=1)  # type: ignore[call-overload]
     with pytest.raises(

@@ -125,6 +125,10 @@ class Stages:
         self._made: dict[str, tuple[tuple[object, ...], Any]] = {}
         self._versions: dict[str, int] = {}
 
+    def forget(self, name: str) -> None:
+        """Have the next `make` of a stage run it, whatever its inputs are."""
+        self._made.pop(name, None)
+
     def stays(self, name: str, inputs: tuple[object, ...]) -> bool:
         """Return whether `make` would return what is there."""
         made = self._made.get(name)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import Any
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.params import Params
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
@@ -32,6 +34,11 @@ LampBounceParams = (
 BounceParams = LampBounceParams | SsdoParams
 LampBounce = MultiresSplat | MultiresPublished | VplSplat | RsmGather | RsmPublished
 """What computes the light of lamps that surfaces reflect."""
+
+
+def shape_of(params: Params | None) -> Hashable:
+    """Return the part of parameters that a renderer is prepared for."""
+    return None if params is None else params.shape()
 
 
 def ao_name(ao: object, samples: int | None) -> str | None:

@@ -117,6 +117,24 @@ class Renderer:
         self._rest = 0  # frames that don't look at the tiles of this scene with so many lights
         self._rest_of: tuple[object, int] = (None, 0)
 
+    def set_params(self, ao: OcclusionParams | None, indirect: BounceParams | None) -> None:
+        """Take other values of the parameters that this was made with, before the next frame.
+
+        Nothing is compiled or allocated for them. ValueError: they differ in more than values.
+        """
+        for stage, technique, params in (
+            ("" if self._ao is None else self._ao.name, self._ao, ao),
+            ("bounce", self._bounce, indirect),
+            ("ssdo", self._ssdo, indirect),
+        ):
+            if technique is None or params is None:
+                continue
+            if isinstance(params, SsdoParams):
+                params = replace(params, bent_normals=False)  # a picture has none
+            if params != technique.params:
+                self._stages.forget(stage)
+            technique.params = params
+
     def __call__(
         self,
         scene: Scene,

@@ -32,7 +32,7 @@ class GtaoParams(SliceParams):
 
     falloff: float = param(
         0.0, "part of the radius, at its end, over which a horizon moves down to the tangent "
-        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii",
+        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii", shape=bool,
     )
     thin_occluder: float = param(
         0.0, "with a falloff: how much more depth counts in the distance, for thin things",

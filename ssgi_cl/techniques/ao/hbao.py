@@ -28,11 +28,11 @@ class HbaoParams(SliceParams):
 
     attenuation: float = param(
         0.6, "how much less an occluder at the radius hides than one nearby: by the square of its "
-        "distance; 0 for a sharp end", low=0.0, high=1.0,
+        "distance; 0 for a sharp end", low=0.0, high=1.0, shape=bool,
     )
     angle_bias: float = param(
         0.0, "elevation above the tangent plane up to which nothing occludes", low=0.0,
-        high=1.5, unit="radians",
+        high=1.5, unit="radians", shape=bool,
     )
 
 

@@ -58,7 +58,7 @@ class SsaoParams(OcclusionParams):
 
     radius: float | tuple[float, ...] = param(
         0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
-        unit="scene units",
+        unit="scene units", shape=len,
     )
     samples: int = param(16, "points per pixel and radius", low=1, high=256)
     length_power: float = param(
@@ -70,7 +70,8 @@ class SsaoParams(OcclusionParams):
     )
     falloff: str | tuple[float, ...] = param(
         "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
-        "equal steps from 0 to `falloff_end`"
+        "equal steps from 0 to `falloff_end`",
+        shape=lambda falloff: falloff if isinstance(falloff, str) else len(falloff),
     )
     rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
     full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0,
@@ -89,7 +90,7 @@ class SsaoParams(OcclusionParams):
     )
     outside: str | float = param(
         "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
-        "or the depth of a border in scene units"
+        "or the depth of a border in scene units", shape=lambda outside: outside == "unknown",
     )
     near_px: float = param(
         math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
@@ -188,6 +189,13 @@ def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
     return reflected
 
 
+def point_table(params: SsaoParams) -> NDArray[np.float32]:
+    """Return [4 rows, points, 3, 16 columns] as kernels/ssao/ssao.cl reads it."""
+    most = max(params.samples, params.max_samples)
+    points = reflected_points(most, params.length_power)  # row, column, point, axis
+    return np.tile(points.transpose(0, 2, 3, 1), 4).astype(np.float32)
+
+
 class Ssao(OcclusionTechnique):
     """SSAO, prepared for images of one size.
 
@@ -213,7 +221,6 @@ class Ssao(OcclusionTechnique):
         layers: int = 1,
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
-        self.params: SsaoParams
         params = self.params
         most = max(params.samples, params.max_samples)
         curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
@@ -221,7 +228,7 @@ class Ssao(OcclusionTechnique):
             "ssao/ssao.cl",
             {
                 "SSAO_MOST_SAMPLES": most,
-                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]
+                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]  # a tuple once checked
                 "SSAO_HEMISPHERE": int(params.hemisphere),
                 "SSAO_FALLOFF": FALLOFFS.index(params.falloff)
                 if isinstance(params.falloff, str)
@@ -231,10 +238,14 @@ class Ssao(OcclusionTechnique):
             },
             (CAMERA, SSAO),
         )
-        points = reflected_points(most, params.length_power)  # row, column, point, axis
-        table = np.tile(points.transpose(0, 2, 3, 1), 4)  # row, point, axis, 16 columns
-        self._points = runtime.array(table.astype(np.float32))
+        self._points = runtime.array(point_table(params))
         self._curve = runtime.array(curve.astype(np.float32))
+
+    def _set(self, params: SsaoParams) -> None:
+        if params.length_power != self.params.length_power:
+            self._points.upload(point_table(params))
+        if params.falloff != self.params.falloff:
+            self._curve.upload(np.asarray(params.falloff, np.float32))
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
@@ -251,7 +262,7 @@ class Ssao(OcclusionTechnique):
         # A point r d of the ball round a receiver at depth z and slope s projects at an offset of
         # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
         return Reach(
-            radius=max(params.radius),  # type: ignore[arg-type]  # a tuple once checked
+            radius=max(params.radius),
             more_px=2.0 * self._step, most_px=params.max_radius_px, step=self._step, bulge=1.0,
             slack=1e-6,
         )
@@ -271,7 +282,7 @@ class Ssao(OcclusionTechnique):
 
     def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:
         params = self.params
-        radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
+        radii = [*params.radius, 0.0, 0.0, 0.0][:4]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
         return SSAO.pack(
             {
@@ -342,9 +353,10 @@ def ssao(
     )
     device = on_device(gbuffer, runtime)
     technique: Ssao = device.runtime.prepared(
-        (Ssao, device.size, device.margin, chosen),
+        (Ssao, device.size, device.margin, chosen.shape()),
         lambda: Ssao(device.runtime, device.size, chosen, device.margin),
     )
+    technique.params = chosen
     return technique(device)
 
 

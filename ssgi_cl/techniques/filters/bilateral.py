@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -85,7 +85,7 @@ class BilateralKeywords(TypedDict, total=False):
     separable: bool
 
 
-class Bilateral:
+class Bilateral(Prepared[BilateralParams]):
     """The blur, prepared for images of one size with `channels` values a pixel.
 
     Tomasi and Manduchi 1998. Departs: see `bilateral_blur`.
@@ -96,7 +96,7 @@ class Bilateral:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or BilateralParams()
+        self._params = params = params or BilateralParams()
         self.channels = channels
         self.active = params.passes > 0 and params.radius > 0
         if not self.active:
@@ -114,11 +114,13 @@ class Bilateral:
             for shape in self._shapes
         }
         self._no_tiles = runtime.array(np.zeros(1, np.int32))
-        weights = np.append(params.weights(), 0.0)
-        weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
-        self._weights = runtime.array(weights.astype(np.float32))
+        self._weights = runtime.array(_weight_table(params))
         self._planes = [runtime.plane(channels, size) for _ in range(2)]
         self._traces = [Trace() for _ in range(2)]
+
+    def _set(self, params: BilateralParams) -> None:
+        if self.active and params.sigma != self.params.sigma:
+            self._weights.upload(_weight_table(params))
 
     def run(
         self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
@@ -165,6 +167,13 @@ class Bilateral:
         return value
 
 
+def _weight_table(params: BilateralParams) -> NDArray[np.float32]:
+    """Return the weights in space as kernels/bilateral/bilateral_blur.cl reads them."""
+    weights = np.append(params.weights(), 0.0)
+    weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
+    return weights.astype(np.float32)
+
+
 @serialised
 def bilateral_blur(
     image: ArrayLike,
@@ -202,11 +211,12 @@ def bilateral_blur(
     runtime = device.runtime
     count = channels or 1
     blur, plane = runtime.prepared(
-        (Bilateral, gbuffer.size, chosen, count),
+        (Bilateral, gbuffer.size, chosen.shape(), count),
         lambda: (
             Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)
         ),
     )
+    blur.params = chosen
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
     with runtime.frame():
         result = blur.run(plane, device).download()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -103,7 +103,7 @@ class MultiresSplatKeywords(TypedDict, total=False):
     normal_threshold: float
 
 
-class MultiresSplat:
+class MultiresSplat(Prepared[MultiresSplatParams]):
     """Multiresolution splatting, prepared for images of one size.
 
     After Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination". Departs:
@@ -127,7 +127,7 @@ class MultiresSplat:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or MultiresSplatParams()
+        self._params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
         self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,))
@@ -143,6 +143,9 @@ class MultiresSplat:
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
         self._no_light = NoLight(runtime, size, self.name)
+
+    def _set(self, params: MultiresSplatParams) -> None:
+        self.grid.params = params
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,

@@ -55,7 +55,7 @@ class SsdoParams(OcclusionParams):
     )
     thickness: float = param(
         0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
-        unit="radii",
+        unit="radii", shape=bool,
     )
     view_taps: int = param(
         4, "bitmask: depths of a further camera read on the way in each direction that is open, of "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
@@ -101,7 +101,7 @@ class VplSplatKeywords(TypedDict, total=False):
     cull: bool
 
 
-class VplSplat:
+class VplSplat(Prepared[VplSplatParams]):
     """Splatting, prepared for images of one size.
 
     Keller 1997; Dachsbacher and Stamminger 2006. Departs: see `vpl_splat`.
@@ -120,7 +120,7 @@ class VplSplat:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or VplSplatParams()
+        self._params = params = params or VplSplatParams()
         self._irradiance = runtime.plane(3, size)
         subsets = 16 if params.interleave else 1
         listed = ROOM if params.parted and not params.interleave else 1

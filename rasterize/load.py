@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import SceneError, SsgiError
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.scene import Material, Scene
 
 from .normals import DEFAULT_CREASE_ANGLE
@@ -45,6 +46,7 @@ READERS: dict[str, _Reader] = {
 """Which function reads which kind of file; see each for what it keeps and what it leaves out."""
 
 
+@checked_keywords
 def load_scene(
     source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh,
     *,

@@ -9,6 +9,7 @@ import numpy as np
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import Floats, GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -47,6 +48,7 @@ def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
     return kept
 
 
+@checked_keywords
 def gbuffer(
     scene: Scene,
     camera: Camera,

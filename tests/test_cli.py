@@ -633,7 +633,7 @@ def test_a_failed_render_keeps_the_picture_that_was_there(tmp_path: Path) -> Non
         (["--set", "hemisphere=3"], "hemisphere is 3: expected True or False"),
         (["--set", "resolution=[1]"], "resolution is [1]"),
         (["--set", "radius"], "--set 'radius': expected NAME=VALUE"),
-        (["--set", "radus=1"], "ssao has no parameter 'radus'; it has "),
+        (["--set", "radus=1"], "ssao has no parameter 'radus': did you mean 'radius'? It has "),
         (["--set", "runtime=1"], "ssao has no parameter 'runtime'"),
         (["--set", "=1"], "ssao has no parameter ''"),
         (["--fov", 40, "--ortho", 2], "--fov, --ortho and --intrinsics exclude each other"),

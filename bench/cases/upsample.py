@@ -8,7 +8,12 @@ import numpy as np
 
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
-from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur
+from ssgi_cl.techniques.filters.upsample import (
+    ReducedGBuffer,
+    Upsample,
+    UpsampleBlur,
+    UpsampleParams,
+)
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Own, Subject
 from ssgi_cl.tuning.context import Context, exact
@@ -43,7 +48,8 @@ class Upsampling(Own):
         coarse.upload(ramp[None].astype(np.float32))
         upsample = (
             UpsampleBlur(context.runtime, context.size, step, BLUR)
-            if self._blurred else Upsample(context.runtime, context.size, step)
+            if self._blurred
+            else Upsample(context.runtime, context.size, UpsampleParams(step=step))
         )
         pixels = context.size[0] * context.size[1]
 

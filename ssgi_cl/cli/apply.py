@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from contextlib import redirect_stdout
@@ -17,8 +16,9 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.gbuffer import NAN, GBuffer
+from ssgi_cl.core.keywords import unknown_name
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
-from ssgi_cl.core.params import Params, describe
+from ssgi_cl.core.params import Params, describe, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.io.console import (
@@ -224,11 +224,9 @@ def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]
     name, equals, value = text.partition("=")
     if not equals:
         raise click.UsageError(f"--set {shown(text)}: expected NAME=VALUE")
-    names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
+    names = parameter_fields(params)
     if name not in names:
-        raise click.UsageError(
-            f"--set {shown(text)}: {technique} has no parameter {name!r}; it has {', '.join(names)}"
-        )
+        raise click.UsageError(f"--set {shown(text)}: {unknown_name(technique, name, names)}")
     special = {"true": True, "false": False, "inf": math.inf}
     if value.lower() in special:
         return name, special[value.lower()]

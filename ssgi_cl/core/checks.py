@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,9 @@ def choice(name: str, value: object, allowed: Sequence[str]) -> str:
     """Return `value` if it is one of `allowed`, else raise."""
     if value not in allowed:
         options = ", ".join(repr(option) for option in allowed)
-        raise ValueError(f"{name} is {shown(value)}: expected one of {options}")
+        near = get_close_matches(str(value), allowed, 1)
+        guess = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"{name} is {shown(value)}: expected one of {options}{guess}")
     return str(value)
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
+from collections.abc import Callable, Hashable, Mapping
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any, Generic, Self, TypeVar, get_type_hints
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.keywords import check_names
 
 
 def param(
@@ -19,13 +22,21 @@ def param(
     unit: str = "",
     choices: tuple[str, ...] = (),
     above: bool = False,
+    shape: Callable[[Any], Hashable] | None = None,
 ) -> Any:
     """Declare a parameter: a number in [low, high] ((low, high] with `above`) or one of `choices`.
 
     The same declaration validates, documents (`describe`) and bounds a search over parameters.
+
+    Args:
+        default, doc: its default and its meaning.
+        low, high, above, unit, choices: what it may be.
+        shape: returns the part of the value that programs and allocations depend on; `bool` for
+            a number of which 0 is a program of its own. By default nothing of a float, which is
+            an argument of kernels, and all of anything else.
     """
     metadata = {"doc": doc, "low": low, "high": high, "unit": unit, "choices": choices,
-                "above": above}
+                "above": above, "shape": shape}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -34,6 +45,11 @@ _kinds = cache(get_type_hints)
 
 class Params:
     """Base of the frozen dataclasses of parameters; checks every field that has a declaration."""
+
+    def __new__(cls, *_: object, **given: object) -> Self:
+        """Raise TypeError with the nearest name if a parameter is misspelt."""
+        check_names(f"{cls.__name__}()", given, parameter_fields(cls))
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         own: Any = type(self)
@@ -57,6 +73,94 @@ class Params:
                     and field.default == math.inf,
                 )
             object.__setattr__(self, field.name, value)
+
+
+    def shape(self) -> Hashable:
+        """Return all of the parameters that programs and allocations depend on.
+
+        Objects prepared for parameters of one shape take all of that shape, see `Prepared`.
+        """
+        own: Any = type(self)
+        kinds = _kinds(own)
+        parts = []
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            part = field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all)
+            parts.append(part(getattr(self, field.name)))
+        return own, *parts
+
+
+def _nothing(_: float) -> None:
+    return None
+
+
+def _all(value: Hashable) -> Hashable:
+    return value
+
+
+Q = TypeVar("Q", bound=Params)
+
+
+class Prepared(Generic[Q]):
+    """Base of techniques: prepared for parameters of one shape, whose values may be changed.
+
+    A subclass sets `_params` in its constructor.
+    """
+
+    _params: Q
+
+    @property
+    def params(self) -> Q:
+        """The parameters; others of the same `Params.shape` may be set between two runs.
+
+        Nothing is compiled or allocated then. ValueError: they have another shape.
+        """
+        return self._params
+
+    @params.setter
+    def params(self, params: Q) -> None:
+        if params.shape() != self._params.shape():
+            raise ValueError(
+                f"{type(self).__name__} was prepared for {self._params}: expected parameters that "
+                f"differ in values alone, got {params}"
+            )
+        # Set last: an exception on the way leaves nothing that the next call takes for done.
+        self._set(params)
+        self._params = params
+
+    def _set(self, params: Q) -> None:
+        """Bring what is made of values up to date, before `params` take the place of the others."""
+
+
+def former_params(
+    params: type[Q], owner: str, name: str, given: Any, former: Mapping[str, Any]
+) -> Q:
+    """Return parameters from arguments that a constructor took before, and warn.
+
+    Args:
+        params: the dataclass that takes their place.
+        owner: the class whose constructor it is.
+        name: of the parameter that stood where `params` is now.
+        given: its value; None if only others are given.
+        former: the others by name.
+
+    Raises:
+        TypeError: there is no such parameter, or there are parameters too.
+    """
+    if isinstance(given, Params):
+        raise TypeError(f"{owner}() got params and {', '.join(former)}: expected params alone")
+    values = {**({} if given is None else {name: given}), **former}
+    check_names(f"{owner}()", values, parameter_fields(params))
+    text = ", ".join(f"{key}={value!r}" for key, value in values.items())
+    warnings.warn(
+        f"{owner}({text}) is now {owner}(params={params.__name__}({text}))", DeprecationWarning,
+        stacklevel=3,
+    )
+    return params(**values)
+
+
+def parameter_fields(params: type[Params]) -> dict[str, dataclasses.Field[Any]]:
+    """Return the declarations of parameters by name."""
+    return {field.name: field for field in dataclasses.fields(params)}  # type: ignore[arg-type]
 
 
 def describe(params: type[Params]) -> list[tuple[str, str, str]]:

@@ -19,7 +19,9 @@ from typing import Any, ParamSpec, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
+from ssgi_cl.core.keywords import check_keywords
 from ssgi_cl.device import drivers, image_limits, pocl_cache, sources
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.driver_caches import replaced_caches
@@ -132,7 +134,8 @@ class Runtime:
 
     @classmethod
     def open(
-        cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None
+        cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None,
+        keep: int | None = None,
     ) -> Runtime:
         """Return the runtime of a device; the same object for the same arguments.
 
@@ -141,14 +144,23 @@ class Runtime:
                 by default the variable SSGI_CL_DEVICE, and without it the fastest device found.
             lanes, storage: force a build of the kernels (1, 8 or 16; "buffer" or "image") in
                 place of the fastest on this device.
+            keep: most bytes of device memory that calls keep for later ones, in all; what was not
+                used for the longest time goes first. By default a quarter of `memory.limit`, or
+                what an earlier call set.
 
         Raises:
+            TypeError, ValueError: `keep` is no whole number, or below 0.
             DeviceError: no such device (the message lists all), another driver is in use in
                 this process already, or the process was forked after a device was opened.
         """
         check_not_forked()
+        if keep is not None:
+            keep = checks.integer("keep", keep, low=0, high=1 << 62, unit="bytes")
         with _OPENING:
-            return cls._opened(name, lanes, storage)
+            runtime = cls._opened(name, lanes, storage)
+        if keep is not None:
+            runtime.memory.keep = keep
+        return runtime
 
     @classmethod
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
@@ -554,6 +566,7 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     """
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        check_keywords(function, kwargs)
         given = (kwargs.get("runtime"), *(getattr(value, "runtime", None) for value in args))
         runtime = next((r for r in given if isinstance(r, Runtime)), None) or Runtime.open()
 

@@ -123,6 +123,10 @@ class Graph:
             passes = tuple(self.runtime.times())
         return GraphRun(values, self._log(compiled, given, log, passes))
 
+    def forget(self, name: str) -> None:
+        """Have the next run make what a stage writes, whatever its inputs are."""
+        self._made.pop(name, None)
+
     def planned(self, given: Iterable[str], outputs: Iterable[str]) -> GraphLog:
         """Return what a run would leave if no stage were idle and nothing were reused."""
         compiled = self.compiled(outputs, given)

@@ -43,6 +43,13 @@ class OneBounce(Protocol):
     @property
     def blocked(self) -> bool: ...
 
+    @property
+    def params(self) -> OneBounceParams:
+        """Its parameters; others of the same shape may be set between two runs."""
+
+    @params.setter
+    def params(self, params: OneBounceParams) -> None: ...
+
     def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
         """Queue the passes; return the plane of irradiance.
 
@@ -56,7 +63,7 @@ class OneBounce(Protocol):
         """Return how many pixels apart the latest run computed, see `Frame.levels`, or None."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Technique:
     """A technique of the library as a `OneBounce`."""
 
@@ -68,6 +75,15 @@ class _Technique:
     @property
     def name(self) -> str:
         return str(self.technique.name)
+
+    @property
+    def params(self) -> OneBounceParams:
+        params: OneBounceParams = self.technique.params
+        return params
+
+    @params.setter
+    def params(self, params: OneBounceParams) -> None:
+        self.technique.params = params
 
     def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
         return self.queue(gbuffer, rsm, scene)

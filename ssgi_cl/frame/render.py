@@ -13,7 +13,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.plan import Needs, chosen_skips
-from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params
+from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params, shape_of
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
@@ -152,10 +152,10 @@ def render(
     params: Any = None
     if dims is not None and indirect != "ssdo":
         samples = {} if ao_samples is None else {"samples": ao_samples}
-        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)  # type: ignore[call-arg]
+        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
     key = (
-        Renderer, camera.size, params, bounce, layers, margin, extra_cameras, shadow_size,
-        rsm_size, curve, indirect_ao, skips,
+        Renderer, camera.size, shape_of(params), shape_of(bounce), layers, margin, extra_cameras,
+        shadow_size, rsm_size, curve, indirect_ao, skips,
     )
     renderer: Renderer = runtime.prepared(
         key,
@@ -165,6 +165,7 @@ def render(
             curve=curve, indirect_ao=indirect_ao, skips=skips,
         ),
     )
+    renderer.set_params(params, bounce)
     return renderer(
         scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce,
         outputs=outputs,

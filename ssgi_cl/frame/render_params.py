@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import Any
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.params import Params
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.one_bounce import OneBounceParams
@@ -24,6 +26,11 @@ BOUNCES = ("multires", "vpl", "gather", "ssdo")
 """The first is the default of one bounce."""
 
 BounceParams = OneBounceParams | SsdoParams
+
+
+def shape_of(params: Params | None) -> Hashable:
+    """Return the part of parameters that a renderer is prepared for."""
+    return None if params is None else params.shape()
 
 
 def ao_name(ao: object, samples: int | None) -> str | None:

@@ -116,6 +116,8 @@ class Renderer:
         self._rest = TileRest()
         self._openers: list[Opener | Occluder] = []
         self._bounce: OneBounce | None = None
+        self._ao: tuple[str, Occluder] | None = None  # name of the stage, and what it runs
+        self._indirect: tuple[str, Ssdo | OneBounce] | None = None
         near: list[Stage] = []
         light = [DIRECT]
         if isinstance(indirect, SsdoParams):
@@ -123,6 +125,7 @@ class Renderer:
             technique = Ssdo(runtime, size, params, margin, layers, attributes)
             if technique.reach(self.rasterizer.target) is None:
                 tiles = None
+            self._indirect = "ssdo", technique
             opener = Opener(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
             near = [
@@ -140,6 +143,7 @@ class Renderer:
             if ao is not None:
                 occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
                 self._openers.append(occluder)
+                self._ao = occluder.name, occluder
                 near.append(
                     occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao)
                 )
@@ -153,6 +157,7 @@ class Renderer:
             ]
             if self._bounce is not None:
                 near.append(one_bounce_stage(self._bounce, runtime))
+                self._indirect = "bounce", self._bounce
                 light.append(INDIRECT)
         stages = [
             gbuffer_stage(self.rasterizer),
@@ -166,6 +171,21 @@ class Renderer:
         )
         self._light = frozenset(light)
         self._log: GraphLog | None = None
+
+    def set_params(self, ao: OcclusionParams | None, indirect: BounceParams | None) -> None:
+        """Take other values of the parameters that this was made with, before the next frame.
+
+        Nothing is compiled or allocated for them. ValueError: they differ in more than values.
+        """
+        for prepared, params in ((self._ao, ao), (self._indirect, indirect)):
+            if prepared is None or params is None:
+                continue
+            stage, technique = prepared
+            if isinstance(params, SsdoParams):
+                params = replace(params, bent_normals=False)  # a picture has none
+            if params != technique.params:
+                self._graph.forget(stage)
+            technique.params = params
 
     def __call__(
         self,

@@ -132,6 +132,16 @@ class Occluder:
             return self._all_open
         return self._technique.run(seen, known, layers)
 
+    @property
+    def params(self) -> OcclusionParams:
+        """The technique's parameters; others of the same shape may be set."""
+        params: OcclusionParams = self._technique.params
+        return params
+
+    @params.setter
+    def params(self, params: OcclusionParams) -> None:
+        self._technique.params = params
+
     def learn(self, costs: Mapping[str, float]) -> None:
         """Take from what the passes of a frame took, in ms by name, what a tile takes."""
         self._opener.learn(costs)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.raycast import RayCaster, Spots, check_gbuffer
@@ -264,6 +265,7 @@ def ray_ao(
 ) -> tuple[Floats, Floats]: ...
 
 
+@checked_keywords
 def ray_ao(
     scene: Scene,
     camera: Camera,

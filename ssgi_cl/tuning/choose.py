@@ -2,15 +2,69 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack, overload
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.keywords import check_names
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskKeywords
+from ssgi_cl.techniques.ao.gtao import GtaoKeywords
+from ssgi_cl.techniques.ao.hbao import HbaoKeywords
+from ssgi_cl.techniques.ao.ssao import SsaoKeywords
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets.choose import Choice, choice_for
 
 
+class _Asked(TypedDict, total=False):
+    """What is asked for, and of what pictures."""
+
+    preset: str | None
+    error: float | None
+    budget_ms: float | None
+    layers: int
+    margin: Size
+    runtime: Runtime | None
+
+
+class _Slices(_Asked, total=False):
+    """The parameters that functions of slices name."""
+
+    radius: float
+    slices: int
+    taps: int
+
+
+class _Ssao(SsaoKeywords, _Asked, total=False):
+    radius: float | tuple[float, ...]
+    samples: int
+
+
+class _Hbao(HbaoKeywords, _Slices, total=False):
+    pass
+
+
+class _Gtao(GtaoKeywords, _Slices, total=False):
+    bent_normals: bool
+
+
+class _Bitmask(BitmaskKeywords, _Slices, total=False):
+    pass
+
+
+@overload
+def choose(technique: Literal["ssao"], size: Size, **given: Unpack[_Ssao]) -> Choice: ...
+@overload
+def choose(technique: Literal["hbao"], size: Size, **given: Unpack[_Hbao]) -> Choice: ...
+@overload
+def choose(technique: Literal["gtao"], size: Size, **given: Unpack[_Gtao]) -> Choice: ...
+@overload
+def choose(
+    technique: Literal["bitmask_ao"], size: Size, **given: Unpack[_Bitmask]
+) -> Choice: ...
+@overload
+def choose(technique: str, size: Size, **given: Any) -> Choice: ...
 def choose(
     technique: str,
     size: Size,
@@ -47,6 +101,8 @@ def choose(
             asked for; the message says what the best or fastest one does.
     """
     checks.choice("technique", technique, sorted(TECHNIQUES))
+    fields = parameter_fields(TECHNIQUES[technique].params)
+    check_names(f"choose() of {technique!r}", given, {*fields, *_Asked.__annotations__})
     return choice_for(
         TECHNIQUES[technique].technique, size, preset=preset, error=error, budget_ms=budget_ms,
         layers=layers, margin=margin, runtime=runtime, **given,

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -35,6 +36,7 @@ SLACK = 1.3
 know what lies just beyond."""
 
 
+@checked_keywords
 def tune(
     technique: str,
     *,

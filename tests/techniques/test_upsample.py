@@ -276,7 +276,7 @@ def test_two_runs_give_the_same_bits_and_allocate_nothing(
     device = DeviceGBuffer(form_runtime, gbuffer.size)
     device.upload(gbuffer)
     reduced = ReducedGBuffer(device, 2)
-    technique = Upsample(form_runtime, gbuffer.size, 2)
+    technique = Upsample(form_runtime, gbuffer.size)
     plane = form_runtime.plane(1, reduced.size)
     plane.upload(rng.random((1, *reduced.size)).astype(np.float32))
     results = []

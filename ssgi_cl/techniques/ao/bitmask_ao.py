@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 SECTORS = ("cosine", "angle")
@@ -85,6 +85,16 @@ class BitmaskParams(SliceParams):
         return 0.5 if self.joined else 0.0
 
 
+class BitmaskKeywords(SliceKeywords, total=False):
+    """The other parameters of `bitmask_ao`."""
+
+    thickness: float
+    end: str
+    joined: bool
+    slack: float
+    sectors: str
+
+
 class BitmaskAo(SliceTechnique[BitmaskParams]):
     """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments.
 
@@ -119,7 +129,7 @@ def bitmask_ao(
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[BitmaskKeywords],
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from the sectors of slices that surfaces of some thickness cover.
 

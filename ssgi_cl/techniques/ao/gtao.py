@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from typing import Literal, Unpack, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
 from ssgi_cl.techniques.tiles import OpenTiles
 
 
@@ -32,7 +32,7 @@ class GtaoParams(SliceParams):
 
     falloff: float = param(
         0.0, "part of the radius, at its end, over which a horizon moves down to the tangent "
-        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii",
+        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii", shape=bool,
     )
     thin_occluder: float = param(
         0.0, "with a falloff: how much more depth counts in the distance, for thin things",
@@ -44,6 +44,13 @@ class GtaoParams(SliceParams):
     def channels(self) -> int:
         """A, and x, y and z of the bent normal."""
         return 4 if self.bent_normals else 1
+
+
+class GtaoKeywords(SliceKeywords, total=False):
+    """The other parameters of `gtao`."""
+
+    falloff: float
+    thin_occluder: float
 
 
 class Gtao(SliceTechnique[GtaoParams]):
@@ -124,7 +131,7 @@ def gtao(
     error: float | None = ...,
     budget_ms: float | None = ...,
     runtime: Runtime | None = ...,
-    **params: Any,
+    **params: Unpack[GtaoKeywords],
 ) -> NDArray[np.float32]: ...
 @overload
 def gtao(
@@ -138,7 +145,7 @@ def gtao(
     error: float | None = ...,
     budget_ms: float | None = ...,
     runtime: Runtime | None = ...,
-    **params: Any,
+    **params: Unpack[GtaoKeywords],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 @serialised
 def gtao(
@@ -152,7 +159,7 @@ def gtao(
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[GtaoKeywords],
 ) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Compute cosine-weighted ambient occlusion from the highest horizons round each pixel.
 

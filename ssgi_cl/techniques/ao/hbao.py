@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,12 +28,19 @@ class HbaoParams(SliceParams):
 
     attenuation: float = param(
         0.6, "how much less an occluder at the radius hides than one nearby: by the square of its "
-        "distance; 0 for a sharp end", low=0.0, high=1.0,
+        "distance; 0 for a sharp end", low=0.0, high=1.0, shape=bool,
     )
     angle_bias: float = param(
         0.0, "elevation above the tangent plane up to which nothing occludes", low=0.0,
-        high=1.5, unit="radians",
+        high=1.5, unit="radians", shape=bool,
     )
+
+
+class HbaoKeywords(SliceKeywords, total=False):
+    """The other parameters of `hbao`."""
+
+    attenuation: float
+    angle_bias: float
 
 
 class Hbao(SliceTechnique[HbaoParams]):
@@ -71,7 +78,7 @@ def hbao(
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[HbaoKeywords],
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
 

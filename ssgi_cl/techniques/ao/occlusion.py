@@ -5,19 +5,25 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size
+from ssgi_cl.techniques.filters.upsample import (
+    ReducedGBuffer,
+    Upsample,
+    UpsampleBlur,
+    UpsampleParams,
+    coarse_size,
+)
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
@@ -62,7 +68,17 @@ class OcclusionParams(Params):
         )
 
 
-class OcclusionTechnique(ABC):
+class OcclusionKeywords(TypedDict, total=False):
+    """`OcclusionParams` as keyword arguments."""
+
+    max_radius_px: float
+    resolution: str
+    blur_radius: int
+    blur_passes: int
+    blur_resolution: str
+
+
+class OcclusionTechnique(Prepared[Any], ABC):
     """A technique of ambient occlusion, prepared for images of one size.
 
     Args:
@@ -86,7 +102,7 @@ class OcclusionTechnique(ABC):
         self.size = size
         self.margin = margin
         self.layers = layers
-        params = self.params = params or self.defaults()
+        params = self._params = params or self.defaults()
         self._step = step = RESOLUTIONS[params.resolution]
         coarse, channels = coarse_size(size, step), params.channels
         self._openness = runtime.plane(channels, coarse, 1.0)
@@ -99,7 +115,9 @@ class OcclusionTechnique(ABC):
             self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0)
             blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
-            self._upsample = Upsample(runtime, size, step, channels, background=1.0)
+            self._upsample = Upsample(
+                runtime, size, UpsampleParams(step=step, background=1.0), channels
+            )
         self._blur = Bilateral(runtime, size if late else coarse, blur, channels)
         self._blur_first = not late
 

@@ -12,14 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import GUARD, DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.occlusion import (
+    RESOLUTIONS,
+    OcclusionKeywords,
+    OcclusionParams,
+    OcclusionTechnique,
+)
 from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
@@ -102,6 +107,14 @@ class SliceParams(OcclusionParams):
         return 0.0
 
 
+class SliceKeywords(OcclusionKeywords, total=False):
+    """`SliceParams` as keyword arguments, but those that functions name."""
+
+    tap_power: float
+    bias: float
+    contrast: float
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """Where the pixels of a tile scan.
@@ -156,7 +169,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
     return rows.astype(np.float32)
 
 
-class SliceScan:
+class SliceScan(Prepared[SliceParams]):
     """What a scan of slices reads, prepared for G-buffers of one size.
 
     Args:
@@ -176,7 +189,7 @@ class SliceScan:
     def __init__(
         self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int
     ) -> None:
-        self.runtime, self.params, self.layers = runtime, params, layers
+        self.runtime, self._params, self.layers = runtime, params, layers
         self.step = step = RESOLUTIONS[params.resolution]
         self.size = coarse_size(size, step)
         self.table = runtime.array(table(params))
@@ -193,6 +206,11 @@ class SliceScan:
         self._sorted: dict[int, DeviceArray] = {}
         self._traces: defaultdict[object, Trace] = defaultdict(Trace)
         self._slopes: DeviceArray | None = None
+
+    def _set(self, params: SliceParams) -> None:
+        if params.tap_power != self.params.tap_power:
+            self.table.upload(table(params))
+            self.longest = float(pattern(params).share.max())
 
     @property
     def sorted_size(self) -> Size:
@@ -361,11 +379,13 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         layers: int = 1,
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
-        self.params: P
         in_front = self.params.in_front_of(layers)
         self._scan = SliceScan(runtime, size, in_front, margin, layers)
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
+
+    def _set(self, params: P) -> None:
+        self._scan.params = params.in_front_of(self.layers)
 
     def _kernel(self, *, thick: bool, layers: int) -> Kernel:
         """Return the kernel that scans so many layers, without or with thickness by pixel."""
@@ -445,7 +465,8 @@ def made_for(
     params = params_for(technique, gbuffer, runtime, **given)
     device = on_device(gbuffer, runtime)
     made: T = device.runtime.prepared(
-        (technique, device.size, device.margin, device.layers, params),
+        (technique, device.size, device.margin, device.layers, params.shape()),
         lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
     )
+    made.params = params
     return made, device

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
@@ -58,7 +58,7 @@ class SsaoParams(OcclusionParams):
 
     radius: float | tuple[float, ...] = param(
         0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
-        unit="scene units",
+        unit="scene units", shape=len,
     )
     samples: int = param(16, "points per pixel and radius", low=1, high=256)
     length_power: float = param(
@@ -70,7 +70,8 @@ class SsaoParams(OcclusionParams):
     )
     falloff: str | tuple[float, ...] = param(
         "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
-        "equal steps from 0 to `falloff_end`"
+        "equal steps from 0 to `falloff_end`",
+        shape=lambda falloff: falloff if isinstance(falloff, str) else len(falloff),
     )
     rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
     full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0,
@@ -89,7 +90,7 @@ class SsaoParams(OcclusionParams):
     )
     outside: str | float = param(
         "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
-        "or the depth of a border in scene units"
+        "or the depth of a border in scene units", shape=lambda outside: outside == "unknown",
     )
     near_px: float = param(
         math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
@@ -128,6 +129,24 @@ class SsaoParams(OcclusionParams):
             raise ValueError(
                 f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
             )
+
+
+class SsaoKeywords(OcclusionKeywords, total=False):
+    """The other parameters of `ssao`."""
+
+    length_power: float
+    hemisphere: bool
+    falloff: str | tuple[float, ...]
+    rate: float
+    full: float
+    none: float
+    power: float
+    falloff_end: float
+    bias: float
+    contrast: float
+    outside: str | float
+    near_px: float
+    max_samples: int
 
 
 def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
@@ -170,6 +189,13 @@ def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
     return reflected
 
 
+def point_table(params: SsaoParams) -> NDArray[np.float32]:
+    """Return [4 rows, points, 3, 16 columns] as kernels/ssao/ssao.cl reads it."""
+    most = max(params.samples, params.max_samples)
+    points = reflected_points(most, params.length_power)  # row, column, point, axis
+    return np.tile(points.transpose(0, 2, 3, 1), 4).astype(np.float32)
+
+
 class Ssao(OcclusionTechnique):
     """SSAO, prepared for images of one size.
 
@@ -195,7 +221,6 @@ class Ssao(OcclusionTechnique):
         layers: int = 1,
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
-        self.params: SsaoParams
         params = self.params
         most = max(params.samples, params.max_samples)
         curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
@@ -203,7 +228,7 @@ class Ssao(OcclusionTechnique):
             "ssao/ssao.cl",
             {
                 "SSAO_MOST_SAMPLES": most,
-                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]
+                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]  # a tuple once checked
                 "SSAO_HEMISPHERE": int(params.hemisphere),
                 "SSAO_FALLOFF": FALLOFFS.index(params.falloff)
                 if isinstance(params.falloff, str)
@@ -213,10 +238,14 @@ class Ssao(OcclusionTechnique):
             },
             (CAMERA, SSAO),
         )
-        points = reflected_points(most, params.length_power)  # row, column, point, axis
-        table = np.tile(points.transpose(0, 2, 3, 1), 4)  # row, point, axis, 16 columns
-        self._points = runtime.array(table.astype(np.float32))
+        self._points = runtime.array(point_table(params))
         self._curve = runtime.array(curve.astype(np.float32))
+
+    def _set(self, params: SsaoParams) -> None:
+        if params.length_power != self.params.length_power:
+            self._points.upload(point_table(params))
+        if params.falloff != self.params.falloff:
+            self._curve.upload(np.asarray(params.falloff, np.float32))
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
@@ -233,7 +262,7 @@ class Ssao(OcclusionTechnique):
         # A point r d of the ball round a receiver at depth z and slope s projects at an offset of
         # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
         return Reach(
-            radius=max(params.radius),  # type: ignore[arg-type]  # a tuple once checked
+            radius=max(params.radius),
             more_px=2.0 * self._step, most_px=params.max_radius_px, step=self._step, bulge=1.0,
             slack=1e-6,
         )
@@ -251,7 +280,7 @@ class Ssao(OcclusionTechnique):
 
     def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:
         params = self.params
-        radii = [*params.radius, 0.0, 0.0, 0.0][:4]  # type: ignore[misc]
+        radii = [*params.radius, 0.0, 0.0, 0.0][:4]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
         return SSAO.pack(
             {
@@ -287,7 +316,7 @@ def ssao(
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[SsaoKeywords],
 ) -> NDArray[np.float32]:
     """Compute ambient occlusion from points in a ball round each pixel.
 
@@ -322,9 +351,10 @@ def ssao(
     )
     device = on_device(gbuffer, runtime)
     technique: Ssao = device.runtime.prepared(
-        (Ssao, device.size, device.margin, chosen),
+        (Ssao, device.size, device.margin, chosen.shape()),
         lambda: Ssao(device.runtime, device.size, chosen, device.margin),
     )
+    technique.params = chosen
     return technique(device)
 
 

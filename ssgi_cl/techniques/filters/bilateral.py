@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -73,7 +74,18 @@ class BilateralParams(Params):
         }
 
 
-class Bilateral:
+class BilateralKeywords(TypedDict, total=False):
+    """The parameters of `bilateral_blur`."""
+
+    radius: int
+    sigma: float
+    depth_sigma: float
+    normal_sigma: float
+    passes: int
+    separable: bool
+
+
+class Bilateral(Prepared[BilateralParams]):
     """The blur, prepared for images of one size with `channels` values a pixel.
 
     Tomasi and Manduchi 1998. Departs: see `bilateral_blur`.
@@ -84,7 +96,7 @@ class Bilateral:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or BilateralParams()
+        self._params = params = params or BilateralParams()
         self.channels = channels
         self.active = params.passes > 0 and params.radius > 0
         if not self.active:
@@ -101,11 +113,13 @@ class Bilateral:
             )
             for shape in self._shapes
         }
-        weights = np.append(params.weights(), 0.0)
-        weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
-        self._weights = runtime.array(weights.astype(np.float32))
+        self._weights = runtime.array(_weight_table(params))
         self._planes = [runtime.plane(channels, size) for _ in range(2)]
         self._traces = [Trace() for _ in range(2)]
+
+    def _set(self, params: BilateralParams) -> None:
+        if self.active and params.sigma != self.params.sigma:
+            self._weights.upload(_weight_table(params))
 
     def run(
         self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
@@ -151,13 +165,20 @@ class Bilateral:
         return value
 
 
+def _weight_table(params: BilateralParams) -> NDArray[np.float32]:
+    """Return the weights in space as kernels/bilateral/bilateral_blur.cl reads them."""
+    weights = np.append(params.weights(), 0.0)
+    weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
+    return weights.astype(np.float32)
+
+
 @serialised
 def bilateral_blur(
     image: ArrayLike,
     gbuffer: GBuffer | DeviceGBuffer,
     *,
     runtime: Runtime | None = None,
-    **params: float | bool,
+    **params: Unpack[BilateralKeywords],
 ) -> NDArray[np.float32]:
     """Blur an image without crossing the edges of what it shows.
 
@@ -181,18 +202,19 @@ def bilateral_blur(
     values = checks.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
     values = checks.plane("image", values, channels=channels)
-    chosen = BilateralParams(**params)  # type: ignore[arg-type]
+    chosen = BilateralParams(**params)
     if values.shape[:2] != gbuffer.size:
         raise ValueError(f"image has shape {values.shape}: expected {gbuffer.size} as the G-buffer")
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
     count = channels or 1
     blur, plane = runtime.prepared(
-        (Bilateral, gbuffer.size, chosen, count),
+        (Bilateral, gbuffer.size, chosen.shape(), count),
         lambda: (
             Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)
         ),
     )
+    blur.params = chosen
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
     with runtime.frame():
         result = blur.run(plane, device).download()

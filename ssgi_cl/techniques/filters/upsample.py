@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.params import Params, Prepared, former_params, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -30,6 +31,34 @@ UPSAMPLE = Struct(
         *floats("depth_scale", "normal_scale", "background"),
     ),
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpsampleParams(Params):
+    """Parameters of joint-bilateral upsampling (Kopf et al. 2007)."""
+
+    step: int = param(
+        2, "pixels of the result from one of the image to the next: 1, 2 or 4", low=1, high=4
+    )
+    background: float = param(0.0, "the value where nothing is")
+    depth_sigma: float = param(
+        0.005, "standard deviation of the distance from the tangent plane, relative to depth",
+        low=1e-6, high=10.0,
+    )
+    normal_sigma: float = param(
+        0.3, "standard deviation of the angle between normals", low=1e-3, high=10.0,
+        unit="radians",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.step == 3:
+            raise ValueError("step is 3: expected 1, 2 or 4")
+
+    def scales(self) -> dict[str, float]:
+        """Return the members of the kernels' struct that depend on them."""
+        fit = BilateralParams(depth_sigma=self.depth_sigma, normal_sigma=self.normal_sigma)
+        return {**fit.scales(), "background": self.background}
 
 
 def coarse_size(size: Size, step: int) -> Size:
@@ -104,31 +133,35 @@ class ReducedGBuffer:
             )
 
 
-class Upsample:
-    """The joint-bilateral upsampling, prepared for one full size, step and number of channels.
+class Upsample(Prepared[UpsampleParams]):
+    """The joint-bilateral upsampling, prepared for images of one full size.
 
     Kopf et al. 2007. Departs: see `upsample`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the result.
+        params: see `UpsampleParams`. A number alone, as `step`, works for one release and warns;
+            so do its other parameters as keywords.
+        channels: images of the result.
     """
 
     def __init__(
         self,
         runtime: Runtime,
         size: Size,
-        step: int,
+        params: UpsampleParams | int | None = None,
         channels: int = 1,
-        *,
-        background: float = 0.0,
-        depth_sigma: float = 0.005,
-        normal_sigma: float = 0.3,
+        **former: float,
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.step = step
-        fit = BilateralParams(depth_sigma=depth_sigma, normal_sigma=normal_sigma)
-        self._scales = {**fit.scales(), "background": background}
+        if isinstance(params, int) or former:
+            params = former_params(UpsampleParams, "Upsample", "step", params, former)
+        self._params = params or UpsampleParams()
         self._kernel = runtime.kernel(
             "upsample/upsample_joint.cl",
-            {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": step},
+            {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": self._params.step},
             (CAMERA, UPSAMPLE),
         )
         self._fine = runtime.plane(channels, size)
@@ -136,12 +169,12 @@ class Upsample:
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
-        packed = _packed(reduced, gbuffer, self._scales)
+        packed = _packed(reduced, gbuffer, self.params.scales())
         lanes = self.runtime.form.lanes
         with self._trace.over(gbuffer.seen) as over:
             self._kernel.run(
                 "upsample", self.size, grid=(self.size[0], -(-coarse.size[1] // lanes)),
-                window=over, cell=(1, lanes * self.step),
+                window=over, cell=(1, lanes * self.params.step),
                 coarse=coarse, coarse_linear=reduced.linear, coarse_normal=reduced.normal,
                 linear=gbuffer.linear, normal=gbuffer.normal, fine=self._fine,
                 camera=gbuffer.camera_struct, params=packed,
@@ -271,9 +304,10 @@ def upsample(
     Raises:
         TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
     """
-    step = checks.integer("step", step, low=1, high=4)
-    if step == 3:
-        raise ValueError("step is 3: expected 1, 2 or 4")
+    params = UpsampleParams(
+        step=step, background=background, depth_sigma=depth_sigma, normal_sigma=normal_sigma
+    )
+    step = params.step
     values = checks.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
     values = checks.plane("image", values, channels=channels)
@@ -282,24 +316,18 @@ def upsample(
             f"image has shape {values.shape}: expected {coarse_size(gbuffer.size, step)}, "
             f"1/{step} of the G-buffer's {gbuffer.size}"
         )
-    background = checks.number("background", background)
-    depth_sigma = checks.number("depth_sigma", depth_sigma, low=1e-6, high=10.0)
-    normal_sigma = checks.number("normal_sigma", normal_sigma, low=1e-3, high=10.0, unit="radians")
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
     count = channels or 1
-    key = (Upsample, device.size, device.margin, step, count, background, depth_sigma, normal_sigma)
     reduced, technique, plane = runtime.prepared(
-        key,
+        (Upsample, device.size, device.margin, params.shape(), count),
         lambda: (
             ReducedGBuffer(device, step),
-            Upsample(
-                runtime, device.size, step, count, background=background,
-                depth_sigma=depth_sigma, normal_sigma=normal_sigma,
-            ),
+            Upsample(runtime, device.size, params, count),
             runtime.plane(count, values.shape[:2]),
         ),
     )
+    technique.params = params
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
     with runtime.frame():
         reduced.update(device)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 
 Doubles = NDArray[np.float64]
@@ -24,6 +25,7 @@ YFOV = 1.6
 """Vertical field of view, radians: what lies round the median point is near."""
 
 
+@checked_keywords
 def auxiliary_cameras(
     camera: Camera,
     gbuffer: GBuffer | DeviceGBuffer | ArrayLike,

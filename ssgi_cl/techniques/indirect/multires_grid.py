@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
@@ -189,7 +189,7 @@ class Level:
         return np.stack([points >> 16, points & 0xFFFF], axis=1)
 
 
-class MultiresGrid:
+class MultiresGrid(Prepared[MultiresGridParams]):
     """Levels of points, prepared for images of one size.
 
     Args:
@@ -208,7 +208,7 @@ class MultiresGrid:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or MultiresGridParams()
+        self._params = params = params or MultiresGridParams()
         if not 1 <= channels <= MOST_CHANNELS:
             raise ValueError(f"channels is {channels}: expected 1 to {MOST_CHANNELS}")
         self._levels = [
@@ -217,10 +217,6 @@ class MultiresGrid:
         ]
         self._points = [Points(runtime, level.size) for level in self._levels[:-1]]
         self._macros = {"MULTIRES_CHANNELS": channels}
-        self._scales = {
-            "depth_scale": 1.0 / params.plane_tolerance,
-            "normal_scale": 1.0 / (1.0 - math.cos(params.normal_tolerance)),
-        }
 
     @property
     def result(self) -> Plane:
@@ -282,8 +278,11 @@ class MultiresGrid:
     def _interpolate(self, coarser: Level, level: Level, bound: DeviceArray) -> None:
         """Queue the passes that make a level's values from those of a coarser one."""
         known, source = self._points[coarser.number], level.source
+        params = self.params
         values = {
-            **self._scales, "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
+            "depth_scale": 1.0 / params.plane_tolerance,
+            "normal_scale": 1.0 / (1.0 - math.cos(params.normal_tolerance)),
+            "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
             "begins": BEGINS, "ends": ENDS, "unbent": UNBENT, "beyond": BEYOND,
         }
         self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(

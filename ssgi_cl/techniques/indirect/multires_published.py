@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -63,7 +63,7 @@ class MultiresPublishedParams(Params):
         return self.normal_threshold if level else math.inf
 
 
-class MultiresPublished:
+class MultiresPublished(Prepared[MultiresPublishedParams]):
     """Multiresolution splatting as published, prepared for images of one size.
 
     Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination" (I3D), with the
@@ -86,7 +86,7 @@ class MultiresPublished:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or MultiresPublishedParams()
+        self._params = params = params or MultiresPublishedParams()
         self._lights = DeviceVpls(runtime, params.vpls)
         self._chooser = VplChooser(runtime, (self._lights,))
         sizes = [

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -83,7 +83,27 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
             raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
 
 
-class MultiresSplat:
+class MultiresSplatKeywords(TypedDict, total=False):
+    """The other parameters of `multires_splat`, of either method."""
+
+    cutoff: float
+    unit_distance: float
+    near: str
+    coarsest: int
+    plane_tolerance: float
+    normal_tolerance: float
+    light_error: float
+    refine: float
+    visibility: bool
+    grid: int
+    share: int
+    importance: bool
+    levels: int
+    depth_threshold: float
+    normal_threshold: float
+
+
+class MultiresSplat(Prepared[MultiresSplatParams]):
     """Multiresolution splatting, prepared for images of one size.
 
     After Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination". Departs:
@@ -107,7 +127,7 @@ class MultiresSplat:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or MultiresSplatParams()
+        self._params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
         self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,))
@@ -123,6 +143,9 @@ class MultiresSplat:
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
         self._no_light = NoLight(runtime, size, self.name)
+
+    def _set(self, params: MultiresSplatParams) -> None:
+        self.grid.params = params
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
@@ -221,7 +244,7 @@ def multires_splat(
     scene: Scene | None = None,
     method: str = "adaptive",
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[MultiresSplatKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights, where it is not smooth.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,18 @@ class RsmGatherParams(Params):
     )
 
 
-class RsmGather(RsmTechnique):
+class RsmGatherKeywords(TypedDict, total=False):
+    """The other parameters of `rsm_gather`, of either method."""
+
+    error: float
+    plane_tolerance: float
+    normal_tolerance: float
+    offset: float
+    spacing: int
+    position_tolerance: float
+
+
+class RsmGather(RsmTechnique[RsmGatherParams]):
     """Gathering, prepared for images of one size.
 
     After Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departs: see `rsm_gather`;
@@ -85,23 +96,25 @@ class RsmGather(RsmTechnique):
         params: RsmGatherParams | None = None,
         margin: Size = (0, 0),
     ) -> None:
-        self.params = params = params or RsmGatherParams()
-        super().__init__(
-            runtime, size, margin,
-            MapSampling(pattern=params.pattern, samples=params.samples, radius=params.radius),
-        )
+        params = params or RsmGatherParams()
+        super().__init__(runtime, size, params, margin)
         self._grid: MultiresGrid | None = None
         if params.resolution == "adaptive":
             self._grid = MultiresGrid(
-                runtime, size,
-                MultiresGridParams(
-                    plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance
-                ),
+                runtime, size, _grid_params(params)
             )
             self._bound = runtime.empty(1, np.float32)
             self._bounds = runtime.kernel("rsm_gather/rsm_gather_bound.cl")
         else:
             self._irradiance = runtime.plane(3, size)
+
+    def _sampling(self, params: RsmGatherParams) -> MapSampling:
+        return MapSampling(pattern=params.pattern, samples=params.samples, radius=params.radius)
+
+    def _set(self, params: RsmGatherParams) -> None:
+        super()._set(params)
+        if self._grid is not None:
+            self._grid.params = _grid_params(params)
 
     @property
     def computed(self) -> float:
@@ -125,6 +138,12 @@ class RsmGather(RsmTechnique):
         return self._grid.result
 
 
+def _grid_params(params: RsmGatherParams) -> MultiresGridParams:
+    return MultiresGridParams(
+        plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance
+    )
+
+
 METHODS = {
     "unbiased": Method(RsmGather, RsmGatherParams),
     "published": Method(RsmPublished, RsmPublishedParams),
@@ -143,7 +162,7 @@ def rsm_gather(
     pattern: str | None = None,
     resolution: str | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by light that the surfaces in reflective shadow maps reflect once.
 
@@ -186,8 +205,9 @@ def rsm_gather(
     runtime = device.runtime
     kind: Any = METHODS[method].technique
     technique = runtime.prepared(
-        (kind, device.size, device.margin, chosen),
+        (kind, device.size, device.margin, chosen.shape()),
         lambda: kind(runtime, device.size, chosen, device.margin),
     )
+    technique.params = chosen
     result: NDArray[np.float32] = technique(device, rsms)
     return result

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
@@ -91,6 +92,12 @@ class RsmMaps:
             turn = tile_turns()
             table = np.stack([np.cos(turn), np.sin(turn)], axis=1)  # row, function, column
             self._turns = runtime.array(table.astype(np.float32))
+
+    def set(self, sampling: MapSampling) -> None:
+        """Take the values of another sampling, whose pattern, number and weights are the same."""
+        if sampling.radius != self.sampling.radius and True in self._patterns:
+            self._patterns[True].upload(_pattern(sampling, cap=True))
+        self.sampling = sampling
 
     def prepare(self, rsms: Sequence[DeviceRsm]) -> None:
         """Queue what makes the samples of the maps, unless they are those of last time.
@@ -201,15 +208,18 @@ class RsmMaps:
 
     def _make_pattern(self, *, cap: bool) -> None:
         """Bring the pattern for maps of one face, or of six, to the device."""
-        sampling = self.sampling
         if cap not in self._patterns:
-            count, weights = sampling.samples, sampling.weights
-            values = (
-                cap_pattern(count, weights, min(0.5 * math.pi * sampling.radius, math.pi))
-                if cap
-                else disk_pattern(count, weights)
-            )
-            self._patterns[cap] = self.runtime.array(values.astype(np.float32))
+            self._patterns[cap] = self.runtime.array(_pattern(self.sampling, cap=cap))
+
+
+def _pattern(sampling: MapSampling, *, cap: bool) -> NDArray[np.float32]:
+    """Return the pattern for maps of one face, or of six, as kernels read it."""
+    count, weights = sampling.samples, sampling.weights
+    if cap:
+        values = cap_pattern(count, weights, min(0.5 * math.pi * sampling.radius, math.pi))
+    else:
+        values = disk_pattern(count, weights)
+    return values.astype(np.float32)
 
 
 def _check_faces(rsm: DeviceRsm) -> None:

@@ -59,7 +59,7 @@ class RsmPublishedParams(Params):
     )
 
 
-class RsmPublished(RsmTechnique):
+class RsmPublished(RsmTechnique[RsmPublishedParams]):
     """Gathering as published, prepared for images of one size.
 
     Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": E = sum of flux / pi max(0, n_p . (x
@@ -85,19 +85,19 @@ class RsmPublished(RsmTechnique):
         params: RsmPublishedParams | None = None,
         margin: Size = (0, 0),
     ) -> None:
-        self.params = params = params or RsmPublishedParams()
-        super().__init__(
-            runtime, size, margin,
-            MapSampling(
-                pattern="fixed", samples=params.samples, radius=params.radius, weights="paper",
-                offset=params.offset,
-            ),
-        )
+        params = params or RsmPublishedParams()
+        super().__init__(runtime, size, params, margin)
         self._lattice = Level(runtime, 0, params.spacing, size, 3)
         self._rest = Level(runtime, 1, 1, size, 3)
         self._choose = runtime.kernel("rsm_published/rsm_published_lattice.cl")
         self._interpolate = runtime.kernel(
             "rsm_published/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE)
+        )
+
+    def _sampling(self, params: RsmPublishedParams) -> MapSampling:
+        return MapSampling(
+            pattern="fixed", samples=params.samples, radius=params.radius, weights="paper",
+            offset=params.offset,
         )
 
     @property

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.params import Params, Prepared
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
@@ -22,28 +23,38 @@ LEAST_REACH, MOST_REACH = 1e-7, 1e9
 """Scene units: distances of a scene from its light. The fourth powers of 1e-2 of the one, and of
 the other, are float32 numbers."""
 
+Q = TypeVar("Q", bound=Params)
 
-class RsmTechnique(ABC):
+
+class RsmTechnique(Prepared[Q], ABC):
     """Gathering from maps, prepared for images of one size.
 
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        sampling: of each map.
+        params: of the technique.
     """
 
     name: ClassVar[str]
     """Of the pass that is skipped where no light is."""
 
     def __init__(
-        self, runtime: Runtime, size: Size, margin: Size, sampling: MapSampling
+        self, runtime: Runtime, size: Size, params: Q, margin: Size
     ) -> None:
+        self._params = params
         self.runtime = runtime
         self.size = size
         self.margin = margin
-        self._maps = RsmMaps(runtime, sampling)
+        self._maps = RsmMaps(runtime, self._sampling(params))
         self._dark: Plane | None = None
+
+    @abstractmethod
+    def _sampling(self, params: Q) -> MapSampling:
+        """Return how each map is sampled."""
+
+    def _set(self, params: Q) -> None:
+        self._maps.set(self._sampling(params))
 
     @property
     @abstractmethod

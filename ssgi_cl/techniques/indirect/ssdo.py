@@ -5,24 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end
+from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end, back_params, set_back
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
 from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
-from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of, set_lamps
+from ssgi_cl.techniques.indirect.ssdo_params import SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
@@ -58,7 +59,7 @@ class SsdoPlanes:
     bent: Plane | None = None
 
 
-class Ssdo:
+class Ssdo(Prepared[SsdoParams]):
     """Directional occlusion and one bounce, prepared for images of one size.
 
     Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image Space".
@@ -87,7 +88,7 @@ class Ssdo:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or SsdoParams()
+        self._params = params = params or SsdoParams()
         self._shape = (size, margin, layers, attributes)
         self._back = back_end(runtime, size, params, margin, layers)
         whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
@@ -113,6 +114,18 @@ class Ssdo:
         self._direct = runtime.plane(3, size)
         self._trace = Trace()
         self._bounce = runtime.plane(3, size) if params.bounce else None
+
+    def _set(self, params: SsdoParams) -> None:
+        size, margin = self._shape[:2]
+        set_back(self._back, back_params(params, size, margin))
+        if self._openness is not None:
+            self._openness.set(params)
+        if self._views is not None:
+            self._views.set(params)
+        passes = [] if self._senders is None else self._senders.passes
+        for lamps in (*passes, self._lamps):
+            if lamps is not None:
+                set_lamps(lamps, params)
 
     def run(
         self,
@@ -274,7 +287,7 @@ def ssdo(
     radiance: ArrayLike | None = None,
     views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
     """Compute direct light that near surfaces hide, and the light that they reflect once.
 
@@ -322,9 +335,10 @@ def ssdo(
     runtime = device.runtime
     shape = (device.size, device.margin, device.layers, device.attributes)
     technique: Ssdo = runtime.prepared(
-        (Ssdo, chosen, *shape),
+        (Ssdo, chosen.shape(), *shape),
         lambda: Ssdo(runtime, shape[0], chosen, *shape[1:]),
     )
+    technique.params = chosen
     sent = None if radiance is None else uploaded_radiance(radiance, device)
     with runtime.frame():
         planes = technique.run(

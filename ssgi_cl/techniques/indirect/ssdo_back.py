@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -10,12 +11,24 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.bitmask_ao import MOST_TAPS
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, coarse_size
-from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask
+from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_points import PointsParams, SsdoPoints
 from ssgi_cl.techniques.tiles import OpenTiles
 
 BackEnd = SsdoBitmask | SsdoPoints
+
+
+def back_params(
+    params: SsdoParams, size: Size, margin: Size
+) -> SsdoBitmaskParams | PointsParams:
+    """Return the parameters of the back end for G-buffers of such a size and margin."""
+    if params.method != "bitmask":
+        return params.points()
+    bitmask = params.bitmask()
+    # Taps are spread over the arrays: in wider ones they keep their distances.
+    wider = 1.0 + sum(border / length for border, length in zip(margin, size, strict=True))
+    return replace(bitmask, taps=min(round(bitmask.taps * wider), MOST_TAPS))
 
 
 def back_end(
@@ -32,17 +45,16 @@ def back_end(
     `kept` asks for what auxiliary cameras need: sectors that are covered, or directions that met
     something.
     """
-    if params.method == "bitmask":
-        bitmask = params.bitmask()
-        # Taps are spread over the arrays: in wider ones they keep their distances.
-        wider = 1.0 + sum(border / length for border, length in zip(margin, size, strict=True))
-        taps = min(round(bitmask.taps * wider), MOST_TAPS)
-        return SsdoBitmask(
-            runtime, size, replace(bitmask, taps=taps), margin, layers, masks=kept
-        )
-    return SsdoPoints(
-        runtime, size, RESOLUTIONS[params.resolution], params.points(), kept=kept
-    )
+    own = back_params(params, size, margin)
+    if isinstance(own, SsdoBitmaskParams):
+        return SsdoBitmask(runtime, size, own, margin, layers, masks=kept)
+    return SsdoPoints(runtime, size, RESOLUTIONS[params.resolution], own, kept=kept)
+
+
+def set_back(back: BackEnd, params: SsdoBitmaskParams | PointsParams) -> None:
+    """Bring the values of parameters to a back end that was made for such ones."""
+    own: Any = back  # the two are of the same method
+    own.params = params
 
 
 class SenderOpenness:
@@ -61,14 +73,23 @@ class SenderOpenness:
     def __init__(
         self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int
     ) -> None:
+        self._shape = size, margin
         self._back: BackEnd
-        if params.method != "bitmask":
-            coarse = coarse_size(size, self.step)
-            self._back = SsdoPoints(runtime, coarse, 1, params.points(), reduced=True)
+        own = self._params(params)
+        if isinstance(own, SsdoBitmaskParams):
+            self._back = SsdoBitmask(runtime, size, own, margin, layers)
         else:
-            low = replace(params, resolution="quarter", bent_normals=False)
-            self._back = back_end(runtime, size, low, margin, layers)
+            coarse = coarse_size(size, self.step)
+            self._back = SsdoPoints(runtime, coarse, 1, own, reduced=True)
         self._reduced: ReducedGBuffer | None = None
+
+    def _params(self, params: SsdoParams) -> SsdoBitmaskParams | PointsParams:
+        low = replace(params, resolution="quarter", bent_normals=False)
+        return back_params(low, *self._shape)
+
+    def set(self, params: SsdoParams) -> None:
+        """Take the values of other parameters of the same shape."""
+        set_back(self._back, self._params(params))
 
     def run(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None) -> Plane:
         """Queue the passes; return a plane whose first image is A.

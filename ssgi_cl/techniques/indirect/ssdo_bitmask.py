@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -41,7 +41,7 @@ class SsdoBitmaskParams(SliceParams):
     )
     thickness: float = param(
         0.0, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it",
-        low=0.0, high=1e3, unit="radii",
+        low=0.0, high=1e3, unit="radii", shape=bool,
     )
     end: str = param(
         "thickness", "where thick surfaces end: there, or at the next depth layer if that is "
@@ -58,7 +58,7 @@ class SsdoBitmaskParams(SliceParams):
     bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
 
 
-class SsdoBitmask:
+class SsdoBitmask(Prepared[SsdoBitmaskParams]):
     """The back end, prepared for images of one size.
 
     Args:
@@ -89,7 +89,7 @@ class SsdoBitmask:
         masks: bool = False,
     ) -> None:
         self.runtime = runtime
-        self.params = params or SsdoBitmaskParams()
+        self._params = params or SsdoBitmaskParams()
         self._shape = (size, margin, layers)
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
@@ -101,6 +101,9 @@ class SsdoBitmask:
             like = runtime.plane(1, self.size)
             pitch, rows = like.pitch, 2 * self.params.slices * self.size[0] + 2
             self.masks = runtime.array(np.zeros(pitch * rows, np.int32))
+
+    def _set(self, params: SsdoBitmaskParams) -> None:
+        self._scan.params = params
 
     def gather(
         self,

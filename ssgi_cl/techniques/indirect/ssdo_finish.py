@@ -9,7 +9,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.filters.bilateral import Bilateral
-from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.tiles import TILE, OpenTiles
 
@@ -60,7 +60,9 @@ class Finish:
             )
         if source is not gbuffer:
             if count not in self._upsamples:
-                self._upsamples[count] = Upsample(self.runtime, self.size, self._step, count)
+                self._upsamples[count] = Upsample(
+                    self.runtime, self.size, UpsampleParams(step=self._step), count
+                )
             plane = self._upsamples[count].run(plane, source, gbuffer)
         if self._late:
             # At a tile's end upsampling has read a pixel of the next tile.

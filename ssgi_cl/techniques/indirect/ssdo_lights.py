@@ -21,6 +21,12 @@ def lamps_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], L
     return lambda: LampShadows(runtime, size, params.lamps())
 
 
+def set_lamps(lamps: Lamps, params: SsdoParams) -> None:
+    """Bring the values of parameters to what `lamps_of` made for such ones."""
+    if isinstance(lamps, LampShadows):
+        lamps.params = params.lamps()
+
+
 class LampBlur:
     """Edge-aware blur against the noise of shadows that are looked for in the image."""
 

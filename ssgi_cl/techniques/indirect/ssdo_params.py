@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from ssgi_cl.core.params import param
-from ssgi_cl.techniques.ao.occlusion import OcclusionParams
+from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmaskParams
 from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
@@ -55,7 +55,7 @@ class SsdoParams(OcclusionParams):
     )
     thickness: float = param(
         0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
-        unit="radii",
+        unit="radii", shape=bool,
     )
     view_taps: int = param(
         4, "bitmask: depths of a further camera read on the way in each direction that is open, of "
@@ -112,3 +112,20 @@ class SsdoParams(OcclusionParams):
             thickness=self.thickness, max_radius_px=self.max_radius_px,
             strength=self.strength, nearest_distance=self.nearest_distance,
         )
+
+
+class SsdoKeywords(OcclusionKeywords, total=False):
+    """The other parameters of `ssdo`."""
+
+    method: str
+    bounce: bool
+    emission: bool
+    slices: int
+    taps: int
+    samples: int
+    thickness: float
+    view_taps: int
+    lamp_taps: int
+    bent_normals: bool
+    strength: float
+    nearest_distance: float

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -57,7 +57,7 @@ class PointsParams(Params):
     )
     thickness: float = param(
         0.0, "points: taps this far behind a surface, along the line of sight, meet it too; that "
-        "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii",
+        "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii", shape=bool,
     )
     bias: float = param(
         0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0,
@@ -118,7 +118,7 @@ class SurfacePlanes:
         return self.array
 
 
-class SsdoPoints:
+class SsdoPoints(Prepared[PointsParams]):
     """Directional occlusion and a bounce of light, prepared for results of one size.
 
     Method "points": a direction meets the nearest surface that the camera sees within the radius
@@ -151,7 +151,7 @@ class SsdoPoints:
         self.runtime = runtime
         self.size = size
         self.step = step
-        self.params = params or PointsParams()
+        self._params = params or PointsParams()
         self.reduced = reduced
         self._results: dict[int, Plane] = {}
         self._sets: DirectionSets | None = None

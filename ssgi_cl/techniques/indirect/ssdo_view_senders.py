@@ -15,7 +15,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.indirect.ssdo_back import BackEnd, SenderOpenness
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask
-from ssgi_cl.techniques.indirect.ssdo_lights import lamps_of
+from ssgi_cl.techniques.indirect.ssdo_lights import lamps_of, set_lamps
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_point_views import SsdoPointViews
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
@@ -41,17 +41,22 @@ class ViewSenders:
         self.views = ViewsParams(
             strata=max(ViewsParams().strata, math.isqrt(params.view_taps)), taps=params.view_taps
         )
-        # Few sectors are left for a camera, and each of its surfaces counts in few of them.
-        self._coarse = replace(
-            params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER),
-            samples=-(-params.samples // COARSER),
-        )
         self._technique: SsdoViews | SsdoPointViews
         if params.method != "bitmask":
             self._technique = SsdoPointViews(runtime)
         else:
             self._technique = SsdoViews(runtime, params.bitmask(), self.views)
         self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
+
+    def set(self, params: SsdoParams) -> None:
+        """Take the values of other parameters of the same shape."""
+        if isinstance(self._technique, SsdoViews):
+            self._technique.set(params.bitmask())
+        for lit, openness in self._senders.values():
+            openness.set(_coarse(params))
+            for lamps in lit.passes:
+                set_lamps(lamps, params)
+        self.params = params
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
         """Forget all cameras but the first one, whose G-buffer is given."""
@@ -107,7 +112,18 @@ class ViewSenders:
                 lamps_of(self.runtime, view.whole, self.params), emission=self.params.emission,
             )
             openness = SenderOpenness(
-                self.runtime, view.size, self._coarse, view.margin, view.layers
+                self.runtime, view.size, _coarse(self.params), view.margin, view.layers
             )
             self._senders[shape] = lit, openness
         return self._senders[shape]
+
+
+def _coarse(params: SsdoParams) -> SsdoParams:
+    """Return what A of the surfaces that auxiliary cameras see is found with.
+
+    Few sectors are left for a camera, and each of its surfaces counts in few of them.
+    """
+    return replace(
+        params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER),
+        samples=-(-params.samples // COARSER),
+    )

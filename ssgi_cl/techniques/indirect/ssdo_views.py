@@ -70,6 +70,11 @@ class SsdoViews:
         self._table = runtime.array(slice_table(slices))
         self._unseen = UnseenDepth(runtime, slices.radius)
 
+    def set(self, slices: SliceParams) -> None:
+        """Take the values of other parameters of the bitmask, of the same shape."""
+        self.slices = slices
+        self._unseen.radius = slices.radius
+
     def begin(self, gbuffer: DeviceGBuffer) -> None:
         """Forget all views but the first one, whose G-buffer is given."""
         self._unseen.begin(gbuffer)

@@ -32,7 +32,7 @@ def cutoff_param(default: float) -> Any:
     """Declare the parameter `cutoff`, whose default differs from technique to technique."""
     return param(
         default, "a light counts where its irradiance is more than this share of what it is at "
-        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6,
+        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6, shape=bool,
     )
 
 
@@ -50,7 +50,7 @@ def refine_param(more: str = "") -> Any:
         "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that it "
         f"is made of {more}"
     )
-    return param(4.0, about.strip(), low=0.0, high=1e6)
+    return param(4.0, about.strip(), low=0.0, high=1e6, shape=bool)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,8 +135,10 @@ def lit_by_maps(
     if scene is not None and fitting.grid == 0:
         fitting = replace(fitting, grid=MOST_CELLS)  # no pixels have to fill it
     made = runtime.prepared(
-        (technique, device.size, fitting), lambda: technique(runtime, device.size, fitting)
+        (technique, device.size, fitting.shape()),
+        lambda: technique(runtime, device.size, fitting),
     )
+    made.params = fitting
     with runtime.frame():
         where: dict[str, Any] = {} if solid is None else {"scene": solid}
         result = made.run(device, None, maps, **where).download()

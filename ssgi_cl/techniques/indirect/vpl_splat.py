@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -84,7 +84,24 @@ class VplSplatParams(VplParams):
         return self.refine > 0.0 and self.cull
 
 
-class VplSplat:
+class VplSplatKeywords(TypedDict, total=False):
+    """The other parameters of `vpl_splat`."""
+
+    unit_distance: float
+    near: str
+    restore: bool
+    refine: float
+    interleave: bool
+    blur_radius: int
+    visibility: bool
+    grid: int
+    importance: bool
+    share: int
+    glossy_vpls: int
+    cull: bool
+
+
+class VplSplat(Prepared[VplSplatParams]):
     """Splatting, prepared for images of one size.
 
     Keller 1997; Dachsbacher and Stamminger 2006. Departs: see `vpl_splat`.
@@ -103,7 +120,7 @@ class VplSplat:
     ) -> None:
         self.runtime = runtime
         self.size = size
-        self.params = params = params or VplSplatParams()
+        self._params = params = params or VplSplatParams()
         self._irradiance = runtime.plane(3, size)
         subsets = 16 if params.interleave else 1
         listed = ROOM if params.parted and not params.interleave else 1
@@ -358,7 +375,7 @@ def vpl_splat(
     *,
     scene: Scene | None = None,
     runtime: Runtime | None = None,
-    **params: Any,
+    **params: Unpack[VplSplatKeywords],
 ) -> NDArray[np.float32]:
     """Compute irradiance by one diffuse bounce, from virtual point lights.
 

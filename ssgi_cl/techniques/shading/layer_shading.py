@@ -77,6 +77,7 @@ class LitLayers:
             outer side of every other layer away from the camera.
 
     Attributes:
+        passes: what makes the light of lamps.
         lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
             lamp shone on the last frame.
     """
@@ -101,7 +102,7 @@ class LitLayers:
         self._sides = (False, True) if backs else (False,)
         # What the front layer gets is of use later; the rest shares memory.
         count = min(self.attributes * len(self._sides), 2)
-        self._lamps = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
+        self.passes = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
         self._ambient = Ambient(runtime)
         self._radiance: Plane | None = None
         self._records: SenderRecords | None = None
@@ -174,7 +175,7 @@ class LitLayers:
         for back, number in product(sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             first = number == 0 and not back
-            lamps = self._lamps[0 if first else 1].run(layer, lights, shadows)
+            lamps = self.passes[0 if first else 1].run(layer, lights, shadows)
             if first:
                 self.lamps = lamps
             if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
@@ -189,7 +190,7 @@ class LitLayers:
     ) -> bool:
         """Queue what makes `lamps` alone; return whether `run` would find any light."""
         self._ambient.set(lights)
-        self.lamps = self._lamps[0].run(gbuffer.layer(0), lights, shadows)
+        self.lamps = self.passes[0].run(gbuffer.layer(0), lights, shadows)
         return self.lamps is not None or self._ambient.shines or self._emits(gbuffer)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:

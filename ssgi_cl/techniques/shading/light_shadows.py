@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -50,7 +50,7 @@ class LampShadowParams(Params):
     )
 
 
-class LampShadows(Lamps):
+class LampShadows(Lamps, Prepared[LampShadowParams]):
     """The light of lamps with the shadows of their maps or, without one, of what is seen.
 
     A lamp's `radius` or `angle` makes its shadows soft. See `Lamps` for the arguments of `run`.
@@ -60,7 +60,7 @@ class LampShadows(Lamps):
         self, runtime: Runtime, size: Size, params: LampShadowParams | None = None
     ) -> None:
         super().__init__(runtime, size)
-        self.params = params or LampShadowParams()
+        self._params = params or LampShadowParams()
         self._tile = runtime.array(tile_table())
 
     def run(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.keywords import checked_keywords
 
 SCALE = ((2.0404, -0.3324), (-4.7951, 0.6417), (2.7552, 0.6903))
 """Factors of A^3, A^2 and A: (slope, constant) over the albedo.
@@ -14,6 +15,7 @@ kernels/shade/shade_combine.cl has them too.
 """
 
 
+@checked_keywords
 def multi_bounce(ao: ArrayLike, albedo: ArrayLike) -> NDArray[np.float32]:
     """Brighten A by the light that what hides the surroundings reflects in its turn.
 

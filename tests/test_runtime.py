@@ -356,3 +356,16 @@ def test_what_is_of_a_thing_goes_with_it(fresh: Runtime) -> None:
 def test_forms_have_words_for_themselves() -> None:
     assert str(Form(1, "image")) == "1 lane, image"
     assert str(Form(16, "buffer")) == "16 lanes, buffer"
+
+
+def test_keep_is_an_argument_of_open(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = runtime.memory.keep
+    monkeypatch.setattr(runtime.memory, "keep", before)
+    form = {"lanes": runtime.form.lanes, "storage": runtime.form.storage}
+    assert Runtime.open(runtime.info.label, **form).memory.keep == before  # type: ignore[arg-type]
+    kept = Runtime.open(runtime.info.label, keep=1 << 20, **form)  # type: ignore[arg-type]
+    assert kept is runtime
+    assert runtime.memory.keep == 1 << 20
+    for wrong, error in ((-1, ValueError), (0.5, TypeError)):
+        with pytest.raises(error, match="keep is"):
+            Runtime.open(runtime.info.label, keep=wrong, **form)  # type: ignore[arg-type]

@@ -366,3 +366,16 @@ def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is
     with pytest.raises(DeviceMemoryError, match=r"2\.0 MiB in one piece, .* at most 1\.0 MiB"):
         runtime.empty(1 << 19, np.float32)
     assert runtime.memory.used == before
+
+
+def test_keep_is_an_argument_of_open(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = runtime.memory.keep
+    monkeypatch.setattr(runtime.memory, "keep", before)
+    form = {"lanes": runtime.form.lanes, "storage": runtime.form.storage}
+    assert Runtime.open(runtime.info.label, **form).memory.keep == before  # type: ignore[arg-type]
+    kept = Runtime.open(runtime.info.label, keep=1 << 20, **form)  # type: ignore[arg-type]
+    assert kept is runtime
+    assert runtime.memory.keep == 1 << 20
+    for wrong, error in ((-1, ValueError), (0.5, TypeError)):
+        with pytest.raises(error, match="keep is"):
+            Runtime.open(runtime.info.label, keep=wrong, **form)  # type: ignore[arg-type]

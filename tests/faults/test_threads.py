@@ -220,3 +220,46 @@ def test_limits_of_the_process_are_obeyed() -> None:
     share, spare = map(int, done.stdout.split())
     assert share <= 6 << 30
     assert spare < 6 << 30
+
+
+@pytest.mark.slow
+def test_thirty_modes_of_five_scenes_never_fail_for_memory(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_all_go(runtime)
+    scenes = [made() for made in list(BUILTIN_SCENES.values())[:5]]
+    modes: list[dict[str, Any]] = [
+        {**light, **extra}
+        for light in (
+            {}, {"ao": "ssao"}, {"ao": "hbao"}, {"ao": "bitmask_ao"}, {"indirect": "multires"},
+            {"indirect": "vpl"}, {"indirect": "gather"}, {"indirect": "ssdo"},
+            {"indirect": "ssdo", "method": "points"}, {"indirect": "multires", "ao": "ssao"},
+        )
+        for extra in ({}, {"layers": 2}, {"overscan": 0.2})
+    ]
+
+    def draw(made: Any, mode: dict[str, Any]) -> gi.Frame:
+        return gi.render(
+            made.scene, made.camera(160, 120), made.lights, shadow_size=256, rsm_size=128,
+            vpls=256, runtime=runtime, **mode,
+        )
+
+    base, largest = runtime.memory.used, 0
+    for made in scenes:  # what the greatest mode takes by itself
+        draw(made, {"indirect": "vpl", "layers": 2})
+        largest = max(largest, runtime.memory.used - base)
+        let_all_go(runtime)
+    expected = [draw(made, modes[0]).radiance for made in scenes]
+    let_all_go(runtime)
+    keep = largest // 2
+    monkeypatch.setattr(runtime.memory, "limit", base + 2 * largest)
+    monkeypatch.setattr(runtime.memory, "keep", keep)
+    for mode in modes:
+        for made in scenes:
+            draw(made, mode)
+    assert len(modes) == 30
+    assert runtime.memory.used <= runtime.memory.limit
+    for made, radiance in zip(scenes, expected, strict=True):
+        np.testing.assert_array_equal(draw(made, modes[0]).radiance, radiance)
+    gi.gtao(gi.rasterize.gbuffer(BOX.scene, CAMERAS[0], runtime=runtime), runtime=runtime)
+    assert runtime.memory.kept <= keep

@@ -67,10 +67,10 @@ VPLS = {"cutoff": 0.2, "unit_distance": 0.5, "refine": 1.0}
 CASES = {
     "ssao": Case(
         on_gbuffer(gi.ssao), gi.SsaoParams,
-        {"outside": "open", "max_samples": 32, "near_px": 4.0, "blur_resolution": "full",
+        {"outside": "open", "max_samples": 32, "near_px": 30.0, "blur_resolution": "full",
          "resolution": "half"},
         {"radius": 0.9, "length_power": 1.5, "full": 0.2, "none": 3.0, "power": 2.0, "bias": 0.2,
-         "contrast": 1.0, "outside": 0.8, "near_px": 2.0, **NEAR},
+         "contrast": 1.0, "outside": 0.8, "near_px": 10.0, **NEAR},
     ),
     "ssao, several radii": Case(
         on_gbuffer(gi.ssao), gi.SsaoParams, {"radius": (0.2, 0.6)}, {"radius": (0.3, 1.5)}

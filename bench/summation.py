@@ -13,6 +13,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
 from ssgi_cl.core.vpls import Vpls
+from ssgi_cl.device.constants import VPL_TERMS
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.vpl_splat import vpl_splat_reference
@@ -25,8 +26,7 @@ Doubles = NDArray[np.float64]
 
 RANGE = 1e8
 """Of the lights' flux, the brightest over the darkest."""
-BLOCK = 64
-"""Terms of a block: VPL_BLOCK in kernels/vpl/vpl_splat.cl."""
+BLOCK = VPL_TERMS
 BATCH = 2048
 """Terms of a batch, whose sum is rounded before it is added."""
 SIZE = (6, 8)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -17,8 +18,8 @@ from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
 
 from .device_scene import BOXED, DeviceScene
 
-TILE = 32
-RECORD = 12  # ints, kernels/raster/records.clh
+TILE = RASTER_TILE
+RECORD = RASTER_RECORD
 WIDE = 256
 """Columns of which a window has a multiple, so that no work-group goes beyond."""
 WORTH = 0.75
@@ -86,7 +87,7 @@ class Rasterizer:
         self._counts = runtime.empty(2 * count, np.int32)
         self._starts = runtime.empty(count + 1, np.int32)
         self._cursors = runtime.empty(2 * count, np.int32)
-        self._counters = runtime.array(np.zeros(2, np.int32))
+        self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
         self._depths = [runtime.empty(count * TILE * TILE, np.float32) for _ in range(2)]
         self._seen = runtime.empty(count * TILE * TILE, np.int32)
         self._room = 0

@@ -17,7 +17,9 @@
 
 #include "rsm/face.clh"
 
-#define RSM_LEAST_COSINE 0.1f // LEAST_COSINE in ssgi_cl/device/rsm.py
+#ifndef RSM_LEAST_COSINE
+#error "ssgi_cl/device/constants.py defines RSM_LEAST_COSINE"
+#endif
 
 __kernel void rsm_face(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux,
                        __global float *restrict position, __global float *restrict lit_normal,

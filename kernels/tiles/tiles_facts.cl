@@ -23,7 +23,9 @@
 
 // Least cosine to the line of sight of a normal that is relied on.
 #define TILES_FACING (TILES_PIECES ? 0.051f : 0.003f)
-#define TILES_FLAT 1e-5f    // of v: what is less flat is of no use to tiles_open
+#ifndef TILES_FLAT
+#error "ssgi_cl/device/constants.py defines TILES_FLAT"
+#endif
 
 static inline float tiles_first(const vfloat x) { return as_float(v_first(v_bits(x))); }
 

@@ -18,7 +18,9 @@
 #error "VPL_GRID must be defined"
 #endif
 
-#define VPL_BOUNDS 7 // as in vpl_lists
+#ifndef VPL_BOUNDS
+#error "ssgi_cl/device/constants.py defines VPL_BOUNDS"
+#endif
 
 __kernel void vpl_grid(__global const float *restrict boxes, __global const float *restrict bounds,
                        __global int *restrict occupancy, __global float *restrict grid_box,

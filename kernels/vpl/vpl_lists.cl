@@ -35,10 +35,10 @@
 #endif
 
 #if VPL_GLOSSY // floats of a light, and where its normal is
-#define VPL_BOUNDS VPL_LOBE_BOUNDS
+#define VPL_OWN_BOUNDS VPL_LOBE_BOUNDS
 #define VPL_NORMAL 7
 #else
-#define VPL_BOUNDS 7
+#define VPL_OWN_BOUNDS VPL_BOUNDS
 #define VPL_NORMAL 3
 #endif
 
@@ -111,7 +111,7 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         counts[own] = 0;
         return;
     }
-    lights += (params.segment + subset) * VPL_BOUNDS * params.stride;
+    lights += (params.segment + subset) * VPL_OWN_BOUNDS * params.stride;
     const int number_of = (params.count - subset + VPL_SUBSETS - 1) / VPL_SUBSETS;
     __global int *restrict list = lists + own * params.room;
     const vfloat zero = v_splat(0.0f);

@@ -12,7 +12,9 @@
 #include "common/gbuffer.clh"
 #include "vpl/receiver.clh"
 
-#define VPL_BOUNDS 7 // floats of a light, as in vpl_lists
+#ifndef VPL_BOUNDS
+#error "ssgi_cl/device/constants.py defines VPL_BOUNDS"
+#endif
 
 __kernel void vpl_near(__global const float *restrict boxes, __global const float *restrict lights,
                        __global int *restrict near, __global int *restrict counts, const int2 size,

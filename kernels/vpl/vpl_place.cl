@@ -23,13 +23,13 @@
 
 #if VPL_GLOSSY
 #include "vpl/glossy.clh"
-#define VPL_LIGHT VPL_LOBE_LIGHT
-#define VPL_BOUNDS VPL_LOBE_BOUNDS
+#define VPL_OWN_LIGHT VPL_LOBE_LIGHT
+#define VPL_OWN_BOUNDS VPL_LOBE_BOUNDS
 #define VPL_NORMAL 12
 #define VPL_FACING 7
 #else
-#define VPL_LIGHT 12 // as in vpl/light.clh
-#define VPL_BOUNDS 7 // as in vpl_lists
+#define VPL_OWN_LIGHT VPL_LIGHT
+#define VPL_OWN_BOUNDS VPL_BOUNDS
 #define VPL_NORMAL 4
 #define VPL_FACING 3
 #endif
@@ -88,9 +88,9 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
     const vfloat area = v_max(amounts[3] * (params.per_unit * params.per_unit),
                               v_splat(VPL_LEAST_AREA));
 #if !VPL_PART
-    __global float *restrict own_bounds = bounds + segment * VPL_BOUNDS * params.stride + first;
+    __global float *restrict own_bounds = bounds + segment * VPL_OWN_BOUNDS * params.stride + first;
 #endif
-    const vint at = (own + (segment * params.span + VPL_PART * params.stride)) * VPL_LIGHT;
+    const vint at = (own + (segment * params.span + VPL_PART * params.stride)) * VPL_OWN_LIGHT;
     for (int c = 0; c < 3; ++c) {
         const vfloat seen = v_fma(p[0], v_splat(turn[c][0]),
                                   v_fma(p[1], v_splat(turn[c][1]),

@@ -28,7 +28,9 @@
 #error "VPL_NEAR, _CUT, _LISTS, _ADD, _PARTS, _ROWS and _GLOSSY must be defined"
 #endif
 
-#define VPL_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
+#ifndef VPL_TERMS
+#error "ssgi_cl/device/constants.py defines VPL_TERMS"
+#endif
 
 __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const float *restrict lights,
                         __global const int *restrict lists, __global const int *restrict counts,
@@ -58,8 +60,8 @@ __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const floa
     const int listed = params.count;
 #endif
     const int count = v_any(any) ? listed : 0;
-    for (int start = 0; start < count; start += VPL_BLOCK) {
-        const int end = min(start + VPL_BLOCK, count);
+    for (int start = 0; start < count; start += VPL_TERMS) {
+        const int end = min(start + VPL_TERMS, count);
         vfloat part[VPL_ROWS][3];
         for (int r = 0; r < VPL_ROWS; ++r) {
             part[r][0] = part[r][1] = part[r][2] = zero;

@@ -13,7 +13,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear sRGB (ITU-R BT.709)."""
 MOST_VPLS = 1 << 24
 SHARPEST = 1000.0
-"""Exponent of a lobe; VPL_SHARPEST in kernels/vpl/glossy.clh."""
+"""Exponent of a lobe at most; kernels have it as VPL_SHARPEST."""
 PARTS = 16
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.active_region import Window, copy_window
+from ssgi_cl.device.constants import SSGI_GUARD
 from ssgi_cl.device.opencl import opencl
 
 if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
 
-GUARD = 16
-"""Floats between the rows of a plane; SSGI_GUARD in kernels/common/gbuffer.clh."""
+GUARD = SSGI_GUARD
 
 Size = tuple[int, int]
 """(rows, columns)"""

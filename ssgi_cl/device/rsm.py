@@ -13,6 +13,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.constants import RSM_LEAST_COSINE
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 
@@ -26,8 +27,7 @@ FACE = Struct(
     ),
 )
 
-LEAST_COSINE = 0.1
-"""A texel seen at a flatter angle stands for the area that it has at this cosine."""
+LEAST_COSINE = RSM_LEAST_COSINE
 MOST_AREA = 1e30
 """Square scene units that a texel stands for at most: the sum of a map's areas is finite."""
 BRIGHTEST = 1e30

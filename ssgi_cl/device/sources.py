@@ -7,6 +7,7 @@ from functools import lru_cache
 from importlib.resources import files
 
 from ssgi_cl.core.errors import KernelSourceError
+from ssgi_cl.device.constants import definitions
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
 
@@ -27,6 +28,8 @@ def kernel_names() -> list[str]:
 def flatten(path: str, prelude: str = "") -> str:
     """Return the text of a kernel file with its includes in place, each once.
 
+    Constants that it has from the host are defined before, see `ssgi_cl.device.constants`.
+
     Args:
         path: relative to `kernels/`, such as "ssao/ssao.cl".
         prelude: generated text that comes first (struct definitions).
@@ -36,10 +39,9 @@ def flatten(path: str, prelude: str = "") -> str:
     Raises:
         KernelSourceError: a file does not exist; the message names it and who includes it.
     """
-    seen: set[str] = set()
-    lines = _generated(prelude)
-    _append_file(path, "the library", seen, lines)
-    return "\n".join(lines) + "\n"
+    lines: list[str] = []
+    _append_file(path, "the library", set(), lines)
+    return _generated(prelude, lines)
 
 
 def flatten_text(text: str, name: str, prelude: str = "") -> str:
@@ -50,13 +52,16 @@ def flatten_text(text: str, name: str, prelude: str = "") -> str:
         name: what the compiler's messages call the text.
         prelude: generated text that comes first (struct definitions).
     """
-    lines = _generated(prelude)
+    lines: list[str] = []
     _append(text, name, name, set(), lines)
-    return "\n".join(lines) + "\n"
+    return _generated(prelude, lines)
 
 
-def _generated(prelude: str) -> list[str]:
-    return ['#line 1 "generated"', *prelude.splitlines()]
+def _generated(prelude: str, lines: list[str]) -> str:
+    """Return a text behind its prelude and the constants that it has from the host."""
+    text = "\n".join(lines)
+    generated = ['#line 1 "generated"', *definitions(text), *prelude.splitlines()]
+    return "\n".join(generated) + f"\n{text}\n"
 
 
 def _append_file(path: str, wanted_by: str, seen: set[str], lines: list[str]) -> None:

@@ -14,19 +14,26 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import (
+    TILES_COUNT,
+    TILES_FARTHEST,
+    TILES_GREATEST,
+    TILES_IS_FAR,
+    TILES_IS_FLAT,
+    TILES_IS_OPEN,
+    TILES_LAYER,
+    TILES_LEAST,
+    TILES_NEAREST,
+    TILES_OFFSET,
+    TILES_SIDE,
+)
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.shading.light_reach import Boxes
 
-TILE = 16
-"""Pixels along a tile's side; TILES_SIDE in kernels/tiles/facts.clh."""
-
-FACTS = 17
-"""Images of the plane of facts; TILES_COUNT there, as are the numbers of images below."""
-
-_NEAREST, _FARTHEST, _LEAST, _GREATEST, _LAYER, _OFFSET = 7, 8, 9, 12, 15, 16
-_OPEN, _FAR, _FLAT = 1, 4, 8
+TILE = TILES_SIDE
+FACTS = TILES_COUNT
 
 TILES = Struct(
     "TileParams",
@@ -169,15 +176,19 @@ class Tiles:
                 camera=gbuffer.camera_struct,
             )
         facts = self._facts.download()
-        layers = max(int(facts[_LAYER].max(initial=0.0)), 1)
+        layers = max(int(facts[TILES_LAYER].max(initial=0.0)), 1)
         inner = facts[
             :, self._lead[0] : self._lead[0] + self.size[0],
             self._lead[1] : self._lead[1] + self.size[1],
         ].astype(np.float64)
-        there = inner[_NEAREST] > -math.inf
-        boxes = self._boxes(gbuffer.camera_struct, inner[_NEAREST], inner[_FARTHEST], there)
-        normals = inner[_LEAST : _LEAST + 3, there].T, inner[_GREATEST : _GREATEST + 3, there].T
-        return TileFacts(Boxes(*boxes, *normals, inner[_OFFSET, there]), layers)
+        there = inner[TILES_NEAREST] > -math.inf
+        boxes = self._boxes(
+            gbuffer.camera_struct, inner[TILES_NEAREST], inner[TILES_FARTHEST], there
+        )
+        normals = (
+            inner[first : first + 3, there].T for first in (TILES_LEAST, TILES_GREATEST)
+        )
+        return TileFacts(Boxes(*boxes, *normals, inner[TILES_OFFSET, there]), layers)
 
     def _boxes(
         self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64],
@@ -248,5 +259,8 @@ class Tiles:
             open=self._open, calm=self._calm,
         )
         bits = self._calm.download()
-        opened, far, flat = (int(np.count_nonzero(bits & bit)) for bit in (_OPEN, _FAR, _FLAT))
+        opened, far, flat = (
+            int(np.count_nonzero(bits & bit))
+            for bit in (TILES_IS_OPEN, TILES_IS_FAR, TILES_IS_FLAT)
+        )
         return OpenTiles(self._calm, self.size[1], bits.size, opened - far - flat, far, flat)

@@ -15,6 +15,12 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import GUARD, DeviceArray, Plane, Size
+from ssgi_cl.device.constants import (
+    SLICES_GROUP,
+    SLICES_LEAST_FACING,
+    SLICES_NEAREST_TAP,
+    SLICES_STRIP,
+)
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -46,11 +52,9 @@ SLICES = Struct(
     ),
 )
 
-GROUP = 16
-"""Pixels that scan together, every fourth of a row."""
+GROUP = SLICES_GROUP
 
-STRIP = 256
-"""Columns that are scanned from top to bottom, before those to the right of them."""
+STRIP = SLICES_STRIP
 
 SIMILAR = 0.4
 """Those whose 1 / depth is at least this part of the nearest's share its slices."""
@@ -58,13 +62,12 @@ SIMILAR = 0.4
 TILE = 4
 """Rows and columns after which the pattern of slices repeats; the blur is made for it."""
 
-NEAREST_TAP = 1.3
-"""Distance of the nearest tap, px: at any angle it lies in another pixel than the receiver."""
+NEAREST_TAP = SLICES_NEAREST_TAP
 
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
 
-LEAST_FACING = 0.05
+LEAST_FACING = SLICES_LEAST_FACING
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have.
 
 Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import VPL_BLOCK_RUNS, VPL_RUN, VPL_SUMS
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct, floats
@@ -25,10 +26,7 @@ CURVE = Struct(
     ),
 )
 
-RUN = 16
-"""Texels of a run; VPL_RUN in kernels/vpl/curve.clh, as are the next two."""
-BLOCK_RUNS = 64
-SUMS = 6
+RUN, BLOCK_RUNS, SUMS = VPL_RUN, VPL_BLOCK_RUNS, VPL_SUMS
 
 Key = tuple[tuple[Size, int], ...]
 """(rows, columns) of a face and number of faces, of each map."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import MULTIRES_CHUNK, MULTIRES_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -24,9 +25,7 @@ MULTIRES = Struct(
         *((name, "int") for name in ("margin_columns", "margin_rows")),
     ),
 )
-TILE = 16
-"""Points along a tile's side; MULTIRES_TILE in kernels/multires/list.clh, as is the next."""
-CHUNK = 16
+TILE, CHUNK = MULTIRES_TILE, MULTIRES_CHUNK
 SPARE = 64
 """Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.constants import SUBSPLAT_EMPTY, SUBSPLAT_IMAGES
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
@@ -26,8 +27,7 @@ from ssgi_cl.techniques.indirect.vpl_tree import CPU_ITEMS
 SUBSPLAT = Struct(
     "SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal")
 )
-IMAGES, EMPTY = 5, -1.0
-"""SUBSPLAT_IMAGES and SUBSPLAT_EMPTY in kernels/multires_published/variation.clh."""
+IMAGES, EMPTY = SUBSPLAT_IMAGES, SUBSPLAT_EMPTY
 ROWS = 4
 """Times so many subsplats as a work-item has lanes: each light is read once for all of them."""
 

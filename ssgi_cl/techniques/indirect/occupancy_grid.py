@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import DeviceArray, Size
+from ssgi_cl.device.constants import VPL_CELLS
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
@@ -24,8 +25,7 @@ TURN = Struct(
 GRIDS = (32, 64, 128, 256)
 MOST_CELLS = 128
 """That are chosen: with 256 lines of sight take twice the time, and few scenes gain."""
-BLOCK = 4
-"""Cells along a side of a block; VPL_BLOCK in kernels/vpl/grid.clh."""
+BLOCK = VPL_CELLS
 LIFT, MESH_LIFT = 1.9, 1.5
 """Cells above their surfaces at which rays begin and end, lest these block them. Cells that pixels
 touch reach sqrt(3) beyond their plane at most, those of triangles (sqrt(3) + sqrt(1/3)) / 2 = 1.15;

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.vpls import PARTS, SHARPEST, Vpls
 from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.constants import VPL_BOUNDS, VPL_LIGHT, VPL_LOBE_BOUNDS, VPL_LOBE_LIGHT
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
@@ -42,12 +43,8 @@ ROOM = 2
 """Places of a tile's list for each light of a batch, where parts are listed beside lights."""
 NEAR_ROOM = 1024
 """Places of a tile's list of lights that have parts there, with subsets; less by some lanes."""
-LIGHT = 12
-"""Floats of a light; VPL_LIGHT in kernels/vpl/light.clh."""
-BOUNDS = 7
-"""Floats of its bounds; VPL_BOUNDS in kernels/vpl/vpl_lists.cl."""
-LOBE_LIGHT, LOBE_BOUNDS = 16, 12
-"""Likewise of a light with a lobe; see kernels/vpl/glossy.clh."""
+LIGHT, BOUNDS = VPL_LIGHT, VPL_BOUNDS
+LOBE_LIGHT, LOBE_BOUNDS = VPL_LOBE_LIGHT, VPL_LOBE_BOUNDS
 LEAST_AREA = 1e-12
 """Of a light, in squares of the lights' distance from the eye: float32 holds its products."""
 BRIGHTEST = 1e30

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import look_at_matrix
 from ssgi_cl.device.arrays import DeviceArray, Size
+from ssgi_cl.device.constants import RSM_RECORD
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
@@ -16,7 +17,7 @@ from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 
 Doubles = NDArray[np.float64]
 
-RECORD = 12  # floats, kernels/rsm_gather/records.clh
+RECORD = RSM_RECORD
 SUMS = Struct(
     "RsmSumsParams", tuple((name, "int") for name in ("from", "to", "columns", "rows"))
 )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.constants import VPL_MEANS
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
@@ -14,8 +15,7 @@ from ssgi_cl.techniques.indirect.flux_curve import CURVE, FluxCurve
 from ssgi_cl.techniques.indirect.occupancy_grid import TURN, SightGrid, packed_turn
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
 
-SUMS = 2
-"""Of all runs; VPL_MEANS in kernels/vpl/curve.clh."""
+SUMS = VPL_MEANS
 
 
 class ViewImportance:

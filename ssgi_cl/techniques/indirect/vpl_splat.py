@@ -16,6 +16,7 @@ from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.constants import VPL_BOX, VPL_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -34,9 +35,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
     refine_param,
 )
 
-TILE = 16
-"""Pixels along a tile's side; VPL_TILE in kernels/vpl/receiver.clh, as is the next."""
-BOX = 16
+TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
 ALL, KEPT, LOST = range(3)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import CUT_GROUP, CUT_SAMPLE, TREE_BOUNDS, TREE_LEAF, TREE_RECORD
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
@@ -15,11 +16,8 @@ from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
 
-RECORD, BOUNDS, LEAF = 12, 16, 6
-"""TREE_RECORD, TREE_BOUNDS and TREE_LEAF in kernels/multires/cluster.clh."""
-GROUP, SAMPLE = 64, 6
-"""Consecutive samples that share a cut, and floats of each; CUT_GROUP and CUT_SAMPLE in
-kernels/multires/cut.clh."""
+RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
+GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
 SAMPLES = 1024
 """That the mean irradiance is estimated from; a multiple of every number of lanes."""
 LISTED = 1 << 23

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, SpotLight
+from ssgi_cl.device.constants import TILES_FLAT
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.shading.light_data import Lamp
@@ -30,9 +31,9 @@ FEW = 1 << 9
 AWAY = 1e-5
 """Cosine by which normals must be turned away from a lamp: more than roundings of float32."""
 
-FLAT = 2e-5
-"""Distance of a flat tile's points from its plane, relative to that of the eye: twice TILES_FLAT of
-kernels/tiles/tiles_facts.cl, for roundings."""
+FLAT = 2.0 * TILES_FLAT
+"""Distance of a flat tile's points from its plane, relative to that of the eye; twice what the
+kernel allows, for roundings."""
 
 Floats = NDArray[np.float64]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.constants import SHADOW_BLOCK_BITS, SHADOW_IMAGES
 from ssgi_cl.device.runtime import Runtime
 
-BLOCK = 8
-"""Texels along a block's side; SHADOW_BLOCK in kernels/shade/blocks.clh."""
+BLOCK = 1 << SHADOW_BLOCK_BITS
+"""Texels along a block's side."""
 
-IMAGES = 4
-"""Images for each face; SHADOW_IMAGES there."""
+IMAGES = SHADOW_IMAGES
 
 
 class ShadowBlocks:

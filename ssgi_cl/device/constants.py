@@ -1,0 +1,133 @@
+"""Constants that the host and the kernels share: each is declared here, and nowhere else.
+
+A kernel whose text has the name of one gets its definition, see `definitions`; the text itself has
+an #error for the case that it is missing.
+"""
+
+from __future__ import annotations
+
+import re
+
+from ssgi_cl.core.vpls import SHARPEST
+
+SSGI_GUARD = 16
+"""Floats between the rows of a plane: a load may reach so far past either end of a row."""
+
+SLICES_GROUP = 16
+"""Pixels that scan together, every fourth of a row."""
+SLICES_STRIP = 256
+"""Columns that are scanned from top to bottom, before those to the right of them."""
+SLICES_SIMILAR = 0.4
+"""Those whose 1 / depth is at least this part of the nearest's share its slices."""
+SLICES_NEAREST_TAP = 1.3
+"""Distance of the nearest tap, px: at any angle it lies in another pixel than the receiver."""
+SLICES_LEAST_FACING = 0.05
+"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+
+TILES_SIDE = 16
+"""Pixels along the side of a tile that is classified."""
+TILES_NEAREST = 7
+"""Number of an image of the plane of facts: greatest v; -INFINITY where the tile is empty."""
+TILES_FARTHEST = 8
+"""Likewise: least v of what is there."""
+TILES_LEAST = 9
+"""Likewise: the least components of normals, view space, 3 images."""
+TILES_GREATEST = 12
+"""Likewise: the greatest, 3 images."""
+TILES_LAYER = 15
+"""Likewise: number of the deepest layer that has a pixel, from 1; 0 if none has."""
+TILES_OFFSET = 16
+"""Likewise: n.p of a flat tile's plane, scene units; -INFINITY of others."""
+TILES_COUNT = 17
+"""Images of the plane of facts."""
+TILES_FLAT = 1e-5
+"""Of v: a tile that is less flat counts as not flat."""
+TILES_IS_OPEN = 1
+"""Bit of a tile: it is unoccluded."""
+TILES_IS_FAR = 4
+"""Bit of a tile: unoccluded as what is near it is too far off."""
+TILES_IS_FLAT = 8
+"""Bit of a tile: unoccluded as it is flat."""
+
+RASTER_TILE = 32
+"""Pixels along a tile's side; the layout of the visibility buffer."""
+RASTER_RECORD = 12
+"""Ints of a triangle that is ready for the screen."""
+RASTER_COUNTERS = 2
+"""Counters that the rasteriser's kernels share."""
+
+RSM_LEAST_COSINE = 0.1
+"""A texel seen at a flatter angle stands for the area that it has at this cosine."""
+RSM_RECORD = 12
+"""Floats of a texel, see kernels/rsm_gather/records.clh."""
+
+SHADOW_BLOCK_BITS = 3
+"""Binary logarithm of the texels along the side of a shadow map's block."""
+SHADOW_IMAGES = 4
+"""Images of planes round the blocks for each face."""
+
+MULTIRES_TILE = 16
+"""Points along a tile's side."""
+MULTIRES_CHUNK = 16
+"""Tiles that a work-item lists."""
+
+SUBSPLAT_IMAGES = 5
+"""Images of a level of the min-max mipmap, see kernels/multires_published/variation.clh."""
+SUBSPLAT_EMPTY = -1.0
+"""Its depth where nothing is."""
+
+TREE_RECORD = 12
+"""Floats of a light, or of what stands for several, in the tree."""
+TREE_BOUNDS = 16
+"""Floats of the bounds of such a record."""
+TREE_LEAF = 6
+"""Floats of the bounds of a light."""
+CUT_GROUP = 64
+"""Consecutive samples that share a light cut: a multiple of every number of lanes."""
+CUT_SAMPLE = 6
+"""Floats of a sample: position and normal."""
+
+VPL_TILE = 16
+"""Pixels along the side of a tile with lists of lights: a multiple of every number of lanes."""
+VPL_BOX = 16
+"""Floats of a tile's bounds."""
+VPL_LIGHT = 12
+"""Floats of a light: position, area, minus the normal, 0, flux, 0."""
+VPL_BOUNDS = 7
+"""Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
+VPL_LOBE_LIGHT = 16
+"""Floats of a light with a Phong lobe."""
+VPL_LOBE_BOUNDS = 12
+"""Floats of its bounds."""
+VPL_SHARPEST = SHARPEST
+"""Exponent of a lobe at most."""
+VPL_TERMS = 64
+"""Lights summed before they are added to the sum: float32 rounds less so."""
+VPL_CELLS = 4
+"""Cells along the side of a block of the occupancy grid."""
+VPL_RUN = 16
+"""Texels of a run of the cumulative flux."""
+VPL_BLOCK_RUNS = 64
+"""Runs of a block."""
+VPL_SUMS = 6
+"""Sums that are made: lit texels, luminance, red, green, blue, area."""
+VPL_MEANS = 2
+"""Floats behind the importance of all runs: the sums of importance and of lit texels."""
+
+_VALUES = {
+    name: value for name, value in list(globals().items())
+    if "_" in name and name.isupper() and isinstance(value, int | float)
+}
+_NAMES = re.compile(r"\b(" + "|".join(_VALUES) + r")\b")
+
+
+def definitions(text: str) -> list[str]:
+    """Return the lines that define the constants whose names are in a kernel's text."""
+    names = sorted(set(_NAMES.findall(text)))
+    return [f"#define {name} {_literal(_VALUES[name])}" for name in names]
+
+
+def _literal(value: float) -> str:
+    """Return a number in OpenCL C."""
+    text = repr(value) if isinstance(value, int) else f"{value!r}f"
+    return f"({text})" if value < 0 else text

@@ -6,9 +6,10 @@
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
 //          map     depth that the light sees: 1 image, or 6 of a point light, in the order
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
-//          blocks  of the map, see shade/blocks.clh, (SHADE_BLOCKS 1)
+//          blocks  of the map, see shade/blocks.clh; without any (light.blocks 0) the map stands in
+//                  for them and is not read as such (SHADE_SHADOW 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
-// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_BLOCKS, SHADE_ADD (0, 1)
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_ADD (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -18,24 +19,13 @@
 #include "shade/lamp.clh"
 #include "shade/shadow.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_BLOCKS) ||             \
-    !defined(SHADE_ADD)
-#error "SHADE_KIND, SHADE_SHADOW, SHADE_BLOCKS and SHADE_ADD must be defined by the host"
-#endif
-
-// Where there are no blocks, the map takes their place and is not read as such.
-#if SHADE_BLOCKS
-#define SHADE_LOOKED_AT blocks, true
-#else
-#define SHADE_LOOKED_AT map, false
+#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
+#error "SHADE_KIND, SHADE_SHADOW and SHADE_ADD must be defined by the host"
 #endif
 
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_SHADOW
-                          ssgi_plane map,
-#endif
-#if SHADE_BLOCKS
-                          ssgi_plane blocks,
+                          ssgi_plane map, ssgi_plane blocks,
 #endif
                           __global float *restrict irradiance, const int2 size,
                           const SsgiCamera camera, const SsgiCamera light_camera,
@@ -91,12 +81,12 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
                                     v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
         const vfloat share =
-            ssgi_shadow(map, SHADE_LOOKED_AT, (int2)(light.map_size, light.map_size),
+            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
                         light_camera, lit, face, v_select(side, -side, minus), up, v_abs(main),
                         v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus));
 #else
         const vfloat share =
-            ssgi_shadow(map, SHADE_LOOKED_AT, (int2)(light.map_size, light.map_size),
+            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
                         light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz);
 #endif
         strength = strength * share;

@@ -28,7 +28,7 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
     ),
 )
 
@@ -97,7 +97,6 @@ class Lamps:
             {
                 "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
                 "SHADE_SHADOW": int(shadow is not None),
-                "SHADE_BLOCKS": int(blocks is not None),
                 "SHADE_ADD": int(add),
             },
             (CAMERA, LIGHT),
@@ -105,12 +104,16 @@ class Lamps:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         light_camera = shadow.cameras[0] if shadow else camera
+        map_ = shadow.depth if shadow else None
         kernel.run(
             f"light {kind_name(light)}", self.size, window=window,
-            depth=gbuffer.depth, normal=gbuffer.normal, map=shadow.depth if shadow else None,
-            blocks=blocks, irradiance=self.irradiance, camera=gbuffer.camera_struct,
+            depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
+            irradiance=self.irradiance, camera=gbuffer.camera_struct,
             light_camera=CAMERA.pack(camera_values(light_camera)),
-            light=LIGHT.pack(light_values(light, camera, light_camera, gbuffer)),
+            light=LIGHT.pack({
+                **light_values(light, camera, light_camera, gbuffer),
+                "blocks": int(blocks is not None),
+            }),
         )
 
 
@@ -162,4 +165,5 @@ def light_values(
         "margin_columns": gbuffer.margin[1],
         "margin_rows": gbuffer.margin[0],
         "layer": gbuffer.front,
+        "blocks": 0,
     }

@@ -300,9 +300,9 @@ def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) ->
     wanted = arguments(runtime)
     combine(runtime).run("combine", (2, 16), more=None, **wanted)
     combine(runtime, more=1).run("combine", (2, 16), more=wanted["read"], **wanted)
-    with pytest.raises(TypeError, match="more .a Plane of 1 x .* is a parameter with other macros"):
+    with pytest.raises(TypeError, match=r"more \(a Plane .*\) is a parameter with other macros"):
         combine(runtime).run("combine", (2, 16), more=wanted["read"], **wanted)
-    with pytest.raises(TypeError, match=r"combine: more is None .* expected a Plane .ssgi_plane mo"):
+    with pytest.raises(TypeError, match=r"combine: more is None .* expected a Plane"):
         combine(runtime, more=1).run("combine", (2, 16), more=None, **wanted)
 
 

@@ -304,7 +304,7 @@ class Rasterizer:
 
     def _attribute_arguments(
         self, scene: DeviceScene, target: DeviceGBuffer
-    ) -> dict[str, Plane | DeviceArray]:
+    ) -> dict[str, Any]:
         return {
             "triangles": self._seen, "faces": scene.faces, "vertices": scene.shading,
             "depth": target.depth, "normal": target.normal_world, "albedo": target.albedo,

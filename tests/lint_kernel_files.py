@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from ssgi_cl.device import sources
+from ssgi_cl.device.constants import definitions
 from ssgi_cl.device.drivers import FORMS
+from ssgi_cl.device.runtime import Runtime
 
-from .test_kernel_files import USES
+from .launches import builds
 
 WARNINGS = [
     "-Weverything", "-Werror",
@@ -26,21 +29,25 @@ WARNINGS = [
 ]
 
 
-@pytest.mark.parametrize("path", USES)
-def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("path", sources.kernel_names())
+def test_clang_has_no_warning_about_a_kernel(
+    path: str, runtime: Runtime, tmp_path: Path
+) -> None:
     clang = shutil.which("clang-15")
     if clang is None:
         pytest.skip("clang-15 is not installed")
     prelude = tmp_path / "generated.h"
-    prelude.write_text("\n".join(struct.text for struct in USES[path].structs) + "\n")
     # Included, not flattened, so that functions unused in the kernel's own file are found.
     with as_file(files("ssgi_cl.kernels")) as folder:
-        for form in FORMS:
-            for macros in USES[path].macros:
+        for build in (build for build in builds(runtime) if build.path == path):
+            generated = definitions(sources.flatten(path))
+            generated += [struct.text for struct in build.structs]
+            prelude.write_text("\n".join(generated) + "\n")
+            for form in FORMS:
                 images = int(form.storage == "image")
                 options = {
                     "SSGI_LANES": form.lanes, "SSGI_IMAGES": images,
-                    "SSGI_IMAGE_ROWS": 2048, **macros,
+                    "SSGI_IMAGE_ROWS": 2048, **build.macros,
                 }
                 done = subprocess.run(
                     [
@@ -51,4 +58,4 @@ def test_clang_has_no_warning_about_a_kernel(path: str, tmp_path: Path) -> None:
                     ],
                     capture_output=True, text=True, check=False,
                 )
-                assert done.returncode == 0, f"{form}, {macros}:\n{done.stderr}"
+                assert done.returncode == 0, f"{form}, {build.macros}:\n{done.stderr}"

@@ -6,30 +6,17 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.device.gbuffer import VIEW_ROTATION
-from ssgi_cl.device.rsm import FACE
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
-from ssgi_cl.rasterize import rasterizer, shadow_map
-from ssgi_cl.techniques.ao.slices import SLICES
-from ssgi_cl.techniques.ao.ssao import SSAO
-from ssgi_cl.techniques.filters.bilateral import BLUR
-from ssgi_cl.techniques.filters.upsample import UPSAMPLE
-from ssgi_cl.techniques.indirect.multires_published import SUBSPLAT
-from ssgi_cl.techniques.indirect.occupancy_grid import TURN
-from ssgi_cl.techniques.indirect.packed_vpls import VPL
-from ssgi_cl.techniques.indirect.rsm_maps import GATHER, MAP
-from ssgi_cl.techniques.indirect.rsm_published import INTERPOLATE
-from ssgi_cl.techniques.indirect.rsm_samples import SUMS
-from ssgi_cl.techniques.indirect.ssdo import SPLIT
-from ssgi_cl.techniques.shading.layer_shading import LIT
-from ssgi_cl.techniques.shading.light_data import LIGHT
-from ssgi_cl.techniques.shading.shade import COMBINE
+from ssgi_cl.device.structs import Struct, camera_values, floats
 
-STRUCTS = (
-    CAMERA, VIEW_ROTATION, BLUR, SSAO, SLICES, UPSAMPLE, LIGHT, LIT, COMBINE, SPLIT,
-    rasterizer.VIEW, shadow_map.FLUX, FACE, GATHER, MAP, INTERPOLATE, SUBSPLAT, SUMS, VPL, TURN,
-)
+from .launches import builds
+
+
+@pytest.fixture(scope="module")
+def structs(runtime: Runtime) -> list[Struct]:
+    """All structs that the library passes to kernels."""
+    found = {struct.name: struct for build in builds(runtime) for struct in build.structs}
+    return list(found.values())
 
 
 def test_the_text_is_that_of_the_members() -> None:
@@ -38,10 +25,17 @@ def test_the_text_is_that_of_the_members() -> None:
     assert struct.dtype == np.dtype([("a", "<f4"), ("b", "<f4"), ("n", "<i4")])
 
 
-def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime) -> None:
+def test_no_two_structs_have_one_name(runtime: Runtime) -> None:
+    found = {struct for build in builds(runtime) for struct in build.structs}
+    assert len({struct.name for struct in found}) == len(found)
+
+
+def test_the_compilers_layout_is_that_of_numpy(
+    form_runtime: Runtime, structs: list[Struct]
+) -> None:
     expected: list[int] = []
     lines = []
-    for struct in STRUCTS:
+    for struct in structs:
         fields = struct.dtype.fields
         assert fields is not None
         lines.append(f"result[{len(expected)}] = (int)sizeof({struct.name});")
@@ -52,7 +46,7 @@ def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime) -> None:
                 f" - (__private const char *)&of_{struct.name});"
             )
             expected.append(fields[name][1])
-    declared = "\n".join(f"{struct.name} of_{struct.name};" for struct in STRUCTS)
+    declared = "\n".join(f"{struct.name} of_{struct.name};" for struct in structs)
     body = "\n".join(lines)
     kernel = form_runtime.kernel_from_text(
         "layout",
@@ -62,24 +56,26 @@ def test_the_compilers_layout_is_that_of_numpy(form_runtime: Runtime) -> None:
             {body}
         }}
         """,
-        structs=STRUCTS,
+        structs=structs,
     )
     result = form_runtime.empty(len(expected), np.int32)
     kernel.run("layout", (1, 1), grid=(1, 1), local=(1, 1), result=result)
     assert result.download().tolist() == expected
 
 
-def test_every_member_arrives_in_the_kernel(form_runtime: Runtime) -> None:
+def test_every_member_arrives_in_the_kernel(
+    form_runtime: Runtime, structs: list[Struct]
+) -> None:
     expected: list[float] = []
     lines, packed = [], {}
-    for struct in STRUCTS:
+    for struct in structs:
         values = {}
         for name, _ in struct.members:
             lines.append(f"result[{len(expected)}] = (float)of_{struct.name}.{name};")
             values[name] = float(3 + 2 * len(expected))
             expected.append(values[name])
         packed[f"of_{struct.name}"] = struct.pack(values)
-    arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in STRUCTS)
+    arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in structs)
     body = "\n".join(lines)
     kernel = form_runtime.kernel_from_text(
         "members",
@@ -89,7 +85,7 @@ def test_every_member_arrives_in_the_kernel(form_runtime: Runtime) -> None:
             {body}
         }}
         """,
-        structs=STRUCTS,
+        structs=structs,
     )
     result = form_runtime.empty(len(expected), np.float32)
     kernel.run("members", (1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)

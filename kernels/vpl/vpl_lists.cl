@@ -34,6 +34,10 @@
 #error "VPL_CUT, VPL_SUBSETS, VPL_PARTS and VPL_GLOSSY must be defined"
 #endif
 
+#ifndef VPL_BOUNDS
+#error "ssgi_cl/device/constants.py defines VPL_BOUNDS"
+#endif
+
 #if VPL_GLOSSY // floats of a light, and where its normal is
 #define VPL_OWN_BOUNDS VPL_LOBE_BOUNDS
 #define VPL_NORMAL 7

@@ -21,6 +21,10 @@
 #error "VPL_PART and VPL_GLOSSY must be defined"
 #endif
 
+#if !defined(VPL_LIGHT) || !defined(VPL_BOUNDS)
+#error "ssgi_cl/device/constants.py defines VPL_LIGHT, VPL_BOUNDS"
+#endif
+
 #if VPL_GLOSSY
 #include "vpl/glossy.clh"
 #define VPL_OWN_LIGHT VPL_LOBE_LIGHT

@@ -185,10 +185,10 @@ class Tiles:
         boxes = self._boxes(
             gbuffer.camera_struct, inner[TILES_NEAREST], inner[TILES_FARTHEST], there
         )
-        normals = (
+        least, greatest = (
             inner[first : first + 3, there].T for first in (TILES_LEAST, TILES_GREATEST)
         )
-        return TileFacts(Boxes(*boxes, *normals, inner[TILES_OFFSET, there]), layers)
+        return TileFacts(Boxes(*boxes, least, greatest, inner[TILES_OFFSET, there]), layers)
 
     def _boxes(
         self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64],

@@ -43,10 +43,7 @@ class Calibration:
         source, copy = runtime.plane(1, COPY_SIZE), runtime.plane(1, COPY_SIZE)
         kernel = runtime.kernel("calibrate/calibrate_copy.cl")
         copying = _fastest_ms(
-            runtime, lambda: kernel.run(
-                "copy", COPY_SIZE,
-                source=source, copy=copy,
-            )
+            runtime, lambda: kernel.run("copy", COPY_SIZE, source=source, copy=copy)
         )
         gathers = GatherLoad(runtime)
         gathering = _fastest_ms(runtime, gathers.run)
@@ -57,10 +54,7 @@ class Calibration:
         numbers.upload(np.full((1, *ADD_SIZE), 0.25, np.float32))
         adding = _fastest_ms(
             runtime,
-            lambda: adds.run(
-                "multiply-adds", ADD_SIZE,
-                source=numbers, result=result,
-            ),
+            lambda: adds.run("multiply-adds", ADD_SIZE, source=numbers, result=result),
         )
         return cls(
             bandwidth_gb_s=8e-6 * pixels / copying,

@@ -1,0 +1,59 @@
+"""Every technique on small inputs: the kernels that are built, as the library builds them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import ssgi_cl as gi
+from ssgi_cl.bench import every
+from ssgi_cl.bench.cases.vpl_lobes import polished
+from ssgi_cl.device import probe
+from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import Struct
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.tuning.calibration import Calibration
+
+
+@dataclass(frozen=True)
+class Build:
+    """A kernel as it was built.
+
+    Attributes:
+        path: its file in kernels/.
+        macros: name -> value, what the technique gave.
+        structs: likewise.
+        kernel: the result, which was launched.
+    """
+
+    path: str
+    macros: Mapping[str, int]
+    structs: tuple[Struct, ...]
+    kernel: Kernel
+
+
+@cache
+def builds(runtime: Runtime) -> tuple[Build, ...]:
+    """Run every technique once and return all kernels that this built."""
+    own = Runtime(runtime.info, runtime.form)
+    every.results(every.inputs(own, (20, 32), 16), own)
+    made = BUILTIN_SCENES["cornell_box"]()
+    # Tile classification, and lights with lobes in the occupancy grid.
+    for visible in (polished(made.scene), made.scene):
+        gi.render(
+            visible, made.camera(64, 48), made.lights, ao="gtao", indirect="vpl", vpls=64,
+            glossy_vpls=64 if visible is not made.scene else 0, rsm_size=32, runtime=own,
+        )
+    gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=own)
+    gi.vpl_splat(
+        gbuffer, gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=own), 64,
+        interleave=True, visibility=True, scene=made.scene, runtime=own,
+    )
+    probe.timer(own)()
+    Calibration.of(own)
+    return tuple(
+        Build(path, dict(macros), structs, kernel)
+        for (path, macros, structs, *_), kernel in own._kernels.items()
+    )

@@ -106,7 +106,9 @@ class Graph:
             found = self._compiled[key] = self._compile(*key)
         return found
 
-    def run(self, given: Values, outputs: Iterable[str]) -> GraphRun:
+    def run(
+        self, given: Values, outputs: Iterable[str], also: Iterable[str] = ()
+    ) -> GraphRun:
         """Run what `outputs` need, and wait for it.
 
         Should a stage raise, nothing is taken for made by it.
@@ -114,6 +116,8 @@ class Graph:
         Args:
             given: resources that the caller brings; one that is None counts as not given.
             outputs: resources asked for.
+            also: resources that the caller reads afterwards where `outputs` need them; they live
+                as long as outputs.
         """
         given = {name: value for name, value in given.items() if value is not None}
         compiled = self.compiled(outputs, given)
@@ -121,7 +125,7 @@ class Graph:
         with self.runtime.frame(self.costs):
             values = self._run(compiled, given, log)
             passes = tuple(self.runtime.times())
-        return GraphRun(values, self._log(compiled, given, log, passes))
+        return GraphRun(values, self._log(compiled, given, log, passes, also))
 
     def planned(self, given: Iterable[str], outputs: Iterable[str]) -> GraphLog:
         """Return what a run would leave if no stage were idle and nothing were reused."""
@@ -132,11 +136,11 @@ class Graph:
 
     def _log(
         self, compiled: Compiled, given: Iterable[str], runs: Mapping[str, StageRun],
-        passes: tuple[PassTime, ...],
+        passes: tuple[PassTime, ...], also: Iterable[str] = (),
     ) -> GraphLog:
         return GraphLog(
-            self.runtime, compiled.outputs, frozenset(given), self._names, runs, passes,
-            dict(self.costs), dict(self.device_bytes),
+            self.runtime, compiled.outputs, frozenset(also), frozenset(given), self._names, runs,
+            passes, dict(self.costs), dict(self.device_bytes),
         )
 
     # ---- compiling

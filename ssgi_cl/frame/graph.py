@@ -127,6 +127,10 @@ class Graph:
             passes = tuple(self.runtime.times())
         return GraphRun(values, self._log(compiled, given, log, passes, also))
 
+    def forget(self, name: str) -> None:
+        """Make a stage run again the next time that it is needed, whatever it reads."""
+        self._made.pop(name, None)
+
     def planned(self, given: Iterable[str], outputs: Iterable[str]) -> GraphLog:
         """Return what a run would leave if no stage were idle and nothing were reused."""
         compiled = self.compiled(outputs, given)
@@ -233,9 +237,9 @@ class Graph:
     def _bring(self, stage: Stage, values: dict[str, Any], log: dict[str, StageRun]) -> None:
         """Make what a stage writes, or take what it made of the same inputs."""
         name, kept = stage.name, self.keep and stage.reuse == "kept"
-        inputs = tuple(self._input(each, values, log) for each in self._inputs[name])
+        inputs = tuple(self._input(each, values, log) for each in self._inputs[name] if kept)
         made = self._made.get(name)
-        if kept and made is not None and same(made[0], inputs):
+        if made is not None and same(made[0], inputs):
             log[name] = self._left("reused", UNCHANGED, name, UNCHANGED)
             values.update(zip(stage.writes, made[1], strict=True))
             return

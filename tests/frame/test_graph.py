@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -191,11 +192,42 @@ def test_stages_are_reused_until_what_they_read_changes(
     assert run(5, 3) == ["a", "c"]
 
 
+def test_a_stage_that_is_forgotten_runs_again(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(runtime, [
+        stages.stage("a", ("number",)), stages.stage("b", ("a",)), stages.stage("c", ("number",)),
+        stages.stage("d", ("b", "c")),
+    ], GIVEN)
+    graph.run({"number": 1}, ["d"])
+    stages.since()
+    graph.forget("a")
+    graph.run({"number": 1}, ["d"])
+    assert stages.since() == ["a", "b", "d"]
+
+
 def test_a_graph_that_keeps_nothing_runs_all(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(runtime, [stages.stage("a", ("number",))], GIVEN, keep=False)
     for _ in range(2):
         assert reasons(graph, 1, ("a",)) == []
     assert stages.since() == ["a", "a"]
+
+
+def test_a_resource_may_change_by_its_value_alone(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(runtime, [
+        stages.stage("halved", ("number",), run=lambda v: v["number"] // 2),
+        stages.stage("a", ("halved",)),
+    ], (*GIVEN, Resource("halved", by_value=True)))
+    ran = []
+    for number in (2, 3, 4):
+        graph.run({"number": number}, ["a"])
+        ran.append(stages.since())
+    assert ran == [["a"], [], ["a"]]
+
+
+def test_a_stage_on_demand_runs_for_an_output_too(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(runtime, [stages.stage("map", ("number",), reuse="on demand")], GIVEN)
+    for _ in range(2):
+        assert graph.run({"number": 1}, ["map"]).values["map"] == 2
+    assert stages.since() == ["map", "map"]
 
 
 def test_a_given_resource_changes_by_its_key(runtime: Runtime, stages: Recorder) -> None:
@@ -344,6 +376,13 @@ def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
     for element in root.iter("{http://www.w3.org/2000/svg}rect"):
         assert 0.0 <= float(element.get("x", 0)) <= width - float(element.attrib["width"])
         assert 0.0 <= float(element.get("y", 0)) <= height - float(element.attrib["height"])
+    boxes = [
+        tuple(float(element.attrib[name]) for name in ("x", "y", "width", "height"))
+        for element in root.iter("{http://www.w3.org/2000/svg}rect") if element.get("rx") == "5"
+    ]
+    assert len(boxes) == len(record.stages)
+    for (x, y, w, h), (x2, y2, w2, h2) in itertools.combinations(boxes, 2):
+        assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y, "stages overlap"
 
 
 # ---- a stage more

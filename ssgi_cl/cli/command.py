@@ -1,4 +1,4 @@
-"""The command line: `ssgi render`, `ssgi apply`, `ssgi bench`, `ssgi truth`, `ssgi devices`."""
+"""The command line: `ssgi render`, `ssgi graph`, `ssgi apply`, `ssgi bench` and others."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import click
 
 from ssgi_cl.bench.command import bench_command, truth_command
 from ssgi_cl.cli.apply import apply_command
+from ssgi_cl.cli.graph import graph_command
 from ssgi_cl.cli.render import render_command
 from ssgi_cl.device import drivers
 from ssgi_cl.device.drivers import DeviceInfo
@@ -22,7 +23,7 @@ def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
 
 
-for _command in (render_command, apply_command, bench_command, truth_command):
+for _command in (render_command, graph_command, apply_command, bench_command, truth_command):
     main.add_command(_command)
 
 

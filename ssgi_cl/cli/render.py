@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,49 +94,20 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
     the device.
     """
-    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
-
     endings: tuple[str, ...] = ()
     if options["views"]:
         endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
-    _check_view_options(options)
-    if not is_scene(scene):
-        _check_file(Path(scene), SCENE_NAMES)
+    # A single picture is a first one, though it is the second here.
+    skips: set[str] = set() if options["no_skips"] else set(SKIPS) - {"unchanged"}
     with progress(as_json) as step:
-        step("opening the device")
-        runtime = Runtime.open(options["device"])
-        step(f"loading {scene}")
-        loaded, camera, lights, radius = (
-            _builtin(make_scene(scene), options)
-            if is_scene(scene)
-            else _from_file(Path(scene), options, runtime)
-        )
-        if options["ambient"] is not None:
-            lights = (*lights, Environment(options["ambient"]))
-        arguments: dict[str, Any] = {
-            "ao": False if options["ao"] == "none" else options["ao"],
-            "indirect": options["indirect"],
-            "method": options["method"],
-            "vpls": options["vpls"],
-            "glossy_vpls": options["glossy_vpls"],
-            "indirect_ao": options["indirect_ao"],
-            "layers": options["layers"],
-            "extra_cameras": options["extra_cameras"],
-            "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
-            "ao_samples": options["ao_samples"],
-            "shadow_size": options["shadow_size"],
-            "rsm_size": options["rsm_size"],
-            "exposure": options["exposure"],
-            # A single picture is a first one, though it is the second here.
-            "skips": () if options["no_skips"] else set(SKIPS) - {"unchanged"},
-            "runtime": runtime,
-        }
+        loaded, camera, lights, arguments = frame_arguments(scene, options, step)
+        runtime = arguments["runtime"]
         step("compiling kernels")
-        render(loaded, camera, lights, **arguments)
+        render(loaded, camera, lights, skips=skips, **arguments)
         step("rendering")
-        frame = render(loaded, camera, lights, gbuffer=True, **arguments)
+        frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
         step("writing files")
         files = _write(frame, output, views=options["views"])
     report(
@@ -144,6 +116,49 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
          "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3)},
         explain=options["explain"],
     )
+
+
+def frame_arguments(
+    scene: str, options: dict[str, Any], step: Callable[[str], None]
+) -> tuple[Scene, Camera, tuple[Light, ...], dict[str, Any]]:
+    """Return the scene, the camera, the lights and the other arguments of `render` but `skips`.
+
+    Args:
+        scene: as given on the command line.
+        options: of the command `ssgi render` that shape a frame.
+        step: is called with the name of each step.
+    """
+    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
+
+    _check_view_options(options)
+    if not is_scene(scene):
+        _check_file(Path(scene), SCENE_NAMES)
+    step("opening the device")
+    runtime = Runtime.open(options["device"])
+    step(f"loading {scene}")
+    loaded, camera, lights, radius = (
+        _builtin(make_scene(scene), options)
+        if is_scene(scene)
+        else _from_file(Path(scene), options, runtime)
+    )
+    if options["ambient"] is not None:
+        lights = (*lights, Environment(options["ambient"]))
+    return loaded, camera, lights, {
+        "ao": False if options["ao"] == "none" else options["ao"],
+        "indirect": options["indirect"],
+        "method": options["method"],
+        "vpls": options["vpls"],
+        "glossy_vpls": options["glossy_vpls"],
+        "indirect_ao": options["indirect_ao"],
+        "layers": options["layers"],
+        "extra_cameras": options["extra_cameras"],
+        "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
+        "ao_samples": options["ao_samples"],
+        "shadow_size": options["shadow_size"],
+        "rsm_size": options["rsm_size"],
+        "exposure": options["exposure"],
+        "runtime": runtime,
+    }
 
 
 def _check_view_options(options: dict[str, Any]) -> None:

@@ -106,7 +106,9 @@ class Graph:
             found = self._compiled[key] = self._compile(*key)
         return found
 
-    def run(self, given: Values, outputs: Iterable[str]) -> GraphRun:
+    def run(
+        self, given: Values, outputs: Iterable[str], also: Iterable[str] = ()
+    ) -> GraphRun:
         """Run what `outputs` need, and wait for it.
 
         Should a stage raise, nothing is taken for made by it.
@@ -114,6 +116,8 @@ class Graph:
         Args:
             given: resources that the caller brings; one that is None counts as not given.
             outputs: resources asked for.
+            also: resources that the caller reads afterwards where `outputs` need them; they live
+                as long as outputs.
         """
         given = {name: value for name, value in given.items() if value is not None}
         compiled = self.compiled(outputs, given)
@@ -121,7 +125,11 @@ class Graph:
         with self.runtime.frame(self.costs):
             values = self._run(compiled, given, log)
             passes = tuple(self.runtime.times())
-        return GraphRun(values, self._log(compiled, given, log, passes))
+        return GraphRun(values, self._log(compiled, given, log, passes, also))
+
+    def forget(self, name: str) -> None:
+        """Make a stage run again the next time that it is needed, whatever it reads."""
+        self._made.pop(name, None)
 
     def forget(self, name: str) -> None:
         """Have the next run make what a stage writes, whatever its inputs are."""
@@ -136,11 +144,11 @@ class Graph:
 
     def _log(
         self, compiled: Compiled, given: Iterable[str], runs: Mapping[str, StageRun],
-        passes: tuple[PassTime, ...],
+        passes: tuple[PassTime, ...], also: Iterable[str] = (),
     ) -> GraphLog:
         return GraphLog(
-            self.runtime, compiled.outputs, frozenset(given), self._names, runs, passes,
-            dict(self.costs), dict(self.device_bytes),
+            self.runtime, compiled.outputs, frozenset(also), frozenset(given), self._names, runs,
+            passes, dict(self.costs), dict(self.device_bytes),
         )
 
     # ---- compiling
@@ -233,9 +241,9 @@ class Graph:
     def _bring(self, stage: Stage, values: dict[str, Any], log: dict[str, StageRun]) -> None:
         """Make what a stage writes, or take what it made of the same inputs."""
         name, kept = stage.name, self.keep and stage.reuse == "kept"
-        inputs = tuple(self._input(each, values, log) for each in self._inputs[name])
+        inputs = tuple(self._input(each, values, log) for each in self._inputs[name] if kept)
         made = self._made.get(name)
-        if kept and made is not None and same(made[0], inputs):
+        if made is not None and same(made[0], inputs):
             log[name] = self._left("reused", UNCHANGED, name, UNCHANGED)
             values.update(zip(stage.writes, made[1], strict=True))
             return

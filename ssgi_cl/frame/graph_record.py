@@ -79,11 +79,11 @@ class ResourceRecord:
         device_bytes: device memory that holds it; 0 of one on the host; None if it was never made
             or the caller gave it.
         given: whether the caller gave it.
-        output: whether it was asked for.
+        output: whether the caller reads it after the last stage.
         kept: whether it is kept for the next frame.
         writer: the stage that writes it, None if it was given.
         first, last: the first and the last stage that touches it, in the order of the frame; None
-            if none does. An output is read after the last stage too.
+            if none does.
     """
 
     name: str
@@ -166,6 +166,7 @@ class GraphLog:
     Attributes:
         runtime: the device.
         outputs: resources asked for.
+        also: others that the caller reads after the run where they are there.
         given: names of the resources that the caller gave.
         stages: in their order.
         runs: what became of each stage, by name.
@@ -176,6 +177,7 @@ class GraphLog:
 
     runtime: Runtime
     outputs: frozenset[str]
+    also: frozenset[str]
     given: frozenset[str]
     stages: tuple[StageNames, ...]
     runs: Mapping[str, StageRun]
@@ -214,9 +216,10 @@ class GraphLog:
             ]
             if writer is not None and not writer.live:
                 touching = []
+            given = writer is None
             yield ResourceRecord(
-                name, self.device_bytes.get(name) if writer is not None and touching else None,
-                writer is None, name in self.outputs, writer is not None and name in kept,
+                name, None if given or not touching else self.device_bytes.get(name), given,
+                name in self.outputs | self.also, not given and name in kept,
                 None if writer is None else writer.name,
                 touching[0] if touching else None, touching[-1] if touching else None,
             )

@@ -6,8 +6,8 @@ import textwrap
 from dataclasses import dataclass
 from html import escape
 
-from ssgi_cl.frame.graph_layout import Layout, Node, layout, readers
-from ssgi_cl.frame.graph_record import GraphRecord, StageRecord, mebibytes
+from ssgi_cl.frame.graph_layout import Layout, layout, readers
+from ssgi_cl.frame.graph_record import GraphRecord, ResourceRecord, StageRecord, mebibytes
 
 BOX = 244.0
 LINE = 14.0
@@ -17,7 +17,7 @@ EDGE = 24.0
 CELL = 26.0
 NAMES = 190.0
 SIZES = 80.0
-COLUMNS = 44
+COLUMNS = 39
 """Characters of a line in a box."""
 MOST_SKIPS = 3
 """Skips that a box lists; more are counted."""
@@ -25,10 +25,13 @@ COLORS = (
     "#2f6db3", "#b3552f", "#3f8f4f", "#8a4fa3", "#b08a1e", "#1f8f8f", "#a33f66", "#5b6b7b",
     "#6a7f1f", "#4f4fa3", "#9a6a3f", "#2f7f5f", "#7f3f3f", "#3f5f8f",
 )
+GREY = "#b5b9be"
+LABEL = 'text-anchor="middle"'
+"""Attributes of the names of resources, which stand on lines."""
 _FILLS = {
     "ran": ("#e8f0fb", "#2f6db3", ""), "planned": ("#e8f0fb", "#2f6db3", ""),
     "reused": ("#e6f4e8", "#3f8f4f", ""), "idle": ("#ffffff", "#8a8f96", "5 3"),
-    "unneeded": ("#ffffff", "#8a8f96", "5 3"), "culled": ("#fafafa", "#b5b9be", "1.5 3"),
+    "unneeded": ("#ffffff", "#8a8f96", "5 3"), "culled": ("#fafafa", GREY, "1.5 3"),
 }
 _LEGEND = {"ran": "ran", "reused": "reused", "idle": "idle or not needed", "culled": "culled"}
 
@@ -53,14 +56,14 @@ def svg(record: GraphRecord) -> str:
     places = layout(record, BOX)
     table = NAMES + SIZES + CELL * len(boxes) + CELL
     width = max(places.width, table, 560.0) + 2 * EDGE
-    tops, heights, y = [], [], EDGE + 64.0
+    head, y = _head(record, width)
+    tops, heights = [], []
     for layer in places.layers:
         heights.append(max((boxes[n].height for kind, n in layer if kind == "stage"), default=0.0))
         tops.append(y)
         y += heights[-1] + BETWEEN
     left = (width - places.width) / 2
-    parts = [_head(record)]
-    parts += _wires(record, places, boxes, left, tops, heights)
+    parts = [*head, *_wires(record, places, boxes, left, tops, heights)]
     most = max((box.stage.ms for box in boxes.values()), default=0.0)
     for row, layer in enumerate(places.layers):
         for kind, name in layer:
@@ -77,29 +80,35 @@ def svg(record: GraphRecord) -> str:
     ])
 
 
-def _head(record: GraphRecord) -> str:
+def _head(record: GraphRecord, width: float) -> tuple[list[str], float]:
+    """Return title, facts and legend, and where they end."""
     total = sum(stage.ms for stage in record.stages)
     held = sum(each.device_bytes or 0 for each in record.resources)
     facts = (
+        record.device,
         f"{total:.2f} ms on the device; {mebibytes(held)} in resources, "
-        f"{mebibytes(record.memory['used'])} of the device in use; outputs: "
-        f"{', '.join(record.outputs)}"
+        f"{mebibytes(record.memory['used'])} of the device in use",
+        f"outputs: {', '.join(record.outputs)}",
     )
-    legend, x = [], EDGE
+    parts = [_text(EDGE, EDGE + 8, "Frame graph", "#111", 'font-size="15" font-weight="bold"')]
+    y = EDGE + 28
+    for line in (line for fact in facts for line in textwrap.wrap(fact, int(width / 6.8))):
+        parts.append(_text(EDGE, y, line, "#333"))
+        y += LINE + 2
+    x = EDGE
     for state, text in _LEGEND.items():
         fill, stroke, dash = _FILLS[state]
-        legend.append(
-            f'<rect x="{x:.0f}" y="{EDGE + 38:.0f}" width="16" height="10" rx="2" fill="{fill}" '
-            f'stroke="{stroke}" stroke-dasharray="{dash}"/>'
-            + _text(x + 21, EDGE + 47, text, "#555")
+        parts.append(
+            f'<rect x="{x:.0f}" y="{y - 9:.0f}" width="16" height="10" rx="2" fill="{fill}" '
+            f'stroke="{stroke}" stroke-dasharray="{dash or "none"}"/>'
+            + _text(x + 21, y, text, "#555")
         )
         x += 40 + 6 * len(text)
-    legend.append(
-        f'<path d="M{x:.0f} {EDGE + 43:.0f}h24" stroke="#555" stroke-dasharray="4 3"/>'
-        + _text(x + 30, EDGE + 47, "hint: changes no bit of the result", "#555")
+    parts.append(
+        f'<path d="M{x:.0f} {y - 4:.0f}h24" stroke="#555" stroke-dasharray="4 3"/>'
+        + _text(x + 30, y, "hint: changes no bit of the result", "#555")
     )
-    title = _text(EDGE, EDGE + 8, f"Frame graph, {record.device}", "#111", 'font-size="15"')
-    return "\n".join([title, _text(EDGE, EDGE + 28, facts, "#333"), *legend])
+    return parts, y + 24.0
 
 
 def _lines(record: GraphRecord, stage: StageRecord) -> list[str]:
@@ -132,7 +141,7 @@ def _draw_box(box: _Box, x: float, y: float, most: float) -> list[str]:
     color = "#111" if stage.live else "#777"
     parts = [
         f'<rect x="{x:.1f}" y="{y:.1f}" width="{BOX:.0f}" height="{box.height:.1f}" rx="5" '
-        f'fill="{fill}" stroke="{stroke}" stroke-dasharray="{dash}"/>',
+        f'fill="{fill}" stroke="{stroke}" stroke-dasharray="{dash or "none"}"/>',
         _text(x + 10, y + 18, f"{box.number}  {stage.name}", color,
               'font-size="13" font-weight="bold"'),
     ]
@@ -152,45 +161,53 @@ def _wires(
     tops: list[float], heights: list[float],
 ) -> list[str]:
     """Return the lines from writers to readers, and the names of resources."""
-    reading, parts = readers(record), []
-    row_of = {node: row for row, layer in enumerate(places.layers) for node in layer
-              if node[0] == "stage"}
-    sizes = {each.name: each.device_bytes for each in record.resources}
-    outputs = {each.name for each in record.resources if each.output}
-    color = _colors(record)
+    reading, color = readers(record), _colors(record)
+    lines, names = [], []
+    row_of = {
+        name: row for row, layer in enumerate(places.layers) for kind, name in layer
+        if kind == "stage"
+    }
+    shown = {each.name: _shown(each) for each in record.resources}
     for stage in record.stages:
-        row = row_of["stage", stage.name]
+        row = row_of[stage.name]
         for port, name in enumerate(stage.writes):
             shift = BOX * ((port + 1) / (len(stage.writes) + 1) - 0.5)
-            x = left + places.x[row, ("stage", stage.name)] + shift
+            at = left + places.x[row, ("stage", stage.name)] + shift
             y = tops[row] + boxes[stage.name].height
-            ink = color[name] if stage.live else "#b5b9be"
-            last = max((row_of["stage", reader] for reader in reading[name]), default=row)
-            at, from_y = x, y
+            if name in shown:
+                ink = color[name] if stage.live else GREY
+                names.append(_text(at, y + 13 + 13 * (port % 2), shown[name], ink, LABEL))
+            last = max((row_of[reader] for reader in reading[name]), default=row)
             for below in range(row + 1, last + 1):
                 for reader in reading[name]:
-                    if row_of["stage", reader] != below:
-                        continue
-                    hint = name in boxes[reader].stage.hints
-                    to = left + places.x[below, ("stage", reader)] + _entry(record, reader, name)
-                    parts.append(_curve(at, from_y, to, tops[below], ink, hint, arrow=True))
-                lane: Node = ("lane", name)
+                    if row_of[reader] == below:
+                        to = left + places.x[below, ("stage", reader)]
+                        to += _entry(record, reader, name)
+                        style = _style(color.get(name, GREY), stage, [boxes[reader].stage], name)
+                        lines.append(_curve(at, y, to, tops[below], style))
+                        lines.append(_arrow(to, tops[below], style))
                 if below < last:
-                    to = left + places.x[below, lane]
-                    hint = all(name in boxes[r].stage.hints for r in reading[name]
-                               if row_of["stage", r] > below)
-                    parts.append(_curve(at, from_y, to, tops[below], ink, hint))
-                    at, from_y = to, tops[below] + heights[below]
-                    dash = ' stroke-dasharray="4 3"' if hint else ""
-                    parts.append(f'<path d="M{at:.1f} {tops[below]:.1f}V{from_y:.1f}" '
-                                 f'stroke="{ink}" fill="none"{dash}/>')
-            size = f", {mebibytes(sizes[name])}" if sizes.get(name) else ""
-            mark = " (output)" if name in outputs else ""
-            shown = _text(x, y + 13 + 13 * (port % 2), f"{name}{size}{mark}", ink,
-                          'text-anchor="middle" stroke="#fff" stroke-width="3" '
-                          'paint-order="stroke"')
-            parts.append(shown)
-    return parts
+                    to = left + places.x[below, ("lane", name)]
+                    further = [boxes[each].stage for each in reading[name] if row_of[each] > below]
+                    style = _style(color.get(name, GREY), stage, further, name)
+                    end = tops[below] + heights[below]
+                    lines.append(_curve(at, y, to, tops[below], style))
+                    lines.append(f'<path d="M{to:.1f} {tops[below]:.1f}V{end:.1f}" {style}/>')
+                    at, y = to, end
+    return lines + names
+
+
+def _shown(resource: ResourceRecord) -> str:
+    size = f", {mebibytes(resource.device_bytes)}" if resource.device_bytes else ""
+    return f"{resource.name}{size}{' (output)' if resource.output else ''}"
+
+
+def _style(color: str, writer: StageRecord, further: list[StageRecord], name: str) -> str:
+    """Return how a line to some readers is drawn: grey if none runs, dashed if it is a hint."""
+    live = writer.live and any(reader.live for reader in further)
+    hint = all(name in reader.hints for reader in further)
+    dash = ' stroke-dasharray="4 3"' if hint else ""
+    return f'stroke="{color if live else GREY}" fill="none"{dash}'
 
 
 def _entry(record: GraphRecord, reader: str, name: str) -> float:
@@ -201,18 +218,17 @@ def _entry(record: GraphRecord, reader: str, name: str) -> float:
     return 0.8 * BOX * ((names.index(name) + 1) / (len(names) + 1) - 0.5)
 
 
-def _curve(
-    x: float, y: float, to: float, to_y: float, ink: str, hint: bool, *, arrow: bool = False
-) -> str:
+def _curve(x: float, y: float, to: float, to_y: float, style: str) -> str:
     middle = (y + to_y) / 2
-    dash = ' stroke-dasharray="4 3"' if hint else ""
-    path = (
+    return (
         f'<path d="M{x:.1f} {y:.1f}C{x:.1f} {middle:.1f} {to:.1f} {middle:.1f} {to:.1f} {to_y:.1f}"'
-        f' stroke="{ink}" fill="none"{dash}/>'
+        f" {style}/>"
     )
-    if arrow:
-        path += (f'<path d="M{to - 3.5:.1f} {to_y - 7:.1f}h7l-3.5 7z" fill="{ink}"/>')
-    return path
+
+
+def _arrow(x: float, y: float, style: str) -> str:
+    ink = style.split('"')[1]
+    return f'<path d="M{x - 3.5:.1f} {y - 7:.1f}h7l-3.5 7z" fill="{ink}"/>'
 
 
 def _lifetimes(record: GraphRecord, y: float) -> list[str]:
@@ -226,7 +242,7 @@ def _lifetimes(record: GraphRecord, y: float) -> list[str]:
     ]
     column = {stage.name: start + CELL * i for i, stage in enumerate(record.stages)}
     for number, x in enumerate(column.values(), start=1):
-        parts.append(_text(x + CELL / 2, y + 22, str(number), "#555", 'text-anchor="middle"'))
+        parts.append(_text(x + CELL / 2, y + 22, str(number), "#555", LABEL))
     row = y + 30.0
     for each in record.resources:
         if each.given:
@@ -266,4 +282,9 @@ def _colors(record: GraphRecord) -> dict[str, str]:
 
 
 def _text(x: float, y: float, text: str, color: str, more: str = "") -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" fill="{color}" {more}>{escape(text)}</text>'
+    plain = f'<text x="{x:.1f}" y="{y:.1f}" fill="{color}" {more}>{escape(text)}</text>'
+    if more != LABEL:
+        return plain
+    # White below, so that lines do not run through the letters.
+    around = f'fill="#fff" stroke="#fff" stroke-width="4" {more}'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {around}>{escape(text)}</text>{plain}'

@@ -83,14 +83,12 @@ class Needs:
     Attributes:
         outputs: names asked for.
         ao: whether A is asked for by itself, be there ambient light or not.
-        bounce, light, picture: whether reflected light, the light of all pixels, and its tone
-            mapping are computed.
+        light, picture: whether the light of all pixels, and its tone mapping, are computed.
         given: outputs that a frame gets if they are there.
     """
 
     outputs: frozenset[str]
     ao: bool
-    bounce: bool
     light: bool
     picture: bool
     given: frozenset[str]
@@ -104,8 +102,7 @@ class Needs:
         picture = all_ or "image" in names
         light = picture or "radiance" in names
         return cls(
-            names, ao=chosen is not None and "ao" in names, bounce=light or "indirect" in names,
-            light=light, picture=picture,
+            names, ao=chosen is not None and "ao" in names, light=light, picture=picture,
             given=names | ({"ao", "indirect"} if chosen is None else set()),
         )
 

@@ -59,6 +59,9 @@ from ssgi_cl.techniques.shading.shade import Shade
 from ssgi_cl.techniques.shading.tonemap import Tonemap
 from ssgi_cl.techniques.tiles import Tiles
 
+_PLANES = {AO: "ao", INDIRECT: "indirect"}
+"""Resources that a frame holds where they are there -> its outputs."""
+
 
 class Renderer:
     """The pipeline, prepared for one size; call it frame after frame.
@@ -218,7 +221,7 @@ class Renderer:
         wanted = {GBUFFER}
         if needs.ao:
             wanted |= {AO} & self._light
-        if needs.bounce:
+        if "indirect" in needs.outputs:
             wanted |= {INDIRECT} & self._light
         if needs.light:
             wanted |= {RADIANCE, EXPOSURE}
@@ -239,12 +242,14 @@ class Renderer:
         }
         self._rest.begin(scene.key, len(lights))
         with self.runtime.frame(self._graph.costs):
-            run = self._graph.run(given, self._resources(needs))
+            also = {name for name, output in _PLANES.items() if output in needs.given}
+            run = self._graph.run(given, self._resources(needs), also)
             made, seen = run.values, run.values[GBUFFER]
-            image, openness, bounced = (made.get(name) for name in (IMAGE, AO, INDIRECT))
+            image, bounced = made.get(IMAGE), made.get(INDIRECT)
             picture = image.copy() if image is not None and "image" in needs.outputs else None
+            openness, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
             ao = None if openness is None else openness.download(window=seen.seen)[0]
-            indirect = None if bounced is None else pixels(bounced)
+            indirect = None if reflected is None else pixels(reflected)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
             levels = None
             if kept and bounced is not None and self._bounce is not None:
@@ -252,8 +257,8 @@ class Renderer:
         self._learn(made)
         self._log = run.log
         return Frame(
-            ao=ao if "ao" in needs.given else None,
-            indirect=indirect if "indirect" in needs.given else None,
+            ao=ao,
+            indirect=indirect,
             gbuffer=kept,
             levels=levels,
             exposure=made.get(EXPOSURE, 1.0),

@@ -1,0 +1,103 @@
+"""`ssgi graph`: what it draws, and what it says when something is wrong."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from ssgi_cl.cli.command import main
+
+SMALL = ("--width", "64", "--height", "48", "--shadow-size", "64", "--ambient", "0.3")
+
+
+def ssgi(*arguments: object) -> Result:
+    return CliRunner().invoke(main, ["graph", "cornell_box", *map(str, (*SMALL, *arguments))])
+
+
+def drawn(path: Path, *arguments: object) -> str:
+    result = ssgi("-o", path, *arguments)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == f"wrote {path}\n"
+    return path.read_text()
+
+
+def states(text: str) -> dict[str, str]:
+    return {stage["name"]: stage["state"] for stage in json.loads(text)["stages"]}
+
+
+def test_the_ending_chooses_what_is_written(tmp_path: Path) -> None:
+    assert ElementTree.fromstring(drawn(tmp_path / "a.svg")).tag.endswith("svg")
+    assert drawn(tmp_path / "a.dot").startswith("digraph frame {")
+    record = json.loads(drawn(tmp_path / "a.JSON"))
+    assert record["stages"][0]["name"] == "G-buffer"
+    assert record["stages"][0]["ms"] > 0.0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.JSON", "a.dot", "a.svg"]
+
+
+def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
+    found = states(drawn(tmp_path / "a.json", "--outputs", "ao, gbuffer"))
+    assert {name for name, state in found.items() if state == "culled"} == {
+        "idle lights", "shadow maps", "direct light", "combine", "read-back", "exposure", "picture"
+    }
+    assert found["gtao"] == "ran"
+
+
+def test_the_next_frame_of_the_same_inputs_reuses_stages(tmp_path: Path) -> None:
+    found = states(drawn(tmp_path / "a.json", "--again"))
+    assert {found[name] for name in ("G-buffer", "gtao", "combine", "picture")} == {"reused"}
+    assert found["shadow maps"] == "unneeded"
+
+
+@pytest.mark.parametrize(
+    ("options", "stage", "state", "why"),
+    [
+        (("--indirect", "gather"), "bounce", "ran", ""),
+        (("--ao", "ssao"), "ssao", "ran", ""),
+        (("--exposure", "2"), "exposure", "culled", "the caller gives exposure"),
+        (("--indirect", "ssdo"), "ambient occlusion", "idle",
+         "ssdo hides ambient light by itself"),
+    ],
+    ids=str,
+)
+def test_options_of_render_shape_the_frame(
+    tmp_path: Path, options: tuple[str, ...], stage: str, state: str, why: str
+) -> None:
+    record: Any = json.loads(drawn(tmp_path / "a.json", *options))
+    found = next(each for each in record["stages"] if each["name"] == stage)
+    assert (found["state"], found["why"]) == (state, why)
+
+
+def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
+    record = json.loads(drawn(tmp_path / "a.json", "--width", 128, "--height", 96))
+    skips = {stage["name"]: [s["name"] for s in stage["skips"]] for stage in record["stages"]}
+    assert skips["gtao"] == ["gtao tiles"]
+    assert skips["shadow maps"] == ["map spot"]
+    record = json.loads(drawn(tmp_path / "b.json", "--no-skips"))
+    assert not any(stage["skips"] for stage in record["stages"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("-o", "graph.png"), "--output is graph.png: expected a name that ends in .svg or .dot or "
+         ".json"),
+        (("-o", "nowhere/graph.svg"), "there is no folder nowhere"),
+        (("-o", "graph.svg", "--outputs", "depth"), "outputs has 'depth': expected names out of "
+         "'image', 'radiance', 'ao', 'indirect', 'gbuffer'"),
+        (("-o", "graph.svg", "--layers", "0"), "layers is 0"),
+    ],
+    ids=str,
+)
+def test_bad_options_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = ssgi(*options)
+    assert result.exit_code in (1, 2)
+    assert message in result.stderr.strip().splitlines()[-1]
+    assert not list(tmp_path.iterdir())

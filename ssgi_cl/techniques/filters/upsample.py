@@ -19,6 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.technique import Technique
 
 UPSAMPLE = Struct(
     "UpsampleParams",
@@ -347,3 +348,21 @@ def upsample(
 
 def _int2(x: int, y: int) -> NDArray[np.int32]:
     return np.array([x, y], np.int32)
+
+
+DESCRIPTOR = Technique(
+    name="upsample",
+    kind="filter",
+    paper="Kopf et al. 2007",
+    function=upsample,
+    params=UpsampleParams,
+    technique=Upsample,
+    reference="ssgi_cl.reference.upsample",
+    kernels={
+        "upsample/upsample_joint.cl": ("UPSAMPLE_COUNT", "UPSAMPLE_STEP"),
+        "upsample/upsample_blur_rows.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+        "upsample/upsample_blur_columns.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+    },
+    reads=("depth", "normal", "image"),
+    writes=("image",),
+)

@@ -13,10 +13,8 @@ import numpy as np
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
-from ssgi_cl.techniques.ao.slices import SliceParams
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique
+from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.tuning.case import Subject
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measure import Stopwatch
@@ -31,8 +29,8 @@ RADII = (0.5, 1.0, 2.0, 4.0)
 RADII_AT: Size = (600, 800)
 
 TECHNIQUES: Mapping[str, tuple[Any, type[SliceParams]]] = {
-    "gtao": (Gtao, GtaoParams), "hbao": (Hbao, HbaoParams),
-    "bitmask_ao": (BitmaskAo, BitmaskParams),
+    name: (each.technique, each.params) for name, each in of_kind("ao").items()
+    if issubclass(each.technique, SliceTechnique)
 }
 
 

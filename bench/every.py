@@ -20,10 +20,8 @@ from ssgi_cl.rasterize import Scene
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.ao.gtao import gtao
-from ssgi_cl.techniques.ao.hbao import hbao
-from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur
 from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
 from ssgi_cl.techniques.indirect.multires_splat import multires_splat
@@ -34,6 +32,7 @@ from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
 from ssgi_cl.techniques.shading.shade import shade
 from ssgi_cl.techniques.shading.tonemap import tonemap
+from ssgi_cl.techniques.technique import Technique
 
 Array = NDArray[Any]
 
@@ -140,13 +139,14 @@ def shaded(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     )
 
 
-def occluded(technique: Callable[..., Array], **params: Any) -> Any:
+def occluded(technique: Technique) -> Any:
     """Return what yields A with layers and a margin, and A at half size from depth alone."""
+    params = {name: values[0] for name, values in technique.variants.items()}
 
     def run(given: Inputs, runtime: Runtime) -> Iterator[Array]:
-        yield technique(given.gbuffer, runtime=runtime, **params)
-        late = {"resolution": "half", "blur_resolution": "full"}
-        yield technique(given.single, runtime=runtime, **params, **late)
+        yield technique.function(given.gbuffer, runtime=runtime, **params)
+        late = {**params, "resolution": "half", "blur_resolution": "full"}
+        yield technique.function(given.single, runtime=runtime, **late)
 
     return run
 
@@ -203,11 +203,8 @@ TECHNIQUES: Mapping[str, Callable[[Inputs, Runtime], Iterator[Array]]] = {
         bilateral_blur(given.image, given.gbuffer, separable=False, runtime=runtime),
     )),
     "upsampling": upsampled,
-    "ssao": occluded(ssao),
-    "hbao": occluded(hbao, taps=4),
-    "gtao": occluded(gtao, taps=4),
+    **{name.replace("_", " "): occluded(each) for name, each in of_kind("ao").items()},
     "gtao, bent normals": bent,
-    "bitmask ao": occluded(bitmask_ao, taps=6),
     "multiple bounces": lambda given, runtime: iter((
         multi_bounce(np.minimum(given.image[..., 0], 1.0), 0.7),
     )),

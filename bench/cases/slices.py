@@ -11,10 +11,9 @@ import numpy as np
 
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique
+from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.presets import NAMES
 from ssgi_cl.truth import Truth, metrics
 from ssgi_cl.truth import slices as assumption
@@ -174,14 +173,14 @@ def _best_factor(context: Context) -> float:
     return min(XEGTAO_FACTORS, key=error)
 
 
+SCANNED = [
+    each for each in of_kind("ao").values() if issubclass(each.technique, SliceTechnique)
+]
 FAMILIES: Mapping[str, Family] = {
-    "hbao": Slices(Hbao, HbaoParams),
-    "gtao": Slices(Gtao, GtaoParams),
-    "bitmask_ao": Slices(
-        BitmaskAo, BitmaskParams, ("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4")
-    ),
-    "hbao-preset": Presets(Hbao),
-    "gtao-preset": Presets(Gtao),
-    "bitmask-preset": Presets(BitmaskAo),
+    **{
+        each.name: Slices(each.technique, each.params, each.bench or Slices.SETTINGS)
+        for each in SCANNED
+    },
+    **{f"{each.name.removesuffix('_ao')}-preset": Presets(each.technique) for each in SCANNED},
     "xegtao": XegtaoHigh(),
 }

@@ -33,13 +33,15 @@ from ssgi_cl.io.console import (
     yfov_of,
 )
 from ssgi_cl.io.exr_header import ExrHeader, read_header
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
-from ssgi_cl.techniques.indirect.ssdo import ssdo
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.catalogue import CATALOGUE
+from ssgi_cl.techniques.technique import Technique
+
+OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
+"""The techniques that `ssgi apply` takes."""
 
 
 @click.command("apply")
-@click.argument("technique", type=click.Choice(sorted([*TECHNIQUES, "ssdo"])))
+@click.argument("technique", type=click.Choice(sorted(OFFERED)))
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
 @click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is "
@@ -92,7 +94,8 @@ def apply_command(
     ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
     radiance 1.
     """
-    params = SsdoParams if technique == "ssdo" else TECHNIQUES[technique].params
+    chosen = OFFERED[technique]
+    params, lit_by = chosen.params, "lights" in chosen.reads
     if "help" in settings:
         _list_parameters(params, as_json)
         return
@@ -111,7 +114,7 @@ def apply_command(
     parameters = dict(_setting(text, technique, params) for text in settings)
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     parameters |= {name: value for name, value in asked.items() if value is not None}
-    _check_lights(technique, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
+    _check_lights(chosen, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
     if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
         raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
     with progress(as_json) as step:
@@ -122,19 +125,17 @@ def apply_command(
         camera = _apply_camera(header, fov, ortho, intrinsics)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
             arrays = exr.read_gbuffer(source)
-        # Ambient occlusion needs neither albedo nor emission, so they may hold anything.
-        unused = () if technique == "ssdo" else ("albedo", "emission")
+        # What the technique does not read may hold anything.
+        unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
         for name in (*unused, "normal") if no_normals else unused:
             arrays.pop(name, None)
         gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
         step(f"computing {technique}")
-        if technique == "ssdo":
+        given: list[Any] = [gbuffer]
+        if lit_by:
             parameters["radiance"] = _image(source) if lit else None
-            lights = _lights(sky, sun, none=lit)
-            direct, bounce, *bent = ssdo(gbuffer, lights, runtime=runtime, **parameters)
-            channels = {"direct": direct, "bounce": bounce, **_bent_channels(*bent)}
-        else:
-            channels = _channels(TECHNIQUES[technique], gbuffer, runtime, parameters)
+            given.append(_lights(sky, sun, none=lit))
+        channels = _channels(chosen, chosen.function(*given, runtime=runtime, **parameters))
         passes = runtime.times()
         step("writing the file")
         if adds:
@@ -149,32 +150,28 @@ def _is_same_file(source: Path, output: Path) -> bool:
     return source.exists() and output.exists() and source.samefile(output)
 
 
-def _channels(
-    entry: Entry, gbuffer: GBuffer, runtime: Runtime, parameters: dict[str, Any]
-) -> dict[str, Any]:
-    """Return what the technique finds, by the names that it has in a file."""
-    result = entry.function(gbuffer, runtime=runtime, **parameters)
-    if isinstance(result, tuple):  # with bent normals
-        a, bent = result
-        return {entry.channel: a, **_bent_channels(bent)}
-    return {entry.channel: result}
+def _channels(technique: Technique, result: Any) -> dict[str, Any]:
+    """Return what the technique found, by the names that it has in a file."""
+    results = result if isinstance(result, tuple) else (result,)
+    channels = dict(zip(technique.writes, results, strict=False))  # the last ones are optional
+    bent = channels.pop("bent", None)
+    if bent is not None:
+        channels |= {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
+    return channels
 
 
-def _bent_channels(bent: Any = None) -> dict[str, Any]:
-    """Return bent normals, if there are any, by the names that they have in a file."""
-    return {} if bent is None else {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
-
-
-def _check_lights(technique: str, lights: dict[str, Any], asked: dict[str, Any]) -> None:
+def _check_lights(chosen: Technique, lights: dict[str, Any], asked: dict[str, Any]) -> None:
     """Raise for options that the technique doesn't have."""
-    if technique == "ssdo":
+    if "lights" in chosen.reads:
         wrong = [name.replace("_", "-") for name, value in asked.items() if value is not None]
         if wrong:
-            raise click.UsageError(f"--{wrong[0]} is not for ssdo: it has no recorded settings")
+            raise click.UsageError(
+                f"--{wrong[0]} is not for {chosen.name}: it has no recorded settings"
+            )
         return
     wrong = [name for name, value in lights.items() if value is not None]
     if wrong:
-        raise click.UsageError(f"{wrong[0]} is for ssdo: {technique} knows no light")
+        raise click.UsageError(f"{wrong[0]} is for ssdo: {chosen.name} knows no light")
 
 
 def _lights(

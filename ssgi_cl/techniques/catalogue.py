@@ -1,68 +1,52 @@
-"""The catalogue: the list by which the command line and tuning find techniques."""
+"""The catalogue: the one list of techniques, over which all else iterates.
+
+`python -m ssgi_cl.techniques.catalogue` prints it as a table in Markdown.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable
 
-from ssgi_cl.core.params import Params
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
-from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
-from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, ssao
+from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
+from ssgi_cl.techniques.filters import bilateral, upsample
+from ssgi_cl.techniques.indirect import multires_splat, rsm_gather, ssdo, vpl_splat
+from ssgi_cl.techniques.shading import shade, tonemap
+from ssgi_cl.techniques.technique import Technique
 
-
-@dataclass(frozen=True)
-class Entry:
-    """A technique that turns a G-buffer into an image.
-
-    Attributes:
-        function: called with a G-buffer, `runtime` and the parameters.
-        params: the dataclass that declares them.
-        technique: the class, to prepare once and run often.
-        channel: name of the result in a file.
-        quantity: what the result is, a method of the benchmark's `Context` that gives its truth.
-        tunable: parameters by which presets differ, each with the list of its values; what tuning
-            varies by default.
-        layers: numbers of depth layers that presets are recorded for.
-    """
-
-    function: Callable[..., Any]
-    params: type[Params]
-    technique: type[OcclusionTechnique]
-    channel: str
-    quantity: str = "occlusion"
-    tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    layers: tuple[int, ...] = (1,)
-
-
-# Presets differ in how much they sample, not in what they take for an occluder, and in nothing that
-# depends on the scene: more slices err less on all sets of scenes. More taps err less where what is
-# tuned on is thick, and more where horizons take thin rods for walls.
-_SLICES: dict[str, Sequence[Any]] = {
-    "slices": [1, 2, 3, 4, 8],
-    "resolution": ["full", "half"],
+CATALOGUE: dict[str, Technique] = {
+    module.DESCRIPTOR.name: module.DESCRIPTOR
+    for module in (
+        ssao, hbao, gtao, bitmask_ao,
+        ssdo, rsm_gather, vpl_splat, multires_splat,
+        shade, tonemap,
+        bilateral, upsample,
+    )
 }
+"""All techniques by name."""
 
-_LAYERS = (1, 2, 4)
 
-TECHNIQUES: dict[str, Entry] = {
-    "ssao": Entry(
-        ssao,
-        SsaoParams,
-        Ssao,
-        "ao",
-        tunable={
-            "samples": [4, 8, 16, 32, 64],
-            "resolution": ["full", "half"],
-            "blur_radius": [1, 2],
-        },
-    ),
-    "hbao": Entry(hbao, HbaoParams, Hbao, "ao", tunable=_SLICES, layers=_LAYERS),
-    "gtao": Entry(gtao, GtaoParams, Gtao, "ao", tunable=_SLICES, layers=_LAYERS),
-    "bitmask_ao": Entry(
-        bitmask_ao, BitmaskParams, BitmaskAo, "ao", tunable=_SLICES, layers=_LAYERS
-    ),
-}
+def of_kind(kind: str) -> dict[str, Technique]:
+    """Return the techniques of a kind by name."""
+    return {name: each for name, each in CATALOGUE.items() if each.kind == kind}
+
+
+TECHNIQUES: dict[str, Technique] = of_kind("ao")
+"""Techniques of ambient occlusion by name."""
+
+Entry = Technique
+"""The former name of the descriptor."""
+
+
+def table(techniques: Iterable[Technique] = CATALOGUE.values()) -> str:
+    """Return a table in Markdown: what each technique is, what it reads and what it gives."""
+    rows = [("technique", "kind", "paper", "methods", "reads", "gives"), ("---",) * 6]
+    for each in techniques:
+        rows.append(
+            (f"`{each.name}`", each.kind, each.paper, ", ".join(each.methods),
+             ", ".join(each.reads), ", ".join(each.writes))
+        )
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
+
+
+if __name__ == "__main__":
+    print(table(), end="")

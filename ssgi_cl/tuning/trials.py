@@ -80,7 +80,7 @@ class Trials:
         self._fixed = dict(fixed)
         self._metric = METRICS[metric]
         self._runtime = contexts[0].runtime
-        self._takes_radius = "radius" in entry.params.__dataclass_fields__  # type: ignore[attr-defined]
+        self._takes_radius = "radius" in entry.params.__dataclass_fields__
         self._stopwatch = Stopwatch(self._runtime, seconds=CAREFUL_SECONDS)
         self._reference = GatherLoad(self._runtime)
         # Ratios to the reference become milliseconds by its least time: what else the machine

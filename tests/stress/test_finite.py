@@ -15,10 +15,7 @@ from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.ao.gtao import gtao
-from ssgi_cl.techniques.ao.hbao import hbao
-from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur
 from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
 from ssgi_cl.techniques.indirect.multires_splat import multires_splat
@@ -28,6 +25,7 @@ from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
 from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
 from ssgi_cl.techniques.shading.shade import shade
 from ssgi_cl.techniques.shading.tonemap import tonemap
+from ssgi_cl.techniques.technique import Technique
 
 from .inputs import gbuffers, hdr, lights, maps, radii, seeds
 
@@ -53,12 +51,12 @@ def nothing(gbuffer: GBuffer) -> NDArray[np.bool_]:
     return empty
 
 
-def occlusion(technique: Callable[..., Any], **options: tuple[Any, ...]) -> Any:
-    """Return the check of a technique of ambient occlusion with one of each option."""
+def occlusion(technique: Technique) -> Any:
+    """Return the check of a technique of ambient occlusion with one of each of its variants."""
 
     def check(draw: Draw, runtime: Runtime) -> None:
-        gbuffer, params = draw(gbuffers()), chosen(draw, **options)
-        a = technique(gbuffer, draw(radii), runtime=runtime, **params)
+        gbuffer, params = draw(gbuffers()), chosen(draw, **technique.variants)
+        a = technique.function(gbuffer, draw(radii), runtime=runtime, **params)
         if params.get("bent_normals"):
             a, bent = a
             within(bent, -1.0 - ROUNDINGS, 1.0 + ROUNDINGS)
@@ -154,16 +152,7 @@ def bouncing(draw: Draw, runtime: Runtime) -> None:
 
 CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
     "view normals": view_normals,
-    "ssao": occlusion(
-        ssao, falloff=("ramp", "exponential"), outside=("unknown", 1.0),
-        resolution=("full", "quarter"),
-    ),
-    "hbao": occlusion(hbao, taps=(4,), attenuation=(0.0, 1.0), resolution=("full", "half")),
-    "gtao": occlusion(
-        gtao, taps=(4,), falloff=(0.0, 0.6), bent_normals=(False, True),
-        resolution=("full", "quarter"),
-    ),
-    "bitmask ao": occlusion(bitmask_ao, taps=(4,), resolution=("full", "half")),
+    **{name.replace("_", " "): occlusion(each) for name, each in of_kind("ao").items()},
     "ssdo bitmask": directional("bitmask"),
     "ssdo points": directional("points"),
     "ssdo published": directional("published"),

@@ -18,10 +18,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.ao.gtao import gtao
-from ssgi_cl.techniques.ao.hbao import hbao
-from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur
 from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
@@ -34,7 +31,7 @@ from .inputs import gbuffers, hdr, radii, seeds
 from .test_finite import examples, nothing
 
 OCCLUSION: dict[str, Callable[..., Any]] = {
-    "ssao": ssao, "hbao": hbao, "gtao": gtao, "bitmask_ao": bitmask_ao
+    name: each.function for name, each in of_kind("ao").items()
 }
 every_occlusion = pytest.mark.parametrize("name", OCCLUSION)
 

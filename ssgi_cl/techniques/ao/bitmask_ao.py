@@ -13,8 +13,17 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import (
+    MACROS,
+    PRESET_LAYERS,
+    TUNABLE,
+    SliceKeywords,
+    SliceParams,
+    SliceTechnique,
+    made_for,
+)
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.technique import Technique
 
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
@@ -160,3 +169,28 @@ def bitmask_ao(
         error=error, budget_ms=budget_ms, **params,
     )
     return technique(device)
+
+
+DESCRIPTOR = Technique(
+    name="bitmask_ao",
+    kind="ao",
+    paper="Therrien et al. 2023",
+    function=bitmask_ao,
+    params=BitmaskParams,
+    technique=BitmaskAo,
+    reference="ssgi_cl.reference.bitmask_ao",
+    kernels={
+        "bitmask_ao/bitmask_ao.cl": (
+            *MACROS, "SLICES_THICKNESS", "SLICES_DEEPER", "SLICES_NEXT", "BITMASK_ANGLE",
+            "BITMASK_JOINED",
+        ),
+    },
+    reads=("depth", "normal", "thickness"),
+    writes=("ao",),
+    command=True,
+    quantity="occlusion",
+    bench=("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4"),
+    variants={"taps": (6,), "resolution": ("full", "half")},
+    tunable=TUNABLE,
+    layers=PRESET_LAYERS,
+)

@@ -18,7 +18,16 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import (
+    MACROS,
+    PRESET_LAYERS,
+    TUNABLE,
+    SliceKeywords,
+    SliceParams,
+    SliceTechnique,
+    made_for,
+)
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import OpenTiles
 
 
@@ -196,3 +205,25 @@ def gtao(
         bent_normals=bent_normals, preset=preset, error=error, budget_ms=budget_ms, **params,
     )
     return technique.both(device) if bent_normals else technique(device)
+
+
+DESCRIPTOR = Technique(
+    name="gtao",
+    kind="ao",
+    paper="Jimenez et al. 2016",
+    function=gtao,
+    params=GtaoParams,
+    technique=Gtao,
+    reference="ssgi_cl.reference.gtao",
+    kernels={"gtao/gtao.cl": (*MACROS, "GTAO_FALLOFF", "GTAO_BENT"), "gtao/gtao_bent.cl": ()},
+    reads=("depth", "normal"),
+    writes=("ao", "bent"),
+    command=True,
+    quantity="occlusion",
+    variants={
+        "taps": (4,), "falloff": (0.0, 0.6), "bent_normals": (False, True),
+        "resolution": ("full", "quarter"),
+    },
+    tunable=TUNABLE,
+    layers=PRESET_LAYERS,
+)

@@ -14,7 +14,16 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique, made_for
+from ssgi_cl.techniques.ao.slices import (
+    MACROS,
+    PRESET_LAYERS,
+    TUNABLE,
+    SliceKeywords,
+    SliceParams,
+    SliceTechnique,
+    made_for,
+)
+from ssgi_cl.techniques.technique import Technique
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,3 +118,22 @@ def hbao(
         error=error, budget_ms=budget_ms, **params,
     )
     return technique(device)
+
+
+DESCRIPTOR = Technique(
+    name="hbao",
+    kind="ao",
+    paper="Bavoil and Sainz 2008",
+    function=hbao,
+    params=HbaoParams,
+    technique=Hbao,
+    reference="ssgi_cl.reference.hbao",
+    kernels={"hbao/hbao.cl": (*MACROS, "HBAO_ATTENUATION", "HBAO_BIAS")},
+    reads=("depth", "normal"),
+    writes=("ao",),
+    command=True,
+    quantity="occlusion",
+    variants={"taps": (4,), "attenuation": (0.6, 0.0, 1.0), "resolution": ("full", "half")},
+    tunable=TUNABLE,
+    layers=PRESET_LAYERS,
+)

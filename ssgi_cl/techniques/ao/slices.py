@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -66,6 +66,20 @@ NEAREST_TAP = SLICES_NEAREST_TAP
 
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
+
+MACROS = ("SLICES_COUNT", "SLICES_TAPS", "SLICES_LAYERS")
+"""Of every kernel that scans slices."""
+
+# Presets differ in how much they sample, not in what they take for an occluder, and in nothing that
+# depends on the scene: more slices err less on all sets of scenes. More taps err less where what is
+# tuned on is thick, and more where horizons take thin rods for walls.
+TUNABLE: Mapping[str, Sequence[Any]] = {
+    "slices": [1, 2, 3, 4, 8],
+    "resolution": ["full", "half"],
+}
+"""Parameters by which presets differ."""
+PRESET_LAYERS = (1, 2, 4)
+"""Numbers of depth layers that presets are recorded for."""
 
 LEAST_FACING = SLICES_LEAST_FACING
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have.

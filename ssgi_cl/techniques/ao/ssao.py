@@ -20,6 +20,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 SSAO = Struct(
@@ -358,3 +359,29 @@ def ssao(
     return technique(device)
 
 
+DESCRIPTOR = Technique(
+    name="ssao",
+    kind="ao",
+    paper="Mittring 2007; Filion and McNaughton 2008",
+    function=ssao,
+    params=SsaoParams,
+    technique=Ssao,
+    reference="ssgi_cl.reference.ssao",
+    kernels={
+        "ssao/ssao.cl": (
+            "SSAO_MOST_SAMPLES", "SSAO_RADII", "SSAO_HEMISPHERE", "SSAO_FALLOFF",
+            "SSAO_CURVE_SIZE", "SSAO_OUTSIDE",
+        ),
+    },
+    reads=("depth", "normal"),
+    writes=("ao",),
+    command=True,
+    quantity="occlusion",
+    variants={
+        "falloff": ("ramp", "exponential"), "outside": ("unknown", 1.0),
+        "resolution": ("full", "quarter"),
+    },
+    tunable={
+        "samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [1, 2],
+    },
+)

@@ -17,6 +17,7 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
 BLUR = Struct(
@@ -219,3 +220,19 @@ def bilateral_blur(
     with runtime.frame():
         result = blur.run(plane, device).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
+
+
+DESCRIPTOR = Technique(
+    name="bilateral_blur",
+    kind="filter",
+    paper="Tomasi and Manduchi 1998",
+    function=bilateral_blur,
+    params=BilateralParams,
+    technique=Bilateral,
+    reference="ssgi_cl.reference.bilateral",
+    kernels={
+        "bilateral/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE"),
+    },
+    reads=("depth", "normal", "image"),
+    writes=("image",),
+)

@@ -20,6 +20,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.technique import Technique
 
 UPSAMPLE = Struct(
     "UpsampleParams",
@@ -333,3 +334,21 @@ def upsample(
         reduced.update(device)
         result = technique.run(plane, reduced, device).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
+
+
+DESCRIPTOR = Technique(
+    name="upsample",
+    kind="filter",
+    paper="Kopf et al. 2007",
+    function=upsample,
+    params=UpsampleParams,
+    technique=Upsample,
+    reference="ssgi_cl.reference.upsample",
+    kernels={
+        "upsample/upsample_joint.cl": ("UPSAMPLE_COUNT", "UPSAMPLE_STEP"),
+        "upsample/upsample_blur_rows.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+        "upsample/upsample_blur_columns.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+    },
+    reads=("depth", "normal", "image"),
+    writes=("image",),
+)

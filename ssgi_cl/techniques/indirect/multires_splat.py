@@ -41,6 +41,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
 )
 from ssgi_cl.techniques.indirect.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES, VplTree
+from ssgi_cl.techniques.technique import Technique
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,3 +282,40 @@ def multires_splat(
     if scene is not None and method == "published":
         raise ValueError("scene applies only to method='adaptive' (got method='published')")
     return lit_by_maps(METHODS[method].technique, chosen, gbuffer, rsms, runtime, scene)
+
+
+DESCRIPTOR = Technique(
+    name="multires_splat",
+    kind="indirect",
+    paper="Nichols and Wyman 2009",
+    function=multires_splat,
+    params=MultiresSplatParams,
+    technique=MultiresSplat,
+    reference="ssgi_cl.reference.multires_splat",
+    kernels={
+        "multires/cluster_order.cl": (),
+        "multires/cluster_runs.cl": (),
+        "multires/cut_limits.cl": (),
+        "multires/cut_lists.cl": (),
+        "multires/cut_mean.cl": ("VPL_CUT", "VPL_NEAR"),
+        "multires/multires_count.cl": (),
+        "multires/multires_interpolate.cl": ("MULTIRES_CHANNELS",),
+        "multires/multires_list.cl": (),
+        "multires/multires_reduce.cl": (),
+        "multires/multires_rough.cl": ("MULTIRES_CHANNELS",),
+        "multires/multires_start.cl": ("MULTIRES_CHANNELS",),
+        "multires/shade_list.cl": (
+            "SHADE_LINE", "SHADE_PARTS", "SHADE_ROWS", "VPL_CUT", "VPL_GRID", "VPL_NEAR",
+            "VPL_SIGHT",
+        ),
+        "multires_published/subsplat_mip.cl": (),
+        "multires_published/subsplat_refine.cl": (),
+        "multires_published/subsplat_shade.cl": ("SUBSPLAT_ROWS", "VPL_CUT", "VPL_NEAR"),
+        "multires_published/subsplat_upsample.cl": (),
+        "multires_published/subsplat_variation.cl": (),
+    },
+    reads=("depth", "normal", "rsms", "scene"),
+    writes=("irradiance",),
+    methods={name: method.params for name, method in METHODS.items()},
+    quantity="bounce",
+)

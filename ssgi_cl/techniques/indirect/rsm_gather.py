@@ -22,6 +22,7 @@ from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGrid
 from ssgi_cl.techniques.indirect.rsm_maps import MapSampling
 from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.techniques.indirect.rsm_technique import RsmTechnique
+from ssgi_cl.techniques.technique import Technique
 
 RESOLUTIONS = ("full", "adaptive")
 
@@ -211,3 +212,30 @@ def rsm_gather(
     technique.params = chosen
     result: NDArray[np.float32] = technique(device, rsms)
     return result
+
+
+DESCRIPTOR = Technique(
+    name="rsm_gather",
+    kind="indirect",
+    paper="Dachsbacher and Stamminger 2005",
+    function=rsm_gather,
+    params=RsmGatherParams,
+    technique=RsmGather,
+    reference="ssgi_cl.reference.rsm_gather",
+    kernels={
+        "rsm_gather/rsm_gather_bound.cl": (),
+        "rsm_gather/rsm_gather_disk.cl": (
+            "RSM_GATHER_LISTED", "RSM_GATHER_POINTS", "RSM_GATHER_ROTATED", "RSM_GATHER_SPHERE",
+        ),
+        "rsm_gather/rsm_gather_pick.cl": (),
+        "rsm_gather/rsm_gather_same.cl": ("RSM_GATHER_LISTED",),
+        "rsm_gather/rsm_gather_sums.cl": (),
+        "rsm_gather/rsm_gather_texels.cl": (),
+        "rsm_published/rsm_published_interpolate.cl": (),
+        "rsm_published/rsm_published_lattice.cl": (),
+    },
+    reads=("depth", "normal", "rsms"),
+    writes=("irradiance",),
+    methods={name: method.params for name, method in METHODS.items()},
+    quantity="unblocked_bounce",
+)

@@ -23,13 +23,14 @@ from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end, back
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
 from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of, set_lamps
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoKeywords, SsdoParams
+from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
 from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 SPLIT = Struct(
@@ -352,3 +353,46 @@ def ssdo(
         if planes.bent is not None:
             images.append(planes.bent.download()[1:])
     return tuple(np.ascontiguousarray(np.moveaxis(image, 0, -1)) for image in images)
+
+
+DESCRIPTOR = Technique(
+    name="ssdo",
+    kind="indirect",
+    paper="Ritschel, Grosch and Seidel 2009",
+    function=ssdo,
+    params=SsdoParams,
+    technique=Ssdo,
+    reference="ssgi_cl.reference.ssdo_bitmask",
+    kernels={
+        "ssdo/ssdo_sides.cl": ("SIDES_LAYERS",),
+        "ssdo/ssdo_split.cl": (
+            "SPLIT_BOUNCE", "SPLIT_FIRST", "SPLIT_GATHERED", "SPLIT_LAMPS", "SPLIT_SKY",
+        ),
+        "ssdo_bitmask/ssdo_bitmask.cl": (
+            "BITMASK_BACKS", "BITMASK_BENT", "BITMASK_BOUNCE", "BITMASK_CONES", "BITMASK_KEPT",
+            "BITMASK_SIDES", "BITMASK_THICK", "SKY_SIZE", "SLICES_COUNT", "SLICES_LAYERS",
+            "SLICES_NEXT", "SLICES_TAPS", "SLICES_THICKNESS",
+        ),
+        "ssdo_points/ssdo_planes.cl": ("PLANES_LAYERS", "PLANES_NORMALS"),
+        "ssdo_points/ssdo_points.cl": (
+            "POINTS_COUNT", "POINTS_KEPT", "POINTS_LAYERS", "POINTS_PUBLISHED", "POINTS_SENDERS",
+            "POINTS_SKY", "POINTS_STEP", "POINTS_TAPS", "POINTS_THICKNESS",
+        ),
+        "ssdo_point_views/ssdo_point_views.cl": (
+            "POINTS_LAYERS", "POINTS_PUBLISHED", "POINTS_TAPS", "POINTS_THICKNESS",
+            "POINT_VIEWS_COUNT", "POINT_VIEWS_SENDERS", "POINT_VIEWS_SKY", "POINT_VIEWS_STEP",
+        ),
+        "ssdo_views/ssdo_views.cl": (
+            "VIEWS_BOUNCE", "VIEWS_LAYERS", "VIEWS_NORMALS", "VIEWS_SENDERS", "VIEWS_SLICES",
+            "VIEWS_STRATA", "VIEWS_TAPS",
+        ),
+        "ssdo_views/ssdo_views_unseen.cl": (
+            "SEEN_LAYERS", "SEEN_NORMALS", "UNSEEN_LAYERS", "UNSEEN_NORMALS",
+        ),
+    },
+    reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "rsms"),
+    writes=("direct", "bounce", "bent"),
+    methods=dict.fromkeys(METHODS, SsdoParams),
+    command=True,
+    quantity="bounce",
+)

@@ -34,6 +34,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
     lit_by_maps,
     refine_param,
 )
+from ssgi_cl.techniques.technique import Technique
 
 TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
@@ -403,3 +404,40 @@ def vpl_splat(
     """
     chosen = VplSplatParams(vpls=vpls, cutoff=cutoff, **params)
     return lit_by_maps(VplSplat, chosen, gbuffer, rsms, runtime, scene)
+
+
+DESCRIPTOR = Technique(
+    name="vpl_splat",
+    kind="indirect",
+    paper="Keller 1997; Dachsbacher and Stamminger 2006",
+    function=vpl_splat,
+    params=VplSplatParams,
+    technique=VplSplat,
+    reference="ssgi_cl.reference.vpl_splat",
+    kernels={
+        "vpl/vpl_blocks.cl": (),
+        "vpl/vpl_boxes.cl": (),
+        "vpl/vpl_cut.cl": ("VPL_GLOSSY", "VPL_MIDDLE", "VPL_WEIGHTED"),
+        "vpl/vpl_grid.cl": ("VPL_GRID",),
+        "vpl/vpl_interleaved.cl": (
+            "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_GRID", "VPL_NEAR", "VPL_PARTS", "VPL_SHARE",
+            "VPL_SIGHT",
+        ),
+        "vpl/vpl_lists.cl": ("VPL_CUT", "VPL_GLOSSY", "VPL_PARTS", "VPL_SUBSETS"),
+        "vpl/vpl_near.cl": (),
+        "vpl/vpl_occupy.cl": ("VPL_GRID", "VPL_LAYERS"),
+        "vpl/vpl_place.cl": ("VPL_GLOSSY", "VPL_PART"),
+        "vpl/vpl_reach.cl": ("VPL_GRID",),
+        "vpl/vpl_runs.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
+        "vpl/vpl_splat.cl": (
+            "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS",
+        ),
+        "vpl/vpl_totals.cl": (),
+        "vpl/vpl_view_importance.cl": ("VPL_GRID",),
+        "vpl/vpl_view_mean.cl": (),
+        "vpl/vpl_voxelize.cl": ("VPL_GRID",),
+    },
+    reads=("depth", "normal", "rsms", "scene"),
+    writes=("irradiance",),
+    quantity="bounce",
+)

@@ -18,6 +18,7 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_va
 from ssgi_cl.techniques.shading.ambient import Ambient
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, Lamps, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.techniques.technique import Technique
 
 COMBINE = Struct(
     "CombineParams",
@@ -235,3 +236,25 @@ def _sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
         column = np.arange(columns) * image.shape[1] // columns
         sky += image[row[:, None], column[None, :]]
     return np.minimum(sky, BRIGHTEST).astype(np.float32)
+
+
+DESCRIPTOR = Technique(
+    name="shade",
+    kind="shading",
+    paper="Reeves, Salesin and Cook 1987",
+    function=shade,
+    params=None,
+    technique=Shade,
+    reference="ssgi_cl.reference.shade",
+    kernels={
+        "shade/shade_combine.cl": (
+            "SHADE_DIRECT", "SHADE_AO", "SHADE_BOUNCES", "SHADE_INDIRECT", "SHADE_EMISSION",
+            "SHADE_AMBIENT", "SHADE_SKY", "AMBIENT_SIZE",
+        ),
+        "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS"),
+        "shade/shadow_blocks.cl": (),
+    },
+    reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
+    writes=("radiance",),
+    quantity="direct",
+)

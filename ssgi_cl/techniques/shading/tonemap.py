@@ -9,6 +9,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.device.active_region import Window, copy_window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.technique import Technique
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18
@@ -131,3 +132,17 @@ def tonemap(
     with device.frame():
         result: NDArray[np.uint8] = technique.run(plane, factor)
         return result
+
+
+DESCRIPTOR = Technique(
+    name="tonemap",
+    kind="shading",
+    paper="Narkowicz 2015; Reinhard et al. 2002",
+    function=tonemap,
+    params=None,
+    technique=Tonemap,
+    reference="ssgi_cl.reference.tonemap",
+    kernels={"tonemap/tonemap.cl": ("TONEMAP_CURVE",)},
+    reads=("image",),
+    writes=("image",),
+)

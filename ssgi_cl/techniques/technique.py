@@ -1,0 +1,62 @@
+"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ssgi_cl.core.params import Params
+
+KINDS = ("ao", "indirect", "shading", "filter")
+INPUTS = (
+    "depth", "normal", "albedo", "emission", "thickness", "lights", "rsms", "scene", "image",
+)
+"""What techniques read: images of the G-buffer, and arguments by name; `image` is one to filter."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Technique:
+    """A technique, described once: command line, benchmark, tuning, tests and docs iterate over
+    these records, see `ssgi_cl.techniques.catalogue`.
+
+    Attributes:
+        name: of the function.
+        kind: one of `KINDS`.
+        paper: authors and year.
+        function: numpy in, numpy out; takes `runtime` and the parameters.
+        params: the dataclass that declares the parameters; None if there is none.
+        technique: the class, to prepare once and run often.
+        reference: the module of the numpy reference implementation.
+        kernels: path in kernels/ -> names of macros, of the technique's own folders there; what it
+            shares with others, such as filters, lies in folders of their own.
+        reads: out of `INPUTS`.
+        writes: results by name, also in a file; optional ones last.
+        methods: other ways to compute it, each with the dataclass of its parameters.
+        command: whether `ssgi apply` offers it.
+        bench: settings of its family of benchmark cases, where these differ from the usual ones.
+        variants: values of parameters that tests combine, the quickest and usual first.
+        quantity: what the result is, a method of the benchmark's `Context` that gives its
+            reference.
+        tunable: parameters by which presets differ, each with the list of its values; what tuning
+            varies by default.
+        layers: numbers of depth layers that presets are recorded for.
+    """
+
+    name: str
+    kind: str
+    paper: str
+    function: Callable[..., Any]
+    params: Any
+    technique: Any
+    reference: str
+    kernels: Mapping[str, Sequence[str]]
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+    methods: Mapping[str, type[Params]] = field(default_factory=dict)
+    command: bool = False
+    bench: tuple[str, ...] = ()
+    variants: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    quantity: str = ""
+    tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    layers: tuple[int, ...] = (1,)

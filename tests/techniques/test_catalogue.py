@@ -1,0 +1,151 @@
+"""Descriptors of techniques say what the techniques do."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl import kernels as kernel_folder
+from ssgi_cl.bench.every import Inputs, inputs
+from ssgi_cl.core.params import parameter_fields
+from ssgi_cl.device import sources
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import Struct
+from ssgi_cl.techniques.catalogue import CATALOGUE, of_kind, table
+from ssgi_cl.techniques.technique import INPUTS, KINDS, Technique
+from ssgi_cl.tuning.context import Context
+
+from .test_values import CASES, bits
+
+KERNELS = Path(kernel_folder.__file__).parent
+every_technique = pytest.mark.parametrize("technique", CATALOGUE.values(), ids=lambda t: t.name)
+EXTRA = {"multi_bounce", "ray_ao"}
+"""Public functions of techniques that run on the host, which the catalogue has not."""
+
+
+@pytest.fixture(scope="module")
+def given(runtime: Runtime) -> Inputs:
+    return inputs(runtime, (36, 48), 32)
+
+
+def folders(technique: Technique) -> set[str]:
+    """Return the technique's own folders of kernels."""
+    return {path.split("/")[0] for path in technique.kernels}
+
+
+@every_technique
+def test_a_descriptor_is_of_public_names(technique: Technique) -> None:
+    assert getattr(gi, technique.name) is technique.function
+    assert technique.technique.__name__ in gi.__all__
+    assert technique.kind in KINDS
+    assert set(technique.reads) <= set(INPUTS)
+    import_module(technique.reference)
+    assert not technique.quantity or hasattr(Context, technique.quantity)
+    assert technique.paper.split(" ")[0] in (inspect.getdoc(technique.function) or "")
+    for name, values in (*technique.variants.items(), *technique.tunable.items()):
+        for value in values:
+            technique.params(**{name: value})
+
+
+def test_every_technique_is_in_the_catalogue() -> None:
+    functions = {
+        name for name in gi.__all__
+        if inspect.isfunction(value := getattr(gi, name))
+        and value.__module__.startswith("ssgi_cl.techniques.")
+    }
+    assert functions - EXTRA - {"auxiliary_cameras", "choose_vpls"} == set(CATALOGUE)
+    assert {name for kind in KINDS for name in of_kind(kind)} == set(CATALOGUE)
+    assert {name.split(",")[0] for name in CASES} == set(CATALOGUE)  # values as arguments
+
+
+@every_technique
+def test_kernels_exist_and_have_the_macros(technique: Technique) -> None:
+    for path, macros in technique.kernels.items():
+        text = sources.flatten(path)
+        for macro in macros:
+            assert macro in text, (path, macro)
+    there = {
+        f"{folder}/{file.name}" for folder in folders(technique)
+        for file in (KERNELS / folder).glob("*.cl")
+    }
+    assert there == set(technique.kernels)
+
+
+@every_technique
+def test_a_technique_builds_what_its_descriptor_says(
+    runtime: Runtime, given: Inputs, technique: Technique, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: dict[str, set[str]] = defaultdict(set)
+    kernel = Runtime.kernel
+
+    def noted(
+        self: Runtime, path: str, macros: Mapping[str, int] | None = None,
+        structs: Sequence[Struct] = (), **more: Any,
+    ) -> Any:
+        built[path] |= set(macros or {})
+        return kernel(self, path, macros, structs, **more)
+
+    runtime._prepared.clear()
+    monkeypatch.setattr(Runtime, "kernel", noted)
+    for name, case in CASES.items():
+        if name.split(",")[0] == technique.name:
+            case.call(given, runtime=runtime, **case.base)
+    own = {path: built[path] for path in built if path.split("/")[0] in folders(technique)}
+    assert own, "nothing was built"
+    for path, macros in own.items():
+        assert macros <= set(technique.kernels[path]), path
+
+
+@every_technique
+def test_a_technique_reads_what_its_descriptor_says(
+    runtime: Runtime, given: Inputs, technique: Technique
+) -> None:
+    case = CASES[technique.name]
+    if technique.name == "tonemap":
+        assert technique.reads == ("image",)
+        return
+    whole = given.gbuffer
+    rng = np.random.default_rng(1)
+    normal = np.asarray(whole.normal)
+    other = {
+        "depth": 1.1 * np.asarray(whole.depth),
+        "normal": normal + 0.2 * (np.abs(normal) > 0.0),
+        "albedo": 0.5 * np.asarray(whole.albedo),
+        "emission": rng.random(np.shape(whole.albedo)),
+        "thickness": rng.random(np.shape(whole.first("depth"))),
+    }
+    first = bits(case.call(given, runtime=runtime, **case.base))
+    for name, values in other.items():
+        changed = dataclasses.replace(given, gbuffer=dataclasses.replace(whole, **{name: values}))
+        same = bits(case.call(changed, runtime=runtime, **case.base)) == first
+        assert same == (name not in technique.reads), name
+
+
+def test_lights_and_maps_are_arguments() -> None:
+    for technique, name in product(CATALOGUE.values(), ("lights", "rsms", "scene", "image")):
+        names = set(inspect.signature(technique.function).parameters)
+        given_name = "radiance" if technique.name == "tonemap" and name == "image" else name
+        assert (given_name in names) == (name in technique.reads), (technique.name, name)
+
+
+@pytest.mark.parametrize("technique", of_kind("ao").values(), ids=lambda t: t.name)
+def test_methods_of_ambient_occlusion_have_a_radius(technique: Technique) -> None:
+    assert "radius" in parameter_fields(technique.params)
+    assert technique.writes[0] == "ao"
+
+
+def test_the_table_has_a_row_for_each() -> None:
+    lines = table().splitlines()
+    assert len(lines) == 2 + len(CATALOGUE)
+    assert lines[2].startswith("| `ssao` | ao | Mittring 2007")
+    assert all(line.count("|") == lines[0].count("|") for line in lines)

@@ -61,8 +61,10 @@ typedef struct {
 #define SSDO_FIRST_SKY (1 + 3 * (BITMASK_BENT > 0)) // image
 #define SSDO_FIRST_BOUNCE (SSDO_FIRST_SKY + 3 * (BITMASK_CONES > 0))
 #define SSDO_IMAGES (SSDO_FIRST_BOUNCE + 3 * BITMASK_BOUNCE)
-// Receivers whose radius is below a pixel see nothing but the sky.
-#define SSDO_FAR (BITMASK_CONES > 0)
+// Are covered sectors noted whose sender is seen from behind, which sends `back` alone?
+#define SSDO_DARK (BITMASK_KEPT * BITMASK_BOUNCE * (1 - BITMASK_BACKS))
+// Is anything to be written of an unoccluded receiver but A = 1 and zeros?
+#define SSDO_OPEN_TOO (BITMASK_CONES + BITMASK_KEPT)
 
 #include "common/scan.clh"
 #include "ssdo_bitmask/bend.clh"
@@ -78,7 +80,10 @@ SSGI_INLINE void ssdo_slice(ssgi_plane near, const SsgiReceiver *receiver,
     pieces_begin(receiver, slice, pieces);
     SsgiReceiver sided = *receiver;
     const float span = slice->span;
-    const int sides = SSDO_FAR && !v_any(receiver->active) ? 0 : 2;
+    int sides = 2;
+    if (BITMASK_CONES) { // of receivers that see nothing but the sky, none
+        sides = v_any(receiver->active) ? 2 : 0;
+    }
 #pragma unroll 1
     for (int side = 0; side < sides; ++side) {
         slice->span = min(span, ssgi_within(receiver, slice, pattern->start, side));
@@ -186,7 +191,7 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
         return;
     }
     const bool open = ssgi_item_is_open(&item, tiles, size, params);
-    if (open && !SSDO_FAR && !BITMASK_KEPT) {
+    if (open && SSDO_OPEN_TOO == 0) {
         ssgi_store_unoccluded(light, SSDO_IMAGES, size, &item);
         return;
     }
@@ -203,7 +208,11 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
     for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
         bits[s] = v_splat_int(0);
     }
-    SsgiGroup group = ssgi_groups(SSDO_FAR ? receiver.there : receiver.active);
+    vmask receivers = receiver.active;
+    if (BITMASK_CONES) { // the sky lights those too whose radius is below a pixel
+        receivers = receiver.there;
+    }
+    SsgiGroup group = ssgi_groups(receivers);
     while (ssgi_next_group(near, &receiver, params, &group)) {
         vfloat found[SSDO_IMAGES];
         vint found_bits[2 * SLICES_COUNT];

@@ -30,26 +30,87 @@
 #error "SLICES_COUNT, _TAPS, _LAYERS, _DEEPER, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED needed"
 #endif
 
-#define SSGI_SCAN_BY_LAYER
-#define SSGI_SCAN_TILES 1
-#include "common/slices.clh"
-
 #include "bitmask_ao/surfaces.clh"
+#include "common/scan.clh"
 
-SSGI_INLINE void
-ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-               SsgiGathered *gathered)
+// Cover the sectors of a slice that surfaces of all layers hide, layer by layer on each side, from
+// near to far; layers behind the first are read at every so-many-th tap.
+SSGI_INLINE void bitmask_slice(ssgi_plane near, const SsgiReceiver *receiver,
+                               const SsgiSlice *slice, const float centre,
+                               const SliceParams params, BitmaskSurfaces *surfaces)
 {
-    const vfloat hidden = v_to_float(v_count_bits(gathered->covered)) * (1.0f / 32.0f);
-    gathered->occluded = v_fma(gathered->measure.share, hidden, gathered->occluded);
-    gathered->whole = gathered->whole + gathered->measure.share;
+    SsgiTaps taps;
+    BitmaskPath path;
+    bitmask_taps(receiver, slice, centre, params, &taps, &path);
+    ssgi_ask_taps(near, receiver, &taps, path.every, SLICES_DEEPER);
+    surfaces->covered = v_splat_int(0);
+    surfaces->measure = bitmask_measure(slice);
+    SsgiReceiver sided = *receiver;
+#pragma unroll 1
+    for (int side = 0; side < 2; ++side) {
+#pragma unroll 1
+        for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
+            const int every = layer == 0 ? 1 : path.every;
+            if (BITMASK_JOINED) {
+                bitmask_begin(&sided, slice, side, layer, surfaces);
+            }
+#pragma unroll 1
+            for (int t = every - 1; t < path.count; t += every) {
+                const SsgiTap tap = ssgi_tap(near, &sided, slice, &taps, side, t, layer);
+                if (BITMASK_JOINED) {
+                    const float per_px = bitmask_per_px(&path, t, layer);
+                    bitmask_join(near, &sided, slice, &tap, per_px, side, layer, params, surfaces);
+                } else {
+                    bitmask_tap(near, &sided, slice, &tap, side, layer, surfaces);
+                }
+            }
+            if (BITMASK_JOINED) {
+                bitmask_end(near, &sided, slice, side, layer, params, surfaces);
+            }
+        }
+        ssgi_mirror(&sided);
+    }
 }
 
-#include "common/scan.clh"
+// The fraction that slices of this radius (a length) find occluded.
+SSGI_INLINE vfloat bitmask_scan(ssgi_plane near, const SsgiReceiver *receiver,
+                                const SsgiPattern *pattern, const float radius,
+                                const SliceParams params)
+{
+    vfloat occluded = v_splat(0.0f), whole = v_splat(SLICES_TINY);
+#pragma unroll 1
+    for (int s = 0; s < SLICES_COUNT; ++s) {
+        const SsgiSlice slice =
+            ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
+        BitmaskSurfaces surfaces;
+        bitmask_slice(near, receiver, &slice, pattern->centre, params, &surfaces);
+        const vfloat hidden = v_to_float(v_count_bits(surfaces.covered)) * (1.0f / 32.0f);
+        occluded = v_fma(surfaces.measure.share, hidden, occluded);
+        whole = whole + surfaces.measure.share;
+    }
+    return occluded / whole;
+}
 
 __kernel void bitmask_ao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                          ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
                          const int2 size, const SsgiCamera camera, const SliceParams params)
 {
-    ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);
+    const SsgiItem item = ssgi_item(size);
+    if (!item.inside) {
+        return;
+    }
+    if (ssgi_item_is_open(&item, tiles, size, params)) {
+        ssgi_store_unoccluded(openness, 1, size, &item);
+        return;
+    }
+    const SsgiReceiver receiver =
+        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+    const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
+    vfloat occluded = v_splat(0.0f);
+    SsgiGroup group = ssgi_groups(receiver.active);
+    while (ssgi_next_group(near, &receiver, params, &group)) {
+        const vfloat found = bitmask_scan(near, &receiver, &pattern, group.radius, params);
+        occluded = v_select(occluded, found, group.alike);
+    }
+    ssgi_store_ao(occluded, &receiver, params, openness, size, &item);
 }

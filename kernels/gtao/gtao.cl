@@ -23,79 +23,47 @@
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
-#define SSGI_SCAN_TILES 1
-#define SSGI_SCAN_PAIRS
-#include "common/slices.clh"
+#include "common/pairs.clh"
+#include "common/scan.clh"
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(GTAO_FALLOFF) || !defined(GTAO_BENT)
 #error "SLICES_COUNT, _TAPS, _LAYERS, GTAO_FALLOFF and GTAO_BENT must be defined by the host"
 #endif
 
+#define GTAO_IMAGES (1 + 3 * GTAO_BENT)
+
+// What a slice sees, and the directions that it hides.
 typedef struct {
-    vfloat rise[2]; // by side, of the horizon above the tangent plane: cotangent, or with falloff
-                    // cosine
-    vfloat seen;    // by this slice
-    vmask rises;    // does a horizon of this slice?
-    vfloat occluded, whole;
-#if GTAO_BENT
-    vfloat up, along; // sum of the directions that this slice hides, times 3
-    vfloat more[3];   // times `whole`
-#endif
-} SsgiGathered;
+    vfloat seen;
+    vmask rises;      // does a horizon?
+    vfloat up, along; // sum of the hidden directions, times 3
+} GtaoSlice;
 
-SSGI_INLINE void
-ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-                 SsgiGathered *gathered)
-{
-    gathered->seen = v_splat(0.0f);
-    gathered->rises = v_splat_int(0);
-#if GTAO_BENT
-    gathered->up = v_splat(0.0f);
-    gathered->along = v_splat(0.0f);
-#endif
-}
-
-SSGI_INLINE void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
-                const int layer, const SliceParams params, SsgiGathered *gathered)
-{
-    gathered->rise[side] = v_splat(0.0f);
-}
-
-#if GTAO_FALLOFF
 // Cosine of an angle from the line of sight.
 SSGI_INLINE vfloat gtao_cosine(const vfloat cot)
 {
     return cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
 }
-#endif
 
-SSGI_INLINE void
-ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap taps[2],
-         const SliceParams params, SsgiGathered *gathered)
+// How far above the tangent plane of a side a tap is: SsgiPairTap.rise, or with falloff the cosine,
+// which moves towards the plane's with distance.
+SSGI_INLINE vfloat gtao_rise(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                             const SsgiPairTap *tap, const int side, const SliceParams params)
 {
-    const vfloat zero = v_splat(0.0f);
-#pragma unroll
-    for (int side = 0; side < 2; ++side) {
-        const SsgiTap *tap = &taps[side];
-#if GTAO_FALLOFF
-        const vfloat edge = side == 0 ? slice->edge : -slice->edge;
-        const vfloat low = gtao_cosine(edge);
-        const vfloat scale = ssgi_scale(receiver, tap->f);
-        const vfloat depth = tap->f / (receiver->radius * scale);
-        const vfloat distance = v_sqrt(
-            v_fma(depth * depth, v_splat(params.thin), ssgi_squared_radii(receiver, tap)));
-        const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
-        const vfloat top =
-            gtao_cosine(edge + v_min(v_max(tap->rise, zero) * slice->steepness,
-                                     v_splat(SLICES_STEEPEST)));
-        const vfloat rise = (top - low) * weight;
-#else
-        const vfloat rise = tap->rise;
-#endif
-        gathered->rise[side] = v_max(gathered->rise[side], v_select(zero, rise, tap->counts));
+    if (!GTAO_FALLOFF) {
+        return tap->rise;
     }
+    const vfloat edge = side == 0 ? slice->edge : -slice->edge;
+    const vfloat low = gtao_cosine(edge);
+    const vfloat scale = ssgi_scale(receiver, tap->f);
+    const vfloat depth = tap->f / (receiver->radius * scale);
+    const vfloat distance =
+        v_sqrt(v_fma(depth * depth, v_splat(params.thin),
+                     ssgi_squared_radii(receiver, tap->f, tap->outside)));
+    const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
+    const vfloat rise = v_max(tap->rise, v_splat(0.0f)) * slice->steepness;
+    return (gtao_cosine(edge + v_min(rise, v_splat(SLICES_STEEPEST))) - low) * weight;
 }
 
 // a of the angle that has this cosine and sine, g being towards the side.
@@ -106,11 +74,10 @@ SSGI_INLINE vfloat gtao_integral(const vfloat cosine, const vfloat sine, const v
     return 0.5f * v_fma(sine * sine, cos_normal, turned * sin_normal);
 }
 
-#if GTAO_BENT
 // Count the directions between the horizon, with this cosine and sine, and the tangent plane.
-SSGI_INLINE void
-gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine, const vfloat sine,
-          const vfloat sin_normal, const vmask rises, SsgiGathered *gathered)
+SSGI_INLINE void gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine,
+                           const vfloat sine, const vfloat sin_normal, const vmask rises,
+                           GtaoSlice *found)
 {
     // The tangent plane is at a right angle to the projected normal.
     const vfloat low = -sin_normal;
@@ -121,14 +88,13 @@ gtao_hide(const SsgiSlice *slice, const int side, const vfloat cosine, const vfl
     const vfloat along = v_fma(slice->cos_normal, across,
                                sin_normal * v_fma(cosine - low, v_splat(3.0f), -cubes));
     const vfloat zero = v_splat(0.0f);
-    gathered->up = gathered->up + v_select(zero, up, rises);
-    gathered->along = gathered->along + v_select(zero, side == 0 ? along : -along, rises);
+    found->up = found->up + v_select(zero, up, rises);
+    found->along = found->along + v_select(zero, side == 0 ? along : -along, rises);
 }
 
 // Bend away from what a slice of this weight hides.
-SSGI_INLINE void
-gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat weight,
-          SsgiGathered *gathered)
+SSGI_INLINE void gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                           const GtaoSlice *found, const vfloat weight, vfloat *bend)
 {
     const float x = slice->cosine * receiver->to_x;
     const float y = slice->sine * receiver->to_y;
@@ -136,61 +102,123 @@ gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice, const vfloat wei
     const vfloat q = v_fma(receiver->x, v_splat(x), v_splat(receiver->y * y));
     const vfloat unit = v_sqrt(slice->weight) * receiver->length * (1.0f / fabs(receiver->to_x));
     const vfloat half_weight = weight * 0.5f; // of 3/2 and a third
-    const vfloat offset = gathered->along * unit * half_weight;
+    const vfloat offset = found->along * unit * half_weight;
     const vfloat sight =
-        v_fma(offset, q / receiver->sight, gathered->up / receiver->length * half_weight);
-    gathered->more[0] = gathered->more[0] + v_fma(sight, receiver->x, -(offset * x));
-    gathered->more[1] = gathered->more[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
-    gathered->more[2] = gathered->more[2] - sight;
+        v_fma(offset, q / receiver->sight, found->up / receiver->length * half_weight);
+    bend[0] = bend[0] + v_fma(sight, receiver->x, -(offset * x));
+    bend[1] = bend[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
+    bend[2] = bend[2] - sight;
 }
-#endif
-
-SSGI_INLINE void
-ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
-              const SliceParams params, SsgiGathered *gathered)
+// Count what a side sees whose horizon is so far above the tangent plane, see gtao_rise.
+SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const int side,
+                               GtaoSlice *found)
 {
     const vfloat one = v_splat(1.0f);
-    const vfloat rise = gathered->rise[side];
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
     const vfloat sin_normal = side == 0 ? slice->sin_normal : -slice->sin_normal;
-#if GTAO_FALLOFF
-    const vfloat cosine = gtao_cosine(edge) + rise;
-    const vfloat sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), v_splat(0.0f)));
-#else
-    const vfloat cot = edge + v_min(rise * slice->steepness, v_splat(SLICES_STEEPEST));
-    const vfloat sine = v_rsqrt_quick(v_fma(cot, cot, one));
-    const vfloat cosine = cot * sine;
-#endif
-    gathered->seen =
-        gathered->seen + gtao_integral(cosine, sine, slice->cos_normal, sin_normal);
-    gathered->rises = gathered->rises | v_gt(rise, v_splat(0.0f));
-#if GTAO_BENT
-    gtao_hide(slice, side, cosine, sine, sin_normal, v_gt(rise, v_splat(0.0f)), gathered);
-#endif
+    vfloat cosine, sine;
+    if (GTAO_FALLOFF) {
+        cosine = gtao_cosine(edge) + rise;
+        sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), v_splat(0.0f)));
+    } else {
+        const vfloat cot = edge + v_min(rise * slice->steepness, v_splat(SLICES_STEEPEST));
+        sine = v_rsqrt_quick(v_fma(cot, cot, one));
+        cosine = cot * sine;
+    }
+    const vmask rises = v_gt(rise, v_splat(0.0f));
+    found->seen = found->seen + gtao_integral(cosine, sine, slice->cos_normal, sin_normal);
+    found->rises = found->rises | rises;
+    if (GTAO_BENT) {
+        gtao_hide(slice, side, cosine, sine, sin_normal, rises, found);
+    }
 }
 
-SSGI_INLINE void
-ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-               SsgiGathered *gathered)
+// Find the fraction that slices of this radius (a length) find occluded, and with GTAO_BENT the
+// bend.
+SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
+                           const SsgiPattern *pattern, const float radius,
+                           const SliceParams params, vfloat images[GTAO_IMAGES])
 {
-    // a of both edges together is cos g + g sin g.
-    const vfloat g = 1.57079633f - v_acos(slice->sin_normal);
-    const vfloat whole = v_fma(g, slice->sin_normal, slice->cos_normal);
-    const vfloat weight = slice->weight * slice->projected;
-    const vfloat hidden = v_select(v_splat(0.0f), whole - gathered->seen, gathered->rises);
-    gathered->occluded = v_fma(weight, v_max(hidden, v_splat(0.0f)), gathered->occluded);
-    gathered->whole = v_fma(weight, whole, gathered->whole);
-#if GTAO_BENT
-    gtao_bend(receiver, slice, weight, gathered);
-#endif
+    vfloat whole = v_splat(SLICES_TINY);
+#pragma unroll
+    for (int i = 0; i < GTAO_IMAGES; ++i) {
+        images[i] = v_splat(0.0f);
+    }
+// Unrolled loops are longer than the instruction cache likes, and no faster.
+#pragma unroll 1
+    for (int s = 0; s < SLICES_COUNT; ++s) {
+        const SsgiSlice slice =
+            ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
+        SsgiTaps taps;
+        ssgi_taps(receiver, &slice, pattern->centre, params, &taps);
+        ssgi_ask_taps(near, receiver, &taps, 1, SLICES_TAPS);
+        vfloat highest[2] = {v_splat(0.0f), v_splat(0.0f)};
+#pragma unroll 1
+        for (int t = 0; t < SLICES_TAPS; ++t) {
+            const SsgiPair pair = ssgi_pair(receiver, &taps, t);
+#pragma unroll 1
+            for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
+#pragma unroll
+                for (int side = 0; side < 2; ++side) {
+                    const SsgiPairTap tap =
+                        ssgi_pair_tap(&pair, near, receiver, &taps, side, t, layer);
+                    const vfloat rise = gtao_rise(receiver, &slice, &tap, side, params);
+                    highest[side] =
+                        v_max(highest[side], v_select(v_splat(0.0f), rise, tap.counts));
+                }
+            }
+        }
+        GtaoSlice found = {v_splat(0.0f), v_splat_int(0), v_splat(0.0f), v_splat(0.0f)};
+        gtao_end_side(&slice, highest[0], 0, &found);
+        gtao_end_side(&slice, highest[1], 1, &found);
+        // a of both edges together is cos g + g sin g.
+        const vfloat g = 1.57079633f - v_acos(slice.sin_normal);
+        const vfloat all = v_fma(g, slice.sin_normal, slice.cos_normal);
+        const vfloat weight = slice.weight * slice.projected;
+        const vfloat hidden = v_select(v_splat(0.0f), all - found.seen, found.rises);
+        images[0] = v_fma(weight, v_max(hidden, v_splat(0.0f)), images[0]);
+        whole = v_fma(weight, all, whole);
+        if (GTAO_BENT) {
+            gtao_bend(receiver, &slice, &found, weight, images + 1);
+        }
+    }
+#pragma unroll
+    for (int i = 0; i < GTAO_IMAGES; ++i) {
+        images[i] = images[i] / whole;
+    }
 }
-
-#define SSGI_SCAN_MORE (3 * GTAO_BENT)
-#include "common/scan.clh"
 
 __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
-    ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);
+    const SsgiItem item = ssgi_item(size);
+    if (!item.inside) {
+        return;
+    }
+    if (ssgi_item_is_open(&item, tiles, size, params)) {
+        ssgi_store_unoccluded(openness, GTAO_IMAGES, size, &item);
+        return;
+    }
+    const SsgiReceiver receiver =
+        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+    const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
+    vfloat images[GTAO_IMAGES];
+#pragma unroll
+    for (int i = 0; i < GTAO_IMAGES; ++i) {
+        images[i] = v_splat(0.0f);
+    }
+    SsgiGroup group = ssgi_groups(receiver.active);
+    while (ssgi_next_group(near, &receiver, params, &group)) {
+        vfloat found[GTAO_IMAGES];
+        gtao_scan(near, &receiver, &pattern, group.radius, params, found);
+#pragma unroll
+        for (int i = 0; i < GTAO_IMAGES; ++i) {
+            images[i] = v_select(images[i], found[i], group.alike);
+        }
+    }
+    ssgi_store_ao(images[0], &receiver, params, openness, size, &item);
+    for (int i = 1; i < GTAO_IMAGES; ++i) {
+        ssgi_store_behind(images[i], v_splat(1.0f), openness, i, size, &item);
+    }
 }

@@ -21,64 +21,63 @@
 //          unrolled, loaded a step ahead, or first kept and then looked at; offsets of all slices,
 //          or of the next one, before the first tap: no gain
 
-#define SSGI_SCAN_TILES 1
-#define SSGI_SCAN_PAIRS
-#include "common/slices.clh"
+#include "common/pairs.clh"
+#include "common/scan.clh"
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
     !defined(HBAO_ATTENUATION) || !defined(HBAO_BIAS)
 #error "SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS, HBAO_ATTENUATION and HBAO_BIAS must be defined"
 #endif
 
+// The horizons of a slice.
 typedef struct {
-    vfloat rise[2];    // by side, of the horizon above the tangent plane, see SsgiTap
+    vfloat rise[2];    // by side, of the horizon above the tangent plane, see SsgiPairTap
     vfloat horizon[2]; // sine of its elevation
     vfloat hidden;     // by this slice
     vfloat could_hide;
-    vfloat fade;               // change of W per SsgiTap.outside over scale^2
-    vfloat occluded, whole;
-} SsgiGathered;
+    vfloat fade;       // change of W per SsgiPairTap.outside over scale^2
+} HbaoHorizons;
 
-SSGI_INLINE void
-ssgi_begin_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-                 SsgiGathered *gathered)
-{
-    gathered->hidden = gathered->could_hide = v_splat(0.0f);
-    gathered->fade = v_splat(-params.attenuation) / (receiver->radius * receiver->radius);
-}
-
-SSGI_INLINE void
-ssgi_begin_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
-                const int layer, const SliceParams params, SsgiGathered *gathered)
+// Both at the tangent plane plus the bias.
+SSGI_INLINE HbaoHorizons hbao_begin(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                                    const SliceParams params)
 {
     const vfloat one = v_splat(1.0f);
-    // The tangent plane is at a right angle to the projected normal.
-    const vfloat tangent = side == 0 ? -slice->sin_normal : slice->sin_normal;
-#if HBAO_BIAS
-    const vfloat cosine = slice->cos_normal;
-    const vfloat raised = v_fma(tangent, v_splat(params.bias_cos), cosine * params.bias_sin);
-    const vfloat raised_cosine = v_fma(cosine, v_splat(params.bias_cos),
-                                       tangent * -params.bias_sin);
-    const vmask upright = v_gt(tangent, v_splat(params.bias_cos));
-    gathered->horizon[side] = v_select(raised, one, upright);
-    // sin bias / (cos tangent cos raised) is how much the cotangent grows by the bias.
-    const vfloat grown = params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
-    gathered->rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
-#else
-    gathered->horizon[side] = tangent;
-    gathered->rise[side] = v_splat(0.0f);
-#endif
-    gathered->could_hide = gathered->could_hide + (one - gathered->horizon[side]);
+    HbaoHorizons at;
+    at.hidden = at.could_hide = v_splat(0.0f);
+    at.fade = v_splat(-params.attenuation) / (receiver->radius * receiver->radius);
+#pragma unroll
+    for (int side = 0; side < 2; ++side) {
+        // The tangent plane is at a right angle to the projected normal.
+        const vfloat tangent = side == 0 ? -slice->sin_normal : slice->sin_normal;
+        at.horizon[side] = tangent;
+        at.rise[side] = v_splat(0.0f);
+        if (HBAO_BIAS) {
+            const vfloat cosine = slice->cos_normal;
+            const vfloat raised =
+                v_fma(tangent, v_splat(params.bias_cos), cosine * params.bias_sin);
+            const vfloat raised_cosine =
+                v_fma(cosine, v_splat(params.bias_cos), tangent * -params.bias_sin);
+            const vmask upright = v_gt(tangent, v_splat(params.bias_cos));
+            at.horizon[side] = v_select(raised, one, upright);
+            // sin bias / (cos tangent cos raised) is how much the cotangent grows by the bias.
+            const vfloat grown =
+                params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
+            at.rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
+        }
+        at.could_hide = at.could_hide + (one - at.horizon[side]);
+    }
+    return at;
 }
 
-SSGI_INLINE void
-ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap taps[2],
-         const SliceParams params, SsgiGathered *gathered)
+// Raise the horizons of both sides to their taps.
+SSGI_INLINE void hbao_raise(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                            const SsgiPairTap taps[2], const SliceParams params, HbaoHorizons *at)
 {
     vmask raises[2];
 #pragma unroll
     for (int side = 0; side < 2; ++side) {
-        raises[side] = taps[side].counts & v_gt(taps[side].rise, gathered->rise[side]);
+        raises[side] = taps[side].counts & v_gt(taps[side].rise, at->rise[side]);
     }
     // Most taps raise no horizon: without the branch all takes a quarter longer.
     if (!v_any(raises[0] | raises[1])) {
@@ -86,49 +85,84 @@ ssgi_see(const SsgiReceiver *receiver, const SsgiSlice *slice, const SsgiTap tap
     }
 #pragma unroll
     for (int side = 0; side < 2; ++side) {
-        const SsgiTap *tap = &taps[side];
+        const SsgiPairTap *tap = &taps[side];
         const vfloat edge = side == 0 ? slice->edge : -slice->edge;
         const vfloat cot =
             v_min(v_fma(tap->rise, slice->steepness, edge), v_splat(SLICES_STEEPEST));
         const vfloat square = v_fma(cot, cot, v_splat(1.0f));
-#if HBAO_ATTENUATION
-        // W and the sine from one root; a division for W alone takes as long as all of this.
-        const vfloat scale = ssgi_scale(receiver, tap->f);
-        const vfloat root = v_rsqrt_quick(square * (scale * scale));
-        const vfloat sine = root * (cot * scale);
-        const vfloat per_scale = (root * root) * square; // 1 / scale^2
-        const vfloat weight = v_fma(tap->outside * gathered->fade, per_scale,
-                                    v_splat(1.0f - params.attenuation));
-        const vfloat hides = v_fma(weight, sine - gathered->horizon[side], gathered->hidden);
-#else
-        const vfloat sine = cot * v_rsqrt_quick(square);
-        const vfloat hides = gathered->hidden + (sine - gathered->horizon[side]);
-#endif
-        gathered->hidden = v_select(gathered->hidden, hides, raises[side]);
-        gathered->horizon[side] = v_select(gathered->horizon[side], sine, raises[side]);
-        gathered->rise[side] = v_select(gathered->rise[side], tap->rise, raises[side]);
+        vfloat sine, hides;
+        if (HBAO_ATTENUATION) {
+            // W and the sine from one root; a division for W alone takes as long as all of this.
+            const vfloat scale = ssgi_scale(receiver, tap->f);
+            const vfloat root = v_rsqrt_quick(square * (scale * scale));
+            sine = root * (cot * scale);
+            const vfloat per_scale = (root * root) * square; // 1 / scale^2
+            const vfloat weight =
+                v_fma(tap->outside * at->fade, per_scale, v_splat(1.0f - params.attenuation));
+            hides = v_fma(weight, sine - at->horizon[side], at->hidden);
+        } else {
+            sine = cot * v_rsqrt_quick(square);
+            hides = at->hidden + (sine - at->horizon[side]);
+        }
+        at->hidden = v_select(at->hidden, hides, raises[side]);
+        at->horizon[side] = v_select(at->horizon[side], sine, raises[side]);
+        at->rise[side] = v_select(at->rise[side], tap->rise, raises[side]);
     }
 }
 
-SSGI_INLINE void
-ssgi_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice, const int side,
-              const SliceParams params, SsgiGathered *gathered)
+// The fraction that slices of this radius (a length) find occluded.
+SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
+                             const SsgiPattern *pattern, const float radius,
+                             const SliceParams params)
 {
+    vfloat hidden = v_splat(0.0f), could_hide = v_splat(SLICES_TINY);
+// Unrolled loops are longer than the instruction cache likes, and no faster.
+#pragma unroll 1
+    for (int s = 0; s < SLICES_COUNT; ++s) {
+        const SsgiSlice slice =
+            ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
+        SsgiTaps taps;
+        ssgi_taps(receiver, &slice, pattern->centre, params, &taps);
+        ssgi_ask_taps(near, receiver, &taps, 1, SLICES_TAPS);
+        HbaoHorizons at = hbao_begin(receiver, &slice, params);
+#pragma unroll 1
+        for (int t = 0; t < SLICES_TAPS; ++t) {
+            const SsgiPair pair = ssgi_pair(receiver, &taps, t);
+#pragma unroll 1
+            for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
+                const SsgiPairTap both[2] = {
+                    ssgi_pair_tap(&pair, near, receiver, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, near, receiver, &taps, 1, t, layer),
+                };
+                hbao_raise(receiver, &slice, both, params, &at);
+            }
+        }
+        hidden = v_fma(slice.weight, at.hidden, hidden);
+        could_hide = v_fma(slice.weight, at.could_hide, could_hide);
+    }
+    return hidden / could_hide;
 }
-
-SSGI_INLINE void
-ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-               SsgiGathered *gathered)
-{
-    gathered->occluded = v_fma(slice->weight, gathered->hidden, gathered->occluded);
-    gathered->whole = v_fma(slice->weight, gathered->could_hide, gathered->whole);
-}
-
-#include "common/scan.clh"
 
 __kernel void hbao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
-    ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);
+    const SsgiItem item = ssgi_item(size);
+    if (!item.inside) {
+        return;
+    }
+    if (ssgi_item_is_open(&item, tiles, size, params)) {
+        ssgi_store_unoccluded(openness, 1, size, &item);
+        return;
+    }
+    const SsgiReceiver receiver =
+        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+    const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
+    vfloat occluded = v_splat(0.0f);
+    SsgiGroup group = ssgi_groups(receiver.active);
+    while (ssgi_next_group(near, &receiver, params, &group)) {
+        const vfloat found = hbao_scan(near, &receiver, &pattern, group.radius, params);
+        occluded = v_select(occluded, found, group.alike);
+    }
+    ssgi_store_ao(occluded, &receiver, params, openness, size, &item);
 }

@@ -46,7 +46,7 @@
 #error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
 #endif
 
-// What receivers know beside the scan; the struct SsdoBitmaskParams is generated from
+// What the scan reads and writes beside depth; the struct SsdoBitmaskParams is generated from
 // ssgi_cl.techniques.indirect.ssdo_bitmask.
 typedef struct {
     __global const float *slopes;
@@ -58,53 +58,117 @@ typedef struct {
 } SsdoGiven;
 
 #define BITMASK_ANGLE 0
-#define BITMASK_FIRST_SKY (3 * (BITMASK_BENT > 0)) // image behind A
-#define BITMASK_MORE (BITMASK_FIRST_SKY + 3 * (BITMASK_CONES > 0) + 3 * BITMASK_BOUNCE)
-#define SSGI_SCAN_MORE BITMASK_MORE
-#define SSGI_SCAN_KEPT BITMASK_KEPT
-#define SSGI_SCAN_FAR (BITMASK_CONES > 0)
-#define SSGI_SCAN_WITHIN 1
-#define SSGI_SCAN_TILES 1
-#define SSGI_SCAN_PIECES
-#define SSGI_SCAN_GIVEN SsdoGiven
-#include "common/slices.clh"
-
-#include "ssdo_bitmask/cones.clh"
-#include "ssdo_bitmask/pieces.clh"
-#if BITMASK_CONES
-#include "ssdo_bitmask/sky.clh"
-#endif
-#if BITMASK_BENT
-#include "ssdo_bitmask/bend.clh"
-#endif
-
-SSGI_INLINE void
-ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const SliceParams params,
-               SsgiGathered *gathered)
-{
-    const vfloat share = gathered->measure.share;
-    const vfloat hidden = v_to_float(v_count_bits(gathered->covered)) * (1.0f / 32.0f);
-    gathered->occluded = v_fma(share, hidden, gathered->occluded);
-    gathered->whole = gathered->whole + share;
-    const vfloat irradiance = share * (3.14159265f / 32.0f);
-#if BITMASK_CONES
-    ssdo_sky(receiver, slice, &gathered->measure, ~(gathered->covered & receiver->active),
-             irradiance, gathered->more + BITMASK_FIRST_SKY);
-#endif
-#if BITMASK_BOUNCE
-    vfloat *bounce = gathered->more + (BITMASK_MORE - 3);
-#pragma unroll
-    for (int c = 0; c < 3; ++c) {
-        bounce[c] = v_fma(irradiance, gathered->light[c], bounce[c]);
-    }
-#endif
-#if BITMASK_BENT
-    ssdo_bend(receiver, slice, &gathered->measure, gathered->covered & receiver->active,
-              share * (1.5f / 32.0f), gathered->more);
-#endif
-}
+#define SSDO_FIRST_SKY (1 + 3 * (BITMASK_BENT > 0)) // image
+#define SSDO_FIRST_BOUNCE (SSDO_FIRST_SKY + 3 * (BITMASK_CONES > 0))
+#define SSDO_IMAGES (SSDO_FIRST_BOUNCE + 3 * BITMASK_BOUNCE)
+// Are covered sectors noted whose sender is seen from behind, which sends `back` alone?
+#define SSDO_DARK (BITMASK_KEPT * BITMASK_BOUNCE * (1 - BITMASK_BACKS))
+// Is anything to be written of an unoccluded receiver but A = 1 and zeros?
+#define SSDO_OPEN_TOO (BITMASK_CONES + BITMASK_KEPT)
 
 #include "common/scan.clh"
+#include "ssdo_bitmask/bend.clh"
+#include "ssdo_bitmask/pieces.clh"
+#include "ssdo_bitmask/sky.clh"
+
+// Find the pieces of a slice, and cover the sectors that they hide, side by side, on each from near
+// to far and of each tap the layers from front to back.
+SSGI_INLINE void ssdo_slice(ssgi_plane near, const SsgiReceiver *receiver,
+                            const SsdoGiven *given, const SsgiPattern *pattern, SsgiSlice *slice,
+                            const SliceParams params, Pieces *pieces)
+{
+    pieces_begin(receiver, slice, pieces);
+    SsgiReceiver sided = *receiver;
+    const float span = slice->span;
+    int sides = 2;
+    if (BITMASK_CONES) { // of receivers that see nothing but the sky, none
+        sides = v_any(receiver->active) ? 2 : 0;
+    }
+#pragma unroll 1
+    for (int side = 0; side < sides; ++side) {
+        slice->span = min(span, ssgi_within(receiver, slice, pattern->start, side));
+        SsgiTaps taps;
+        PieceEnds ends;
+        piece_taps(receiver, slice, pattern->centre, params, &taps, &ends);
+        piece_ask(near, receiver, given->slopes, &taps, side);
+        pieces_begin_side(&sided, pieces);
+#pragma unroll 1
+        for (int t = 0; t < SLICES_TAPS; ++t) {
+#pragma unroll 1
+            for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
+                const SsgiTap tap = ssgi_tap(near, &sided, slice, &taps, side, t, layer);
+                piece_find(near, &sided, given, &tap, &ends, side, t, layer, pieces);
+                if (SSGI_LANES == 1) {
+                    pieces_cover(&sided, slice, given, side, pieces);
+                }
+            }
+        }
+        if (SSGI_LANES > 1) {
+            pieces_cover(&sided, slice, given, side, pieces);
+        }
+        ssgi_mirror(&sided);
+    }
+}
+
+// Find what slices of this radius (a length) see: the fraction that is occluded, the images behind
+// A, and with BITMASK_KEPT the bits of each slice.
+SSGI_INLINE void ssdo_scan(ssgi_plane near, const SsgiReceiver *receiver, const SsdoGiven *given,
+                           const SsgiPattern *pattern, const float radius,
+                           const SliceParams params, vfloat images[SSDO_IMAGES],
+                           vint kept[2 * SLICES_COUNT])
+{
+    vfloat whole = v_splat(SLICES_TINY);
+#pragma unroll
+    for (int i = 0; i < SSDO_IMAGES; ++i) {
+        images[i] = v_splat(0.0f);
+    }
+#pragma unroll 1
+    for (int s = 0; s < SLICES_COUNT; ++s) {
+        SsgiSlice slice =
+            ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
+        Pieces pieces;
+        ssdo_slice(near, receiver, given, pattern, &slice, params, &pieces);
+        const vfloat share = pieces.measure.share;
+        const vfloat hidden = v_to_float(v_count_bits(pieces.covered)) * (1.0f / 32.0f);
+        images[0] = v_fma(share, hidden, images[0]);
+        whole = whole + share;
+        const vfloat irradiance = share * (3.14159265f / 32.0f);
+        const vint covered = pieces.covered & receiver->active;
+        if (BITMASK_CONES) {
+            ssdo_sky(receiver, &slice, given, &pieces.measure, ~covered, irradiance,
+                     images + SSDO_FIRST_SKY);
+        }
+        if (BITMASK_BOUNCE) {
+            vfloat *bounce = images + SSDO_FIRST_BOUNCE;
+#pragma unroll
+            for (int c = 0; c < 3; ++c) {
+                bounce[c] = v_fma(irradiance, pieces.light[c], bounce[c]);
+            }
+        }
+        if (BITMASK_BENT) {
+            ssdo_bend(receiver, &slice, &pieces.measure, covered, share * (1.5f / 32.0f),
+                      images + 1);
+        }
+        if (BITMASK_KEPT) {
+            kept[s] = pieces.covered;
+            kept[SLICES_COUNT + s] = pieces.dark;
+        }
+    }
+#pragma unroll
+    for (int i = 0; i < SSDO_IMAGES; ++i) {
+        images[i] = images[i] / whole;
+    }
+}
+
+// Write the bits of all slices, as they are.
+SSGI_INLINE void ssdo_store_kept(const vint kept[2 * SLICES_COUNT], const SsgiReceiver *receiver,
+                                 __global int *images, const int2 size, const SsgiItem *item)
+{
+    for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+        ssgi_store_item(v_from_bits(kept[s] & receiver->active), (__global float *)images, s, size,
+                        item);
+    }
+}
 
 __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
                            __global const float *restrict slopes,
@@ -124,5 +188,52 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
     given.sky = sky;
     given.kept = kept;
     given.params = own;
-    ssgi_occlude(near, normal, table, tiles, light, size, given, camera, params);
+    const SsgiItem item = ssgi_item(size);
+    if (!item.inside) {
+        return;
+    }
+    const bool open = ssgi_item_is_open(&item, tiles, size, params);
+    if (open && SSDO_OPEN_TOO == 0) {
+        ssgi_store_unoccluded(light, SSDO_IMAGES, size, &item);
+        return;
+    }
+    SsgiReceiver receiver =
+        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+    receiver.active = open ? v_splat_int(0) : receiver.active;
+    const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
+    vfloat images[SSDO_IMAGES];
+    vint bits[2 * SLICES_COUNT];
+#pragma unroll
+    for (int i = 0; i < SSDO_IMAGES; ++i) {
+        images[i] = v_splat(0.0f);
+    }
+    for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+        bits[s] = v_splat_int(0);
+    }
+    vmask receivers = receiver.active;
+    if (BITMASK_CONES) { // the sky lights those too whose radius is below a pixel
+        receivers = receiver.there;
+    }
+    SsgiGroup group = ssgi_groups(receivers);
+    while (ssgi_next_group(near, &receiver, params, &group)) {
+        vfloat found[SSDO_IMAGES];
+        vint found_bits[2 * SLICES_COUNT];
+        ssdo_scan(near, &receiver, &given, &pattern, group.radius, params, found, found_bits);
+#pragma unroll
+        for (int i = 0; i < SSDO_IMAGES; ++i) {
+            images[i] = v_select(images[i], found[i], group.alike);
+        }
+        if (BITMASK_KEPT) {
+            for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+                bits[s] = v_iselect(bits[s], found_bits[s], group.alike);
+            }
+        }
+    }
+    ssgi_store_ao(images[0], &receiver, params, light, size, &item);
+    for (int i = 1; i < SSDO_IMAGES; ++i) {
+        ssgi_store_behind(images[i], v_splat(1.0f), light, i, size, &item);
+    }
+    if (BITMASK_KEPT) {
+        ssdo_store_kept(bits, &receiver, kept, size, &item);
+    }
 }

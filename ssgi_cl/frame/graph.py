@@ -128,10 +128,6 @@ class Graph:
         return GraphRun(values, self._log(compiled, given, log, passes, also))
 
     def forget(self, name: str) -> None:
-        """Make a stage run again the next time that it is needed, whatever it reads."""
-        self._made.pop(name, None)
-
-    def forget(self, name: str) -> None:
         """Have the next run make what a stage writes, whatever its inputs are."""
         self._made.pop(name, None)
 

@@ -63,9 +63,10 @@ def _light(*panels: NDArray[Any]) -> tuple[Picture, ...]:
 @cache
 def _rays(name: str) -> NDArray[Any]:
     built, camera, gbuffer = _scene(name)
-    return gi.ray_ao(
+    found: Any = gi.ray_ao(
         built.scene, camera, radius=built.ao_radius, rays=RAYS, gbuffer=gbuffer
-    )  # type: ignore[return-value]
+    )
+    return found
 
 
 @cache
@@ -88,15 +89,15 @@ def _reflected(technique: Callable[..., Any], **params: Any) -> tuple[Picture, .
 
 def _ray_ao() -> tuple[Picture, ...]:
     built, camera, gbuffer = _scene("hall")
-    few = gi.ray_ao(built.scene, camera, radius=built.ao_radius, rays=4, gbuffer=gbuffer)
-    return _grey(few), _grey(_rays("hall"))  # type: ignore[arg-type]
+    few: Any = gi.ray_ao(built.scene, camera, radius=built.ao_radius, rays=4, gbuffer=gbuffer)
+    return _grey(few), _grey(_rays("hall"))
 
 
 def _multi_bounce() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
-    ao = gi.gtao(gbuffer, radius=built.ao_radius)
-    assert isinstance(ao, np.ndarray)
-    bright = gi.multi_bounce(ao, gbuffer.albedo)  # type: ignore[arg-type]
+    ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
+    albedo: Any = gbuffer.albedo
+    bright = gi.multi_bounce(ao, albedo)
     return _grey(ao), np.uint8(255 * bright + 0.5)
 
 
@@ -115,10 +116,11 @@ def _upsample() -> tuple[Picture, ...]:
 
 def _shade() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
-    ao = gi.gtao(gbuffer, radius=built.ao_radius)
-    assert isinstance(ao, np.ndarray)
-    direct = gi.shade(gbuffer, built.lights, rsms=_rsms("hall"))
-    return gi.tonemap(direct), gi.tonemap(gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=ao))
+    ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
+    without, shaded = (
+        gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=share) for share in (None, ao)
+    )
+    return gi.tonemap(without), gi.tonemap(shaded)
 
 
 def _tonemap() -> tuple[Picture, ...]:

@@ -58,17 +58,17 @@ class SsdoParams(OcclusionParams):
         unit="radii",
     )
     view_taps: int = param(
-        4, "bitmask: depths of a further camera read on the way in each direction that is open, of "
-        "which a slice has the root of as many, at least 2; more where the radius is as large as "
-        "the scene", low=1, high=64,
+        4, "bitmask: depths of an auxiliary camera read in each unoccluded direction, of which a "
+        "slice has the square root of this number, at least 2; take more where the radius is as "
+        "large as the scene", low=1, high=64,
     )
     lamp_taps: int = param(
-        12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",
+        12, "depths read on the way to a light that has no shadow map; 0: it casts no shadow",
         low=0, high=256,
     )
     bent_normals: bool = param(
-        False, "bitmask: also find the mean unoccluded direction of each pixel, of which further "
-        "cameras change nothing"
+        False, "bitmask: also find the mean unoccluded direction of each pixel, which "
+        "auxiliary cameras do not change"
     )
     strength: float = param(
         1.0, "published: factor of the bounce, set by hand", low=0.0, high=1e3,

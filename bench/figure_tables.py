@@ -96,7 +96,8 @@ def techniques(results: Sequence[Result]) -> str:
     sizes = {tuple(r["size"]) for r in by_name.values()}
     size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
     lines = [
-        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles); RMSE |",
+        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles), "
+        "RMSE |",
         "|---|---|---|",
     ]
     for call, meaning, cases in TECHNIQUES:

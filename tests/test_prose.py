@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[1]
 
 CLEAN = (
     "README.md", "ARCHITECTURE.md", "CHANGELOG.md", "kernels/README.md", "docs/guide.md",
-    "docs/devices.md", "docs/results.md",
+    "docs/devices.md", "docs/results.md", "docs/limits.md", "docs/indirect.md",
+    "docs/benchmark.md", "docs/agreement.md", "docs/summation.md",
     *(f"docs/techniques/{path.name}" for path in sorted((ROOT / "docs/techniques").glob("*.md"))),
 )
 """Pages that use none of `WORDS`."""

@@ -9,6 +9,11 @@ from pathlib import Path
 
 import pytest
 
+import ssgi_cl as gi
+from ssgi_cl.bench import figure_tables, parameter_tables
+from ssgi_cl.core.params import describe
+from ssgi_cl.techniques import catalogue
+
 ROOT = Path(__file__).parents[1]
 
 CLEAN = (
@@ -127,6 +132,40 @@ def test_walks_and_pages_name_what_exists() -> None:
         if "NAME" not in path and not (ROOT / path).exists()
     ]
     assert not missing
+
+
+@pytest.mark.parametrize("name", figure_tables.PAGES)
+def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
+    page = text(f"docs/techniques/{name}.md")
+    headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    assert [head.partition(" from ")[0] for head in headings] == [
+        "Method", "Parameters", "Cost", "Error", "Departures",
+    ]
+    assert page.startswith(f"# {name}: ")
+    assert f"](../images/{name}.png)" in page
+    assert f"`python -m tools.technique_pictures {name}`" in page
+    assert re.search(r"\b(19|20)\d\d\b", page.partition("## ")[0])
+    assert f"[{name}]({name}.md)" in text("docs/techniques/README.md")
+
+
+def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
+    functions = {
+        name for name, value in vars(catalogue).items()
+        if name in catalogue.TECHNIQUES and callable(value)
+    }
+    assert functions <= set(figure_tables.PAGES)
+    assert {f"docs/techniques/{name}.md" for name in (*figure_tables.PAGES, "README")} == {
+        page for page in PAGES if page.startswith("docs/techniques/")
+    }
+    public = {getattr(gi, name) for name in dir(gi) if name.endswith("Params")}
+    assert public <= set(parameter_tables.PARAMETERS.values())
+    for name, params in parameter_tables.PARAMETERS.items():
+        page = text(f"docs/techniques/{name.partition('-')[0]}.md")
+        rows = re.findall(
+            rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL
+        )
+        shown = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", rows[0], re.MULTILINE)
+        assert shown == [(field, default) for field, default, _ in describe(params)]
 
 
 def test_pictures_of_pages_are_small_and_all_used() -> None:

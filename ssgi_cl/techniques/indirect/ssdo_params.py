@@ -31,19 +31,19 @@ class SsdoParams(OcclusionParams):
     """
 
     radius: float = param(
-        0.5, "distance up to which surfaces hide light and send it", low=0.0, high=1e30,
+        0.5, "distance up to which surfaces occlude and send light", low=0.0, high=1e30,
         above=True, unit="scene units",
     )
     method: str = param(
-        "bitmask", "how surfaces are found: slices through the line of sight that cover sectors; "
-        "directions of the half ball that meet surfaces; or one tap for each, as published, whose "
-        "light isn't conserved", choices=METHODS,
+        "bitmask", "how surfaces are found: slices along the view direction, in which they cover "
+        "sectors; directions of the hemisphere, which meet them; or one tap for each direction, as "
+        "published, whose light is not conserved", choices=METHODS,
     )
-    bounce: bool = param(True, "whether surfaces within the radius send the light they get")
+    bounce: bool = param(True, "whether surfaces within the radius reflect light")
     emission: bool = param(
-        True, "whether they send what they emit too: noise, where small ones are bright"
+        True, "whether surfaces send emitted light too; small bright ones make noise"
     )
-    slices: int = param(2, "bitmask: planes through the line of sight", low=1, high=32)
+    slices: int = param(2, "bitmask: planes along the view direction", low=1, high=32)
     taps: int = param(20, "bitmask: depths read on either side of a slice", low=1, high=64)
     blur_radius: int = param(
         4, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
@@ -54,7 +54,7 @@ class SsdoParams(OcclusionParams):
         "the root of as many, and two", low=1, high=256,
     )
     thickness: float = param(
-        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
+        0.0, "bitmask, points: of surfaces, along the view direction", low=0.0, high=1e3,
         unit="radii",
     )
     view_taps: int = param(

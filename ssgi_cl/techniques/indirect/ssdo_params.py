@@ -54,7 +54,7 @@ class SsdoParams(OcclusionParams):
         "the root of as many, and two", low=1, high=256,
     )
     thickness: float = param(
-        0.0, "bitmask, points: of surfaces, along the view direction", low=0.0, high=1e3,
+        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
         unit="radii",
     )
     view_taps: int = param(

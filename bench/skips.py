@@ -142,8 +142,8 @@ def page(found: Mapping[str, Any]) -> str:
         f"{columns} x {high} pixels with {LAYERS} depth layers, GTAO, and a shadow map of 1024 "
         f"texels a light face: medians of {2 * found['rounds']} frames, columns interleaved. The "
         f"camera moves between frames except in `{STILL}`. Each column has one skip; `none` has "
-        f"none; `{ALONE}` has all and asks for ambient occlusion only. Every image is bit-identical "
-        "to that of `none`.",
+        f"none; `{ALONE}` has all and asks for ambient occlusion only. Every image is "
+        "bit-identical to that of `none`.",
         "",
         f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}.",
         "",

@@ -1,4 +1,4 @@
-"""The tables of README and of docs/indirect.md, made from results."""
+"""The tables of README and of the pages in docs, made from results."""
 
 from __future__ import annotations
 
@@ -13,41 +13,63 @@ Result = Mapping[str, Any]
 SCENE = "hall"
 """Of README's table."""
 
+PAGES = (
+    "ssao", "hbao", "gtao", "bitmask_ao", "ray_ao", "multi_bounce", "bilateral_blur", "upsample",
+    "shade", "tonemap", "ssdo", "rsm_gather", "vpl_splat", "multires_splat",
+)
+"""Techniques that have a page in docs/techniques."""
+
 TECHNIQUES: Sequence[tuple[str, str, tuple[tuple[str, str], ...]]] = (
     ("rasterize.gbuffer", "depth (N layers), normal, albedo, emission",
      (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4"))),
-    ("rasterize.rsm", "depth, position, normal, flux of what a light sees",
+    ("rasterize.rsm", "reflective shadow map: depth, position, normal, flux",
      (("512 x 512", "rsm.512"),)),
     ("gtao", "ambient occlusion from horizons, cosine-weighted",
      (("", "gtao.2x9"), ("2 layers", "gtao.2x9-2"))),
-    ("gtao(bent_normals=True)", "and bent normals: the mean unoccluded directions, world space; "
-     "RMSE in degrees", (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none"))),
-    ("bitmask_ao", "ambient occlusion from the surfaces between taps, in 32 sectors a slice",
+    ("gtao(bent_normals=True)", "the same with bent normals; RMSE in degrees",
+     (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none"))),
+    ("bitmask_ao", "ambient occlusion from 32 sectors a slice that surfaces cover",
      (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"),
       ("4 layers", "bitmask_ao.2x14-4"))),
-    ("hbao", "ambient occlusion from horizons as first published, fading with distance",
+    ("hbao", "ambient occlusion from horizons, attenuated with distance",
      (("", "hbao.2x9"),)),
-    ("ssao", "ambient occlusion, points in a ball", (("16 samples, blurred", "ssao-blur.16"),)),
+    ("ssao", "ambient occlusion from points in a ball",
+     (("16 samples, blurred", "ssao-blur.16"),)),
     ("ray_ao", "ambient occlusion by Embree rays against the mesh: the reference", ()),
-    ("rsm_gather", "one-bounce indirect light, gathered from a reflective shadow map",
+    ("rsm_gather", "one-bounce indirect light, gathered from reflective shadow maps",
      (("400 samples", "rsm-gather.400"), ('`resolution="adaptive"`', "rsm-gather-adaptive.400"))),
-    ("vpl_splat", "one-bounce indirect light from virtual point lights, any number of maps; "
-     "`glossy_vpls`: what polished surfaces mirror",
+    ("vpl_splat", "one-bounce indirect light from virtual point lights, diffuse and glossy",
      (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
       ("with visibility", "vpl-walls.1024"))),
-    ("multires_splat", "the same light, at few pixels and by few lights, to an error that is "
-     "asked for", (("1 %", "multires.10-permille"), ("with visibility", "multires-walls.4096"))),
-    ("ssdo", "direct light that near surfaces hide, and one-bounce indirect light from them",
+    ("multires_splat", "the same light at few pixels and from few lights, to a given error",
+     (("1 %", "multires.10-permille"), ("with visibility", "multires-walls.4096"))),
+    ("ssdo", "directional occlusion and one-bounce indirect light from visible surfaces",
      (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8"))),
-    ("bilateral_blur", "blur in space, depth and normal", (("15 x 15, separable", "blur.7"),)),
+    ("bilateral_blur", "edge-aware blur", (("15 x 15, separable", "blur.7"),)),
     ("upsample", "half or quarter size to full size, along surfaces", (("half", "upsample.2"),)),
     ("shade", "direct light with filtered shadows, ambient light times AO, emission",
      (("direct light, maps of 1024", "direct.1024"),)),
-    ("multi_bounce", "AO brightened, colour by colour, by the light that surfaces reflect", ()),
+    ("multi_bounce", "AO corrected for light that surrounding surfaces reflect", ()),
     ("tonemap", "exposure, filmic curve, sRGB", ()),
-    ("render", "all of it with `ssao`, light maps drawn", (("", "frame.16"),)),
+    ("render", "the whole frame with `ssao`, shadow maps included", (("", "frame.16"),)),
 )
 """Call, what it computes, and (what is measured, case) of each of its figures."""
+
+FAMILIES: Mapping[str, tuple[str, ...]] = {
+    "ssao": ("ssao-blur",),
+    "hbao": ("hbao",),
+    "gtao": ("gtao",),
+    "bitmask_ao": ("bitmask_ao",),
+    "ray_ao": ("embree",),
+    "bilateral_blur": ("blur",),
+    "upsample": ("upsample",),
+    "shade": ("direct",),
+    "ssdo": ("ssdo-bitmask-half", "ssdo-points"),
+    "rsm_gather": ("rsm-gather", "rsm-gather-adaptive"),
+    "vpl_splat": ("vpl", "vpl-plain", "vpl-interleaved", "vpl-walls"),
+    "multires_splat": ("multires", "multires-walls"),
+}
+"""Technique -> families of cases that its page shows."""
 
 SPEED_UPS: Sequence[tuple[str, str, tuple[str, ...]]] = (
     ("multires.10-permille", "vpl-plain.1024",
@@ -74,12 +96,30 @@ def techniques(results: Sequence[Result]) -> str:
     sizes = {tuple(r["size"]) for r in by_name.values()}
     size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
     lines = [
-        f"| call | what it computes | {SCENE}, {size}: wall ms of a frame (quartiles); RMSE |",
+        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles), "
+        "RMSE |",
         "|---|---|---|",
     ]
     for call, meaning, cases in TECHNIQUES:
         cells = [_figure(label, by_name.get(name)) for label, name in cases]
-        lines.append(f"| `{call}` | {meaning} | {'; '.join(cells) or NOTHING} |")
+        shown = f"[`{call}`](docs/techniques/{call}.md)" if call in PAGES else f"`{call}`"
+        lines.append(f"| {shown} | {meaning} | {'; '.join(cells) or NOTHING} |")
+    return "\n".join(lines)
+
+
+def cases_of(results: Sequence[Result], technique: str) -> str:
+    """Return the table of a technique's page: a row a case, a column a scene."""
+    rows = [r for r in results if r["family"] in FAMILIES[technique]]
+    size = ", ".join(sorted({f"{r['size'][1]} x {r['size'][0]}" for r in rows}))
+    cells = {(short_name(r), r["scene"]): r for r in rows}
+    scenes = list(dict.fromkeys(r["scene"] for r in rows))
+    lines = [
+        f"| case, {size} | {' | '.join(scenes)} |",
+        "|---|" + "---|" * len(scenes),
+    ]
+    for name in dict.fromkeys(short_name(r) for r in rows):
+        found = [_figure("", cells.get((name, scene))) for scene in scenes]
+        lines.append(f"| {name} | {' | '.join(found)} |")
     return "\n".join(lines)
 
 

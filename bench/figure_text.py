@@ -1,6 +1,6 @@
-"""README and pages made from recorded figures: functions of the JSON in `docs/figures` alone.
+"""README and pages with blocks made from the JSON in `docs/figures` and from parameters.
 
-In a page by hand, what is made stands between `<!-- figures:NAME -->` and `<!-- end -->`.
+In a page written by hand, each block stands between `<!-- figures:NAME -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from . import document, skips, summary, summation
 from .document import groups
-from .figure_tables import indirect_blocks, speed_ups, techniques
+from .figure_tables import FAMILIES, PAGES, cases_of, indirect_blocks, speed_ups, techniques
+from .parameter_tables import parameter_blocks
 from .verdict import verdict
 from .wording import revision, title
 
@@ -59,6 +61,8 @@ def blocks(benchmark: Mapping[str, Any], indirect: Mapping[str, Any]) -> dict[st
         "indirect-machine": machine(indirect),
         "indirect-verdicts": verdicts(indirect, ("bounce",), None),
         **indirect_blocks(indirect["results"]),
+        **{f"cases-{name}": cases_of(benchmark["results"], name) for name in FAMILIES},
+        **parameter_blocks(),
     }
 
 
@@ -85,9 +89,17 @@ def verdicts(
     return "\n".join(lines)
 
 
+def _by_hand(root: Path, name: str) -> str:
+    text = (root / name).read_text(encoding="utf-8")
+    return filled(text, blocks(recorded(root, "benchmark"), recorded(root, "indirect")))
+
+
+BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md",
+           *(f"docs/techniques/{name}.md" for name in PAGES))
+"""Pages whose text is written by hand, round the blocks."""
+
 _PAGES: Mapping[str, Callable[[Path], str]] = {
-    "README.md": lambda root: _by_hand(root, "README.md"),
-    "docs/indirect.md": lambda root: _by_hand(root, "docs/indirect.md"),
+    **{name: partial(_by_hand, name=name) for name in BY_HAND},
     "docs/benchmark.md": lambda root: summary.page(recorded(root, "benchmark"), "benchmark"),
     "docs/skips.md": lambda root: skips.page(recorded(root, "skips")),
     "docs/summation.md": lambda root: summation.page(recorded(root, "summation")),
@@ -102,11 +114,6 @@ def pages(root: Path) -> dict[str, str]:
 def plots(root: Path) -> dict[str, str]:
     """Return name of a plot of docs/benchmark.md, without its ending -> SVG."""
     return summary.plots(recorded(root, "benchmark"), "benchmark")
-
-
-def _by_hand(root: Path, name: str) -> str:
-    text = (root / name).read_text(encoding="utf-8")
-    return filled(text, blocks(recorded(root, "benchmark"), recorded(root, "indirect")))
 
 
 def compact(found: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The table of what a scene doesn't need: frames with and without each skip.
+"""The table of skips: frames with and without each of them.
 
 `make figures` writes docs/skips.md.
 """
@@ -133,13 +133,16 @@ def page(found: Mapping[str, Any]) -> str:
     """Return the page of what `record` returns."""
     columns, high = found["size"]
     lines = [
-        "# What a scene doesn't need",
+        "# Skipped passes",
         "",
-        f"Wall milliseconds, from the call to the finished arrays on the host, for a frame of "
-        f"{columns} x {high} pixels, {LAYERS} depth layers, GTAO, one shadow map of 1024 texels a "
-        f"light face; medians of {2 * found['rounds']} frames, columns in turns. The camera moves "
-        f"between frames but in `{STILL}`. Each column has that skip alone; `none` has none, "
-        f"`{ALONE}` asks for nothing but ambient occlusion, with all. Every picture is "
+        "`render` skips passes that have no effect on the outputs. `skips=` selects skips by name "
+        "(table below), and `frame.passes` has the reason for each skipped pass.",
+        "",
+        "Wall-clock milliseconds from the call to the finished arrays on the host, for a frame of "
+        f"{columns} x {high} pixels with {LAYERS} depth layers, GTAO, and a shadow map of 1024 "
+        f"texels a light face: medians of {2 * found['rounds']} frames, columns interleaved. The "
+        f"camera moves between frames except in `{STILL}`. Each column has one skip; `none` has "
+        f"none; `{ALONE}` has all and asks for ambient occlusion only. Every image is "
         "bit-identical to that of `none`.",
         "",
         f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}.",
@@ -154,8 +157,8 @@ def page(found: Mapping[str, Any]) -> str:
         lines.append(f"| {row['name']} | {seen} | {times} | {wall['none'] / wall[ALL]:.1f} |")
     lines += [
         "",
-        "Frames that `ssdo` lights (its defaults, both layers shaded), by the wall clock; and the "
-        "frames above by the device's clock, passes alone:",
+        'Wall-clock times of frames with `indirect="ssdo"` (its defaults, both layers shaded), and '
+        "device times of the passes of the frames above:",
         "",
         "| scene | ssdo, none | ssdo, all | none / all | device, none | device, all | none / all |",
         "|---|---:|---:|---:|---:|---:|---:|",
@@ -167,9 +170,9 @@ def page(found: Mapping[str, Any]) -> str:
             for ms, (before, after) in pairs
         ]
         lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
-    lines += ["", "| skip | what it leaves out |", "|---|---|"]
+    lines += ["", "| skip | leaves out |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in SKIPS.items()]
-    lines += ["", "Left out with all of them, the camera moving:", ""]
+    lines += ["", "Skipped with all skips, the camera moving:", ""]
     for row in found["rows"]:
         lines.append(f"- {row['name']}: " + ("; ".join(dict.fromkeys(row["skipped"])) or "nothing"))
     lines += ["", "Made by `make figures`.", ""]

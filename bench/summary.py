@@ -152,10 +152,10 @@ def page(document: Mapping[str, Any], stem: str) -> str:
             case = strip.rsplit(".", 2)[0]
             lines += [
                 "",
-                f"![{case}, truth, error]({name}.jpg)",
+                f"![{case}, reference, error]({name}.jpg)",
                 "",
-                f"*{case}; truth; error from blue, {-OCCLUSION_RANGE}, to orange, "
-                f"+{OCCLUSION_RANGE} (of light, half the truth's luminance).*",
+                f"*{case}; reference; error from blue, {-OCCLUSION_RANGE}, to orange, "
+                f"+{OCCLUSION_RANGE} (of light, half the reference's luminance).*",
             ]
     lines += ["", *(f"- {entry['name']}: {entry['reason']}" for entry in document["skipped"])]
     return "\n".join(lines).rstrip() + "\n"

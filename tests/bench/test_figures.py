@@ -34,8 +34,8 @@ def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str
     assert made == kept
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/indirect.md", "docs/benchmark.md",
-                                  "docs/skips.md", "docs/summation.md"])
+@pytest.mark.parametrize("name", [*figure_text.BY_HAND, "docs/benchmark.md", "docs/skips.md",
+                                  "docs/summation.md"])
 def test_pages_are_what_the_recorded_figures_make_of_them(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     made = figure_text.pages(ROOT)[name]
@@ -214,9 +214,8 @@ def test_progress_is_told_a_line_a_case(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_rendering_writes_what_differs_and_nothing_else(tmp_path: Path) -> None:
-    for name in ("README.md", "docs/indirect.md", "docs/benchmark.md", "docs/skips.md",
-                 "docs/summation.md"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    for name in figure_text.pages(ROOT):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())
     folder = tmp_path / figure_text.FOLDER
     folder.mkdir(parents=True)

@@ -56,7 +56,7 @@ def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path:
         for result, shift in zip(results, (0.1, 0.25, 0.2, 0.0), strict=True)
     }
     page, _, strip = summary.write(tmp_path / "page.md", whole(*results), images)
-    assert "*ssao.16; truth; error" in page.read_text(encoding="utf-8")
+    assert "*ssao.16; reference; error" in page.read_text(encoding="utf-8")
     shown = np.asarray(Image.open(strip).convert("RGB")).astype(float)
     assert shown.shape == (6, 24, 3)
     # Shares without gamma: 0.75 and 0.5 of white, JPEG's rounding aside; the error is the

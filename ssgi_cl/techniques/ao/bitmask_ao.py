@@ -54,7 +54,7 @@ class BitmaskParams(SliceParams):
         1.6, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
     )
     thickness: float = param(
-        0.15, "of surfaces, along the line of sight; joined, of those that a single tap meets",
+        0.15, "of surfaces, along the view direction; with `joined`, of those that one tap meets",
         low=0.0, high=1e3, unit="radii"
     )
     end: str = param(

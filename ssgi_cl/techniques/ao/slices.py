@@ -103,7 +103,7 @@ class SliceParams(OcclusionParams):
         0.5, "distance up to which surfaces occlude", low=0.0, high=1e30, above=True,
         unit="scene units",
     )
-    slices: int = param(2, "planes through the line of sight, each with two sides", low=1, high=32)
+    slices: int = param(2, "planes along the view direction, each with two sides", low=1, high=32)
     taps: int = param(9, "depths read on either side of a slice", low=1, high=64)
     tap_power: float = param(
         1.2, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0

@@ -67,7 +67,7 @@ class SsaoParams(OcclusionParams):
         low=0.05, high=4.0,
     )
     hemisphere: bool = param(
-        True, "flip points to the normal's side; without, a flat wall is half occluded"
+        True, "flip points to the normal's side; without, a flat surface is half occluded"
     )
     falloff: str | tuple[float, ...] = param(
         "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
@@ -87,7 +87,7 @@ class SsaoParams(OcclusionParams):
     )
     contrast: float = param(
         1.4, "exponent of A before the blur; points find less occlusion than rays do, so that more "
-        "than 1 comes closer to the truth", low=0.1, high=10.0,
+        "than 1 has a smaller error", low=0.1, high=10.0,
     )
     outside: str | float = param(
         "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "

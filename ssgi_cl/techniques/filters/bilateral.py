@@ -47,11 +47,11 @@ class BilateralParams(Params):
     )
     depth_sigma: float = param(
         0.01, "standard deviation of the distance from the tangent plane, relative to depth; "
-        "beyond 2.8 of it samples are tossed", low=1e-6, high=10.0,
+        "beyond 2.8 of it samples have no weight", low=1e-6, high=10.0,
     )
     normal_sigma: float = param(
-        0.5, "standard deviation of the angle between normals; what is turned by more than about "
-        "twice as much is tossed: at 0.5, what is at right angles", low=1e-3, high=10.0,
+        0.5, "standard deviation of the angle between normals; beyond about twice as much samples "
+        "have no weight: at 0.5, those at right angles", low=1e-3, high=10.0,
         unit="radians",
     )
     passes: int = param(1, "how often the blur is applied", low=0, high=64)

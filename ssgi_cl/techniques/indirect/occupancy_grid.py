@@ -38,7 +38,7 @@ SLICES = 8
 def grid_param() -> Any:
     """Declare the parameter `grid`."""
     return param(
-        0, "cells along a side of the grid of walls: 32, 64, 128, 256, or 0: as many as the "
+        0, "cells along a side of the occupancy grid: 32, 64, 128, 256, or 0: as many as the "
         "image's pixels fill, at most 128; 128 with `scene`", low=0, high=256,
     )
 

@@ -31,19 +31,19 @@ class SsdoParams(OcclusionParams):
     """
 
     radius: float = param(
-        0.5, "distance up to which surfaces hide light and send it", low=0.0, high=1e30,
+        0.5, "distance up to which surfaces occlude and send light", low=0.0, high=1e30,
         above=True, unit="scene units",
     )
     method: str = param(
-        "bitmask", "how surfaces are found: slices through the line of sight that cover sectors; "
-        "directions of the half ball that meet surfaces; or one tap for each, as published, whose "
-        "light isn't conserved", choices=METHODS,
+        "bitmask", "how surfaces are found: slices along the view direction, in which they cover "
+        "sectors; directions of the hemisphere, which meet them; or one tap for each direction, as "
+        "published, whose light is not conserved", choices=METHODS,
     )
-    bounce: bool = param(True, "whether surfaces within the radius send the light they get")
+    bounce: bool = param(True, "whether surfaces within the radius reflect light")
     emission: bool = param(
-        True, "whether they send what they emit too: noise, where small ones are bright"
+        True, "whether surfaces send emitted light too; small bright ones make noise"
     )
-    slices: int = param(2, "bitmask: planes through the line of sight", low=1, high=32)
+    slices: int = param(2, "bitmask: planes along the view direction", low=1, high=32)
     taps: int = param(20, "bitmask: depths read on either side of a slice", low=1, high=64)
     blur_radius: int = param(
         4, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
@@ -58,17 +58,17 @@ class SsdoParams(OcclusionParams):
         unit="radii", shape=bool,
     )
     view_taps: int = param(
-        4, "bitmask: depths of a further camera read on the way in each direction that is open, of "
-        "which a slice has the root of as many, at least 2; more where the radius is as large as "
-        "the scene", low=1, high=64,
+        4, "bitmask: depths of an auxiliary camera read in each unoccluded direction, of which a "
+        "slice has the square root of this number, at least 2; take more where the radius is as "
+        "large as the scene", low=1, high=64,
     )
     lamp_taps: int = param(
-        12, "depths read on the way to a lamp that has no shadow map; 0: it casts no shadow",
+        12, "depths read on the way to a light that has no shadow map; 0: it casts no shadow",
         low=0, high=256,
     )
     bent_normals: bool = param(
-        False, "bitmask: also find the mean unoccluded direction of each pixel, of which further "
-        "cameras change nothing"
+        False, "bitmask: also find the mean unoccluded direction of each pixel, which "
+        "auxiliary cameras do not change"
     )
     strength: float = param(
         1.0, "published: factor of the bounce, set by hand", low=0.0, high=1e3,

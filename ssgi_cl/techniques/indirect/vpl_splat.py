@@ -63,7 +63,7 @@ class VplSplatParams(VplParams):
     )
     grid: int = grid_param()
     importance: bool = importance_param()
-    share: int = param(16, "lights of a pixel that share a line of sight", low=1, high=256)
+    share: int = param(16, "lights of a pixel that share a shadow ray", low=1, high=256)
     glossy_vpls: int = param(
         0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
         low=0, high=MOST_VPLS,

@@ -1,0 +1,189 @@
+"""The pages: words, links, examples, and names of files and functions that they state."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.bench import figure_tables, parameter_tables
+from ssgi_cl.core.params import describe
+from ssgi_cl.techniques import catalogue
+
+ROOT = Path(__file__).parents[1]
+
+CLEAN = (
+    "README.md", "ARCHITECTURE.md", "CHANGELOG.md", "kernels/README.md", "docs/guide.md",
+    "docs/devices.md", "docs/results.md", "docs/limits.md", "docs/indirect.md",
+    "docs/benchmark.md", "docs/agreement.md", "docs/summation.md",
+    *(f"docs/techniques/{path.name}" for path in sorted((ROOT / "docs/techniques").glob("*.md"))),
+)
+"""Pages that use none of `WORDS`."""
+
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "kernels/README.md")
+)
+
+WORDS = {
+    r"openness": "ambient occlusion (AO) value, visibility",
+    r"lamps?": "light",
+    r"roads?": "method",
+    r"(make|makes|takes?) room|room for": "reserve, memory budget",
+    r"the house": "the code base",
+    r"mends?|mended": "fix",
+    r"by the hour": "run-to-run range",
+    r"(in a )?slow hour": "on a slow run",
+    r"the same bits": "bit-identical",
+    r"twins?": "reference implementation",
+    r"walls?(?![- ](time|clock))": "visibility, occupancy grid, surfaces",
+    r"sight grid": "occupancy grid",
+    r"lines of sight": "shadow rays",
+    r"further (cameras?|views?)": "auxiliary cameras",
+    r"the lecture": "the published method, with paper and year",
+    r"the truth|the assumption": "reference, converged model",
+    r"withstands?": "tested inputs",
+    r"runs of (lights|triangles)": "clusters, batches",
+    r"calm": "unoccluded",
+    r"pace": "device speed model",
+    r"words of": "part of (a label)",
+    r"tend to|tends": "manage; converge",
+}
+"""What not to say -> what to say. Patterns match whole words outside of code."""
+
+CODE = re.compile(r"^```.*?^```|^    .*?$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def found(page: str) -> list[str]:
+    """Return the words of `WORDS` in a page's prose, with what to say."""
+    prose = re.sub(r"\s+", " ", CODE.sub(" ", page))
+    return [
+        f"{match[0]!r}: say {better}"
+        for pattern, better in WORDS.items()
+        for match in re.finditer(rf"(?<![-\w.])(?:{pattern})(?![-\w])", prose, re.IGNORECASE)
+    ]
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_pages_use_standard_words(name: str) -> None:
+    assert not found(text(name))
+
+
+@pytest.mark.parametrize("word", ["Lamps", "by the\nhour", "a wall,", "the\nsame bits", "roads"])
+def test_words_are_found_in_prose_across_lines(word: str) -> None:
+    assert found(f"Some text with {word} in it.")
+
+
+@pytest.mark.parametrize("code", ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-walls.4096"])
+def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
+    assert not found(f"Some text\n{code}\nand more.")
+
+
+def test_readme_is_short() -> None:
+    assert len(text("README.md").splitlines()) < 150
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_of_pages_resolve(name: str) -> None:
+    folder = (ROOT / name).parent
+    links = [
+        link.partition("#")[0] for link in LINK.findall(text(name)) if "://" not in link
+    ]
+    missing = [link for link in links if link and not (folder / link).exists()]
+    assert not missing
+
+
+def test_every_page_can_be_reached_from_readme() -> None:
+    reached, waiting = set(), ["README.md"]
+    while waiting:
+        name = waiting.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        for link in LINK.findall(text(name)):
+            path = ((ROOT / name).parent / link.partition("#")[0]).resolve()
+            if path.suffix == ".md" and path.is_file():
+                waiting.append(path.relative_to(ROOT).as_posix())
+    assert reached == set(PAGES)
+
+
+def test_walks_and_pages_name_what_exists() -> None:
+    page = text("ARCHITECTURE.md")
+    rows = re.findall(r"^\| [^|]+ \| `([^`]+)` \| `(\w+)` \|$", page, re.MULTILINE)
+    assert len(rows) >= 16
+    absent = [
+        (path, name) for path, name in rows
+        if not re.search(rf"(def|class|void|vfloat|^) ?{name}\b", text(path), re.MULTILINE)
+    ]
+    assert not absent
+    paths = re.compile(r"`((?:ssgi_cl|kernels|tests|tools|bench|docs)/[\w/.-]+\.[a-z]+)`")
+    missing = [
+        (page, path) for page in CLEAN if page != "CHANGELOG.md"
+        for path in paths.findall(text(page))
+        if "NAME" not in path and not (ROOT / path).exists()
+    ]
+    assert not missing
+
+
+@pytest.mark.parametrize("name", figure_tables.PAGES)
+def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
+    page = text(f"docs/techniques/{name}.md")
+    headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    assert [head.partition(" from ")[0] for head in headings] == [
+        "Method", "Parameters", "Cost", "Error", "Departures",
+    ]
+    assert page.startswith(f"# {name}: ")
+    assert f"](../images/{name}.png)" in page
+    assert f"`python -m tools.technique_pictures {name}`" in page
+    assert re.search(r"\b(19|20)\d\d\b", page.partition("## ")[0])
+    assert f"[{name}]({name}.md)" in text("docs/techniques/README.md")
+
+
+def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
+    functions = {
+        name for name, value in vars(catalogue).items()
+        if name in catalogue.TECHNIQUES and callable(value)
+    }
+    assert functions <= set(figure_tables.PAGES)
+    assert {f"docs/techniques/{name}.md" for name in (*figure_tables.PAGES, "README")} == {
+        page for page in PAGES if page.startswith("docs/techniques/")
+    }
+    public = {getattr(gi, name) for name in dir(gi) if name.endswith("Params")}
+    assert public <= set(parameter_tables.PARAMETERS.values())
+    for name, params in parameter_tables.PARAMETERS.items():
+        page = text(f"docs/techniques/{name.partition('-')[0]}.md")
+        rows = re.findall(
+            rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL
+        )
+        shown = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", rows[0], re.MULTILINE)
+        assert shown == [(field, default) for field, default, _ in describe(params)]
+
+
+def test_pictures_of_pages_are_small_and_all_used() -> None:
+    shown = {
+        Path(link).name for page in PAGES for link in LINK.findall(text(page)) if "images/" in link
+    }
+    kept = {path.name: path.stat().st_size for path in (ROOT / "docs/images").iterdir()}
+    assert shown == set(kept)
+    assert max(kept.values()) < 200 * 1024
+
+
+def test_the_example_of_readme_runs_as_it_stands(tmp_path: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", text("README.md"), re.DOTALL)
+    assert len([line for line in code.splitlines() if line]) <= 11
+    done = subprocess.run(
+        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", code], cwd=tmp_path,
+        capture_output=True, text=True, timeout=600, check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "hall.png").stat().st_size > 10_000
+    assert "gtao" in done.stdout

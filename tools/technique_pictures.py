@@ -1,0 +1,177 @@
+"""Pictures of docs/techniques: `python -m tools.technique_pictures [NAME ...]`.
+
+Each is a PNG of two panels, 320 x 240 pixels, of a built-in scene. `PICTURES` says what they show.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ssgi_cl as gi
+from ssgi_cl.io import png
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+
+FOLDER = Path(__file__).parents[1] / "docs/images"
+WIDTH, HEIGHT = 320, 240
+RAYS, PATHS = 256, 128
+
+Picture = NDArray[np.uint8]
+
+
+@cache
+def _scene(name: str) -> tuple[BuiltinScene, gi.Camera, gi.GBuffer]:
+    built = BUILTIN_SCENES[name]()
+    camera = built.camera(WIDTH, HEIGHT)
+    return built, camera, gi.rasterize.gbuffer(built.scene, camera)
+
+
+@cache
+def _rsms(name: str) -> tuple[Any, ...]:
+    built, _, _ = _scene(name)
+    return tuple(
+        None if isinstance(light, gi.Environment)
+        else gi.rasterize.rsm(built.scene, light, size=256)
+        for light in built.lights
+    )
+
+
+def _maps(name: str) -> list[Any]:
+    return [rsm for rsm in _rsms(name) if rsm is not None]
+
+
+def _grey(share: NDArray[Any]) -> Picture:
+    return np.repeat(np.uint8(np.clip(share, 0, 1) * 255 + 0.5)[..., None], 3, axis=-1)
+
+
+def _light(*panels: NDArray[Any]) -> tuple[Picture, ...]:
+    """Return panels of light with one exposure, that of the last."""
+    level = panels[-1].mean(axis=-1)
+    mean = np.exp(np.mean(np.log(level[level > 0])))
+    return tuple(
+        gi.tonemap(np.float32(np.maximum(panel, 0)), exposure=float(0.18 / mean))
+        for panel in panels
+    )
+
+
+@cache
+def _rays(name: str) -> NDArray[Any]:
+    built, camera, gbuffer = _scene(name)
+    found: Any = gi.ray_ao(
+        built.scene, camera, radius=built.ao_radius, rays=RAYS, gbuffer=gbuffer
+    )
+    return found
+
+
+@cache
+def _paths(name: str) -> NDArray[Any]:
+    """Return the one-bounce irradiance of all lights but environments, by paths."""
+    built, camera, _ = _scene(name)
+    lights = [light for light in built.lights if not isinstance(light, gi.Environment)]
+    return gi.truth.one_bounce(built.scene, camera, lights, paths=PATHS).mean
+
+
+def _occlusion(technique: Callable[..., Any]) -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    return _grey(technique(gbuffer, radius=built.ao_radius)), _grey(_rays("hall"))
+
+
+def _reflected(technique: Callable[..., Any], **params: Any) -> tuple[Picture, ...]:
+    _, _, gbuffer = _scene("cornell_box")
+    return _light(technique(gbuffer, _maps("cornell_box"), **params), _paths("cornell_box"))
+
+
+def _ray_ao() -> tuple[Picture, ...]:
+    built, camera, gbuffer = _scene("hall")
+    few: Any = gi.ray_ao(built.scene, camera, radius=built.ao_radius, rays=4, gbuffer=gbuffer)
+    return _grey(few), _grey(_rays("hall"))
+
+
+def _multi_bounce() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
+    albedo: Any = gbuffer.albedo
+    bright = gi.multi_bounce(ao, albedo)
+    return _grey(ao), np.uint8(255 * bright + 0.5)
+
+
+def _bilateral_blur() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    ao = gi.ssao(gbuffer, radius=built.ao_radius, blur_radius=0)
+    return _grey(ao), _grey(gi.bilateral_blur(ao, gbuffer, radius=2))
+
+
+def _upsample() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    small = gi.ssao(gbuffer, radius=built.ao_radius)[::4, ::4]
+    blocks = np.repeat(np.repeat(small, 4, axis=0), 4, axis=1)[:HEIGHT, :WIDTH]
+    return _grey(blocks), _grey(gi.upsample(small, gbuffer, step=4))
+
+
+def _shade() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
+    without, shaded = (
+        gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=share) for share in (None, ao)
+    )
+    return gi.tonemap(without), gi.tonemap(shaded)
+
+
+def _tonemap() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    radiance = gi.shade(gbuffer, built.lights, rsms=_rsms("hall"))
+    return gi.tonemap(radiance, curve="clip"), gi.tonemap(radiance)
+
+
+def _ssdo() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("cornell_box")
+    lights = [light for light in built.lights if not isinstance(light, gi.Environment)]
+    _, bounce = gi.ssdo(
+        gbuffer, lights, radius=2.0, rsms=_maps("cornell_box"), slices=4,
+        emission=False,
+    )
+    return _light(bounce, _paths("cornell_box"))
+
+
+PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
+    "ssao": lambda: _occlusion(gi.ssao),
+    "hbao": lambda: _occlusion(gi.hbao),
+    "gtao": lambda: _occlusion(gi.gtao),
+    "bitmask_ao": lambda: _occlusion(gi.bitmask_ao),
+    "ray_ao": _ray_ao,
+    "multi_bounce": _multi_bounce,
+    "bilateral_blur": _bilateral_blur,
+    "upsample": _upsample,
+    "shade": _shade,
+    "tonemap": _tonemap,
+    "ssdo": _ssdo,
+    "rsm_gather": lambda: _reflected(gi.rsm_gather),
+    "vpl_splat": lambda: _reflected(
+        gi.vpl_splat, visibility=True, interleave=True, scene=_scene("cornell_box")[0].scene
+    ),
+    "multires_splat": lambda: _reflected(
+        gi.multires_splat, visibility=True, scene=_scene("cornell_box")[0].scene
+    ),
+}
+"""Name of a technique -> makes its two panels, left and right."""
+
+
+def main(names: list[str]) -> None:
+    """Write the pictures of some techniques, or of all."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in names or PICTURES:
+        left, right = PICTURES[name]()
+        gap = np.full((HEIGHT, 4, 3), 255, np.uint8)
+        path = FOLDER / f"{name}.png"
+        png.write(path, np.concatenate([left, gap, right], axis=1))
+        print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -29,11 +29,83 @@
 #error "RASTER_PEEL, RASTER_CUTOUT, RASTER_WIDE and RASTER_HIGH must be defined by the host"
 #endif
 
-// A record's edge a -> b.
+// A work-item's rectangle of pixels, inclusive and cut off at the image's end.
+typedef struct {
+    int left, top, right, bottom;
+    int tile;
+    int corner; // index of the first pixel in `depths` and `triangles`
+} RasterRectangle;
+
+// What depends on a pixel's own column or row alone, not on where lanes begin.
+typedef struct {
+    vfloat columns[RASTER_WIDE / SSGI_LANES]; // middle, px from the image without margin
+    float slopes[RASTER_HIGH];                // along columns, of the line of sight
+} RasterPixels;
+
+// The edges a -> b of as many records as there are lanes.
 typedef struct {
     int at[SSGI_LANES];              // edge function at its first pixel, as raster_edge
     int dx[SSGI_LANES], dy[SSGI_LANES];
 } RasterSides;
+
+// As many records as there are lanes.
+typedef struct {
+    RasterSides ab, bc, ca;
+    int narrow[SSGI_LANES];                       // does `at` of its edges not overflow?
+    int from[SSGI_LANES], to[SSGI_LANES];         // columns in the rectangle, a multiple of the
+                                                  // lanes and the last
+    int above[SSGI_LANES], below[SSGI_LANES];     // first and last row in the rectangle
+    int numbers[SSGI_LANES];                      // of the triangle
+    float d_x[SSGI_LANES], d_y[SSGI_LANES], d_0[SSGI_LANES]; // D = d_x column + d_y slope + d_0
+    float low[SSGI_LANES], high[SSGI_LANES];      // of D
+    int kept[SSGI_LANES], count;                  // lanes whose record may cover a pixel
+} RasterBatch;
+
+// The holes of a triangle.
+typedef struct {
+    int cutout;               // material of a triangle with holes, or -1
+    RasterLinear u_of, v_of;  // texture coordinates
+    __global const float *material;
+} RasterHoles;
+
+static inline RasterRectangle raster_rectangle(const int2 size, const RasterView view)
+{
+    RasterRectangle at;
+    at.left = (int)get_global_id(0) * RASTER_WIDE;
+    at.top = (int)get_global_id(1) * RASTER_HIGH;
+    at.right = min(at.left + RASTER_WIDE, size.x) - 1;
+    at.bottom = min(at.top + RASTER_HIGH, size.y) - 1;
+    at.tile = at.top / RASTER_TILE * view.tiles_x + at.left / RASTER_TILE;
+    at.corner = at.tile * RASTER_TILE * RASTER_TILE +
+                (at.top & (RASTER_TILE - 1)) * RASTER_TILE + (at.left & (RASTER_TILE - 1));
+    return at;
+}
+
+// Nothing is seen so far.
+static inline void raster_clear(const int corner, __global float *restrict depths,
+                                __global int *restrict triangles)
+{
+    for (int y = 0; y < RASTER_HIGH; ++y) {
+        for (int x = 0; x < RASTER_WIDE; x += SSGI_LANES) {
+            const int at = corner + y * RASTER_TILE + x;
+            v_store(v_splat(-INFINITY), depths + at);
+            v_istore(v_splat_int(-1), triangles + at);
+        }
+    }
+}
+
+static inline void raster_find_pixels(const RasterRectangle *in, const SsgiCamera camera,
+                                      const RasterView view, RasterPixels *pixels)
+{
+    for (int i = 0; i < RASTER_WIDE / SSGI_LANES; ++i) {
+        const int x = in->left + i * SSGI_LANES;
+        pixels->columns[i] = v_to_float(v_iota()) + ((float)(x - view.margin_x) + 0.5f);
+    }
+    for (int i = 0; i < RASTER_HIGH; ++i) {
+        const float row = (float)(in->top + i - view.margin_y) + 0.5f;
+        pixels->slopes[i] = fma(row, camera.to_y, camera.at_y);
+    }
+}
 
 static inline void raster_keep_side(RasterSides *side, const vint ax, const vint ay, const vint bx,
                                     const vint by, const vint column, const vint row)
@@ -50,6 +122,146 @@ static inline vint raster_side(const RasterSides *side, const int record)
     return v_splat_int(side->at[record]) - v_iota() * side->dy[record];
 }
 
+// Read the records from number `i` of the list on, a lane each, up to `end`.
+static inline void raster_read(__global const int *restrict records,
+                               __global const int *restrict list, const int i, const int end,
+                               const RasterRectangle *in, const SsgiCamera camera,
+                               RasterBatch *batch)
+{
+    const vint listed = v_iota() + i;
+    const vint at = v_igather(list, v_imin(listed, v_splat_int(end - 1))) * (RASTER_RECORD / 4);
+    const RasterQuad first = raster_quad(records, at, false);
+    const RasterQuad second = raster_quad(records, at + 1, false);
+    const RasterQuad third = raster_quad(records, at + 2, false);
+    const vint ax = first.x, ay = first.y, bx = first.z, by = first.w;
+    const vint cx = second.x, cy = second.y;
+    const vint least_x = v_imin(v_imin(ax, bx), cx), most_x = v_imax(v_imax(ax, bx), cx);
+    const vint least_y = v_imin(v_imin(ay, by), cy), most_y = v_imax(v_imax(ay, by), cy);
+    // Pixels that the record may cover, as raster_bounds.
+    const vint first_x = v_imax(raster_firsts(least_x), v_splat_int(in->left));
+    const vint first_y = v_imax(raster_firsts(least_y), v_splat_int(in->top));
+    const vint last_x = v_imin(raster_lasts(most_x), v_splat_int(in->right));
+    const vint last_y = v_imin(raster_lasts(most_y), v_splat_int(in->bottom));
+    int use[SSGI_LANES];
+    v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y),
+            use);
+    int count = 0;
+    for (int lane = 0; lane < SSGI_LANES; ++lane) {
+        batch->kept[count] = lane;
+        count -= use[lane];
+    }
+    batch->count = count;
+    const vint from_x = first_x & ~(SSGI_LANES - 1);
+    raster_keep_side(&batch->ab, ax, ay, bx, by, from_x, first_y);
+    raster_keep_side(&batch->bc, bx, by, cx, cy, from_x, first_y);
+    raster_keep_side(&batch->ca, cx, cy, ax, ay, from_x, first_y);
+    v_ikeep(v_ilt(v_imax(most_x - least_x, most_y - least_y), v_splat_int(RASTER_NARROW)),
+            batch->narrow);
+    v_ikeep(from_x - in->left, batch->from);
+    v_ikeep(last_x - in->left, batch->to);
+    v_ikeep(first_y - in->top, batch->above);
+    v_ikeep(last_y - in->top, batch->below);
+    v_ikeep(third.w, batch->numbers);
+    const vfloat slope = v_from_bits(second.z);
+    v_keep(slope * camera.to_x, batch->d_x);
+    v_keep(v_from_bits(second.w), batch->d_y);
+    v_keep(v_fma(slope, v_splat(camera.at_x), v_from_bits(third.x)), batch->d_0);
+    v_keep(v_from_bits(third.y), batch->low);
+    v_keep(v_from_bits(third.z), batch->high);
+}
+
+// The edge functions of record number `n`, which is not narrow, in 64 bits; `entry` is its own in
+// the list.
+static inline void raster_widen(__global const int *restrict records, const int entry, const int n,
+                                const RasterRectangle *in, RasterBatch *batch)
+{
+    const RasterRecord record = raster_load(records, entry);
+    const int x = in->left + batch->from[n], y = in->top + batch->above[n];
+    batch->ab.at[n] = raster_edge(record.v[0], record.v[1], x, y);
+    batch->bc.at[n] = raster_edge(record.v[1], record.v[2], x, y);
+    batch->ca.at[n] = raster_edge(record.v[2], record.v[0], x, y);
+}
+
+static inline RasterHoles raster_holes(const int number, __global const int *restrict corners,
+                                       __global const float *restrict positions_view,
+                                       __global const float *restrict uvs,
+                                       __global const int *restrict cutouts,
+                                       __global const float *restrict materials,
+                                       const RasterView view)
+{
+    RasterHoles holes = {-1, {(float3)(0.0f), 0.0f}, {(float3)(0.0f), 0.0f}, materials};
+    if (RASTER_CUTOUT) {
+        holes.cutout = cutouts[number];
+    }
+    if (holes.cutout >= 0) {
+        const int a = corners[number];
+        const int b = corners[view.triangle_stride + number];
+        const int c = corners[2 * view.triangle_stride + number];
+        const int stride = view.vertex_stride;
+        holes.u_of = raster_linear(positions_view, stride, uvs, a, b, c);
+        holes.v_of = raster_linear(positions_view, stride, uvs + stride, a, b, c);
+        holes.material = materials + holes.cutout * RASTER_MATERIAL;
+    }
+    return holes;
+}
+
+// Lanes that see no hole of the triangle, at these columns of a row of this slope.
+static inline vmask raster_solid(const RasterHoles *holes, const RasterTextures of,
+                                 const SsgiCamera camera, const vfloat column, const float slope,
+                                 const vfloat d)
+{
+    const vfloat slope_x = ssgi_slope_x(camera, column);
+    const vfloat u = raster_linear_at(camera, holes->u_of, slope_x, slope, d);
+    const vfloat v = raster_linear_at(camera, holes->v_of, slope_x, slope, d);
+    __global const float *material = holes->material;
+    const vfloat alpha = raster_texture_alpha(of, (int)material[3], u, v) * material[4];
+    return v_ge(alpha, v_splat(material[5]));
+}
+
+// Draw record number `n` of a batch, pixels a lane each.
+static inline void raster_draw(const RasterBatch *batch, const int n, const RasterHoles *holes,
+                               const RasterTextures of, const RasterPixels *pixels,
+                               const int corner, __global const float *restrict previous,
+                               __global float *restrict depths, __global int *restrict triangles,
+                               const SsgiCamera camera, const RasterView view)
+{
+    const int number = batch->numbers[n];
+    vint row_ab = raster_side(&batch->ab, n), row_bc = raster_side(&batch->bc, n);
+    vint row_ca = raster_side(&batch->ca, n);
+    for (int y = batch->above[n]; y <= batch->below[n]; ++y) {
+        const float slope = pixels->slopes[y];
+        const vfloat d_row = v_splat(fma(batch->d_y[n], slope, batch->d_0[n]));
+        vint edge_ab = row_ab, edge_bc = row_bc, edge_ca = row_ca;
+        // Without a branch for lanes that hit nothing: it would be guessed wrongly too often.
+        for (int x = batch->from[n]; x <= batch->to[n]; x += SSGI_LANES) {
+            vmask hit = ~((edge_ab | edge_bc | edge_ca) >> 31);
+            const int pixel = corner + y * RASTER_TILE + x;
+            const vfloat column = pixels->columns[x / SSGI_LANES];
+            const vfloat d = v_clamp(v_fma(column, v_splat(batch->d_x[n]), d_row), batch->low[n],
+                                     batch->high[n]);
+            const vfloat nearest = v_load(depths + pixel);
+            const vint winner = v_iload(triangles + pixel);
+            hit = hit & (v_gt(d, nearest) |
+                         (v_eq(d, nearest) & v_igt(winner, v_splat_int(number))));
+            hit = hit & v_ge(d, v_splat(view.furthest_d));
+            if (RASTER_PEEL) {
+                hit = hit & v_lt(d, v_load(previous + pixel) * view.peel);
+            }
+            if (holes->cutout >= 0 && v_any(hit)) {
+                hit = hit & raster_solid(holes, of, camera, column, slope, d);
+            }
+            v_store(v_select(nearest, d, hit), depths + pixel);
+            v_istore(v_iselect(winner, v_splat_int(number), hit), triangles + pixel);
+            edge_ab = edge_ab - batch->ab.dy[n] * SSGI_LANES;
+            edge_bc = edge_bc - batch->bc.dy[n] * SSGI_LANES;
+            edge_ca = edge_ca - batch->ca.dy[n] * SSGI_LANES;
+        }
+        row_ab = row_ab + batch->ab.dx[n];
+        row_bc = row_bc + batch->bc.dx[n];
+        row_ca = row_ca + batch->ca.dx[n];
+    }
+}
+
 __kernel void raster_tiles(__global const int *restrict records, __global const int *restrict starts,
                            __global const int *restrict list, __global const float *restrict previous,
                            __global const int *restrict corners,
@@ -62,143 +274,27 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
                            __global int *restrict triangles, const int2 size,
                            const SsgiCamera camera, const RasterView view)
 {
-    const int left = (int)get_global_id(0) * RASTER_WIDE;
-    const int top = (int)get_global_id(1) * RASTER_HIGH;
-    if (left >= view.tiles_x * RASTER_TILE || top >= view.tiles_y * RASTER_TILE) {
+    const RasterRectangle in = raster_rectangle(size, view);
+    if (in.left >= view.tiles_x * RASTER_TILE || in.top >= view.tiles_y * RASTER_TILE) {
         return;
     }
-    const int tile = top / RASTER_TILE * view.tiles_x + left / RASTER_TILE;
-    const int base = tile * RASTER_TILE * RASTER_TILE;
-    const int right = min(left + RASTER_WIDE, size.x) - 1;
-    const int bottom = min(top + RASTER_HIGH, size.y) - 1;
-    for (int y = top; y < top + RASTER_HIGH; ++y) {
-        for (int x = left; x < left + RASTER_WIDE; x += SSGI_LANES) {
-            const int at = base + (y & (RASTER_TILE - 1)) * RASTER_TILE + (x & (RASTER_TILE - 1));
-            v_store(v_splat(-INFINITY), depths + at);
-            v_istore(v_splat_int(-1), triangles + at);
-        }
-    }
-    // What depends on a pixel's own column or row alone, not on where lanes begin.
-    vfloat columns[RASTER_WIDE / SSGI_LANES];
-    for (int i = 0; i < RASTER_WIDE / SSGI_LANES; ++i) {
-        const int x = left + i * SSGI_LANES;
-        columns[i] = v_to_float(v_iota()) + ((float)(x - view.margin_x) + 0.5f);
-    }
-    float slopes[RASTER_HIGH];
-    for (int i = 0; i < RASTER_HIGH; ++i) {
-        slopes[i] = fma((float)(top + i - view.margin_y) + 0.5f, camera.to_y, camera.at_y);
-    }
-    const int corner = base + (top & (RASTER_TILE - 1)) * RASTER_TILE + (left & (RASTER_TILE - 1));
-    const int end = min(starts[tile + 1], view.pair_room);
-    for (int i = starts[tile]; i < end; i += SSGI_LANES) {
-        const vint listed = v_iota() + i;
-        const vint at = v_igather(list, v_imin(listed, v_splat_int(end - 1))) * (RASTER_RECORD / 4);
-        const RasterQuad first = raster_quad(records, at, false);
-        const RasterQuad second = raster_quad(records, at + 1, false);
-        const RasterQuad third = raster_quad(records, at + 2, false);
-        const vint ax = first.x, ay = first.y, bx = first.z, by = first.w;
-        const vint cx = second.x, cy = second.y;
-        const vint least_x = v_imin(v_imin(ax, bx), cx), most_x = v_imax(v_imax(ax, bx), cx);
-        const vint least_y = v_imin(v_imin(ay, by), cy), most_y = v_imax(v_imax(ay, by), cy);
-        // Pixels that the record may cover, as raster_bounds.
-        const vint first_x = v_imax(raster_firsts(least_x), v_splat_int(left));
-        const vint first_y = v_imax(raster_firsts(least_y), v_splat_int(top));
-        const vint last_x = v_imin(raster_lasts(most_x), v_splat_int(right));
-        const vint last_y = v_imin(raster_lasts(most_y), v_splat_int(bottom));
-        int use[SSGI_LANES], kept[SSGI_LANES];
-        v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y),
-                use);
-        int count = 0;
-        for (int lane = 0; lane < SSGI_LANES; ++lane) {
-            kept[count] = lane;
-            count -= use[lane];
-        }
-        const vint from_x = first_x & ~(SSGI_LANES - 1);
-        RasterSides ab, bc, ca;
-        raster_keep_side(&ab, ax, ay, bx, by, from_x, first_y);
-        raster_keep_side(&bc, bx, by, cx, cy, from_x, first_y);
-        raster_keep_side(&ca, cx, cy, ax, ay, from_x, first_y);
-        int narrow[SSGI_LANES], from[SSGI_LANES], to[SSGI_LANES], above[SSGI_LANES];
-        int below[SSGI_LANES], numbers[SSGI_LANES];
-        v_ikeep(v_ilt(v_imax(most_x - least_x, most_y - least_y), v_splat_int(RASTER_NARROW)),
-                narrow);
-        v_ikeep(from_x - left, from);
-        v_ikeep(last_x - left, to);
-        v_ikeep(first_y - top, above);
-        v_ikeep(last_y - top, below);
-        v_ikeep(third.w, numbers);
-        float d_x[SSGI_LANES], d_y[SSGI_LANES], d_0[SSGI_LANES], low[SSGI_LANES], high[SSGI_LANES];
-        const vfloat slope = v_from_bits(second.z);
-        v_keep(slope * camera.to_x, d_x);
-        v_keep(v_from_bits(second.w), d_y);
-        v_keep(v_fma(slope, v_splat(camera.at_x), v_from_bits(third.x)), d_0);
-        v_keep(v_from_bits(third.y), low);
-        v_keep(v_from_bits(third.z), high);
-        for (int j = 0; j < count; ++j) {
-            const int n = kept[j];
-            if (!narrow[n]) {
-                const RasterRecord record = raster_load(records, list[i + n]);
-                const int x = left + from[n], y = top + above[n];
-                ab.at[n] = raster_edge(record.v[0], record.v[1], x, y);
-                bc.at[n] = raster_edge(record.v[1], record.v[2], x, y);
-                ca.at[n] = raster_edge(record.v[2], record.v[0], x, y);
+    raster_clear(in.corner, depths, triangles);
+    RasterPixels pixels;
+    raster_find_pixels(&in, camera, view, &pixels);
+    const RasterTextures of = {textures, texels, decode};
+    const int end = min(starts[in.tile + 1], view.pair_room);
+    for (int i = starts[in.tile]; i < end; i += SSGI_LANES) {
+        RasterBatch batch;
+        raster_read(records, list, i, end, &in, camera, &batch);
+        for (int j = 0; j < batch.count; ++j) {
+            const int n = batch.kept[j];
+            if (!batch.narrow[n]) {
+                raster_widen(records, list[i + n], n, &in, &batch);
             }
-            const int number = numbers[n];
-#if RASTER_CUTOUT
-            const int cutout = cutouts[number];
-            __global const float *material = materials + max(cutout, 0) * RASTER_MATERIAL;
-            RasterLinear u_of = {(float3)(0.0f), 0.0f}, v_of = u_of;
-            if (cutout >= 0) {
-                const int a = corners[number];
-                const int b = corners[view.triangle_stride + number];
-                const int c = corners[2 * view.triangle_stride + number];
-                u_of = raster_linear(positions_view, view.vertex_stride, uvs, a, b, c);
-                v_of = raster_linear(positions_view, view.vertex_stride, uvs + view.vertex_stride,
-                                     a, b, c);
-            }
-#endif
-            vint row_ab = raster_side(&ab, n), row_bc = raster_side(&bc, n);
-            vint row_ca = raster_side(&ca, n);
-            for (int y = above[n]; y <= below[n]; ++y) {
-                const vfloat d_row = v_splat(fma(d_y[n], slopes[y], d_0[n]));
-                vint edge_ab = row_ab, edge_bc = row_bc, edge_ca = row_ca;
-                // Without a branch for lanes that hit nothing: it would be guessed wrongly too
-                // often.
-                for (int x = from[n]; x <= to[n]; x += SSGI_LANES) {
-                    vmask hit = ~((edge_ab | edge_bc | edge_ca) >> 31);
-                    const int pixel = corner + y * RASTER_TILE + x;
-                    const vfloat column = columns[x / SSGI_LANES];
-                    const vfloat d =
-                        v_clamp(v_fma(column, v_splat(d_x[n]), d_row), low[n], high[n]);
-                    const vfloat nearest = v_load(depths + pixel);
-                    const vint winner = v_iload(triangles + pixel);
-                    hit = hit & (v_gt(d, nearest) |
-                                 (v_eq(d, nearest) & v_igt(winner, v_splat_int(number))));
-                    hit = hit & v_ge(d, v_splat(view.furthest_d));
-#if RASTER_PEEL
-                    hit = hit & v_lt(d, v_load(previous + pixel) * view.peel);
-#endif
-#if RASTER_CUTOUT
-                    if (cutout >= 0 && v_any(hit)) {
-                        const RasterTextures of = {textures, texels, decode};
-                        const vfloat slope_x = ssgi_slope_x(camera, column);
-                        const vfloat u = raster_linear_at(camera, u_of, slope_x, slopes[y], d);
-                        const vfloat v = raster_linear_at(camera, v_of, slope_x, slopes[y], d);
-                        const vfloat alpha =
-                            raster_texture_alpha(of, (int)material[3], u, v) * material[4];
-                        hit = hit & v_ge(alpha, v_splat(material[5]));
-                    }
-#endif
-                    v_store(v_select(nearest, d, hit), depths + pixel);
-                    v_istore(v_iselect(winner, v_splat_int(number), hit), triangles + pixel);
-                    edge_ab = edge_ab - ab.dy[n] * SSGI_LANES;
-                    edge_bc = edge_bc - bc.dy[n] * SSGI_LANES;
-                    edge_ca = edge_ca - ca.dy[n] * SSGI_LANES;
-                }
-                row_ab = row_ab + ab.dx[n];
-                row_bc = row_bc + bc.dx[n];
-                row_ca = row_ca + ca.dx[n];
-            }
+            const RasterHoles holes = raster_holes(batch.numbers[n], corners, positions_view, uvs,
+                                                   cutouts, materials, view);
+            raster_draw(&batch, n, &holes, of, &pixels, in.corner, previous, depths, triangles,
+                        camera, view);
         }
     }
 }

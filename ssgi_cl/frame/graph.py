@@ -232,7 +232,7 @@ class Graph:
         first = self.runtime.noted
         if told:
             self.runtime.skip(name, told)
-        return StageRun(state, why, first, self.runtime.noted)
+        return StageRun(state, why, first, first + bool(told))
 
     def _bring(self, stage: Stage, values: dict[str, Any], log: dict[str, StageRun]) -> None:
         """Make what a stage writes, or take what it made of the same inputs."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.runtime import PassTime, Runtime
@@ -21,8 +21,7 @@ STATES = {
 """What may become of a stage."""
 
 
-@dataclass(frozen=True)
-class StageRun:
+class StageRun(NamedTuple):
     """What became of a stage.
 
     Attributes:

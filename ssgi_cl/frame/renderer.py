@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -19,7 +19,7 @@ from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
 from ssgi_cl.frame.plan import Needs, chosen_skips
 from ssgi_cl.frame.render_params import BounceParams
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.stage import Stage
+from ssgi_cl.frame.stage import Stage, Values
 from ssgi_cl.frame.stages import (
     AO,
     CAMERA,
@@ -46,6 +46,7 @@ from ssgi_cl.frame.stages import (
     picture_stages,
     pixels,
     ssdo_stages,
+    ssdo_tiles_condition,
     tiles_stage,
 )
 from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
@@ -117,6 +118,7 @@ class Renderer:
         shade = Shade(runtime, size)
         costs: dict[str, float] = {}
         self._rest = TileRest()
+        condition: Callable[[Values], str | None] = self._rest.condition
         self._openers: list[Opener | Occluder] = []
         self._bounce: OneBounce | None = None
         self._ao: tuple[str, Occluder] | None = None  # name of the stage, and what it runs
@@ -126,8 +128,7 @@ class Renderer:
         if isinstance(indirect, SsdoParams):
             params = replace(indirect, bent_normals=False)  # a picture has none
             technique = Ssdo(runtime, size, params, margin, layers, attributes)
-            if technique.reach(self.rasterizer.target) is None:
-                tiles = None
+            condition = ssdo_tiles_condition(technique, self.rasterizer.target, condition)
             self._indirect = "ssdo", technique
             opener = Opener(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
@@ -164,7 +165,7 @@ class Renderer:
                 light.append(INDIRECT)
         stages = [
             gbuffer_stage(self.rasterizer),
-            *([] if tiles is None else [tiles_stage(tiles, self._rest)]),
+            *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
             *picture_stages(shade, Tonemap(runtime, size, curve)),

@@ -5,7 +5,7 @@ Each function returns the record of one stage; a new one is added to the list th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import FurtherViews
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
-from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
+from ssgi_cl.frame.tile_classifier import Occluder, Opener
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
@@ -63,12 +63,24 @@ def gbuffer_stage(rasterizer: Rasterizer) -> Stage:
     return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run)
 
 
-def tiles_stage(tiles: Tiles, rest: TileRest) -> Stage:
-    """Return the stage that classifies tiles of the G-buffer."""
+def tiles_stage(tiles: Tiles, condition: Callable[[Values], str | None]) -> Stage:
+    """Return the stage that classifies tiles of the G-buffer; see `Stage.condition`."""
     return Stage(
         name="tile facts", reads=(GBUFFER,), writes=(TILES,), run=lambda r: tiles.look(r[GBUFFER]),
-        condition=rest.condition, silent=True,
+        condition=condition, silent=True,
     )
+
+
+def ssdo_tiles_condition(
+    ssdo: Ssdo, seen: DeviceGBuffer, condition: Callable[[Values], str | None]
+) -> Callable[[Values], str | None]:
+    """Return `condition`, and that SSDO says how far it looks in the G-buffer `seen`."""
+    def both(facts: Values) -> str | None:
+        if ssdo.reach(seen) is None:
+            return "no tile is proven open where planes hide themselves"
+        return condition(facts)
+
+    return both
 
 
 def occlusion_stage(

@@ -127,7 +127,8 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
 #include "common/scan.clh"
 
 __kernel void hbao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
-                   ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
+                   ssgi_optional __global const int *restrict tiles,
+                   __global float *restrict openness,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     ssgi_occlude(near, normal, table, tiles, openness, size, camera, params);

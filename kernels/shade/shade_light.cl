@@ -6,9 +6,10 @@
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
 //          map     depth that the light sees: 1 image, or 6 of a point light, in the order
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
-//          blocks  of the map, see shade/blocks.clh, (SHADE_BLOCKS 1)
+//          blocks  of the map, see shade/blocks.clh (SHADE_BLOCKS 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
-// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_BLOCKS, SHADE_ADD (0, 1)
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_BLOCKS,
+//          SHADE_ADD (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item

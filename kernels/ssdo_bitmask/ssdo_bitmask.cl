@@ -86,7 +86,9 @@ ssgi_end_slice(const SsgiReceiver *receiver, const SsgiSlice *slice, const Slice
     const vfloat hidden = v_to_float(v_count_bits(gathered->covered)) * (1.0f / 32.0f);
     gathered->occluded = v_fma(share, hidden, gathered->occluded);
     gathered->whole = gathered->whole + share;
+#if BITMASK_CONES || BITMASK_BOUNCE
     const vfloat irradiance = share * (3.14159265f / 32.0f);
+#endif
 #if BITMASK_CONES
     ssdo_sky(receiver, slice, &gathered->measure, ~(gathered->covered & receiver->active),
              irradiance, gathered->more + BITMASK_FIRST_SKY);

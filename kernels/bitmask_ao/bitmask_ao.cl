@@ -92,7 +92,8 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane near, const SsgiReceiver *receiver,
 }
 
 __kernel void bitmask_ao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
-                         ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
+                         ssgi_optional __global const int *restrict tiles,
+                         __global float *restrict openness,
                          const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);

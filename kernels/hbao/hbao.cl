@@ -144,7 +144,8 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
 }
 
 __kernel void hbao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
-                   ssgi_optional __global const int *restrict tiles, __global float *restrict openness,
+                   ssgi_optional __global const int *restrict tiles,
+                   __global float *restrict openness,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);

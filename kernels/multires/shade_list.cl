@@ -85,7 +85,8 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                          __global const float *restrict lights,
 #endif
 #if VPL_SIGHT
-                         __global const int *restrict occupancy, __global const float *restrict grid_box,
+                         __global const int *restrict occupancy,
+                         __global const float *restrict grid_box,
 #endif
                          ssgi_plane shares, __global float *restrict values, const int2 size,
                          const VplParams params, const CutParams cut)

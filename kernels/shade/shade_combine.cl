@@ -27,13 +27,20 @@
 #error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT, _SKY, AMBIENT_SIZE: undefined"
 #endif
 
+#if !defined(SHADE_CUBE_SLOPE) || !defined(SHADE_CUBE_CONSTANT) ||                                 \
+    !defined(SHADE_SQUARE_SLOPE) || !defined(SHADE_SQUARE_CONSTANT) ||                             \
+    !defined(SHADE_LINE_SLOPE) || !defined(SHADE_LINE_CONSTANT)
+#error "ssgi_cl/device/constants.py defines SHADE_CUBE_SLOPE to SHADE_LINE_CONSTANT"
+#endif
+
 #if SHADE_BOUNCES
 // A of several bounces between surfaces of this albedo.
 static inline vfloat shade_brightened(const vfloat a, const vfloat albedo)
 {
-    const vfloat cube = v_fma(albedo, v_splat(2.0404f), v_splat(-0.3324f));
-    const vfloat square = v_fma(albedo, v_splat(-4.7951f), v_splat(0.6417f));
-    const vfloat line = v_fma(albedo, v_splat(2.7552f), v_splat(0.6903f));
+    const vfloat cube = v_fma(albedo, v_splat(SHADE_CUBE_SLOPE), v_splat(SHADE_CUBE_CONSTANT));
+    const vfloat square =
+        v_fma(albedo, v_splat(SHADE_SQUARE_SLOPE), v_splat(SHADE_SQUARE_CONSTANT));
+    const vfloat line = v_fma(albedo, v_splat(SHADE_LINE_SLOPE), v_splat(SHADE_LINE_CONSTANT));
     const vfloat fitted = v_fma(v_fma(cube, a, square), a, line) * a;
     return v_min(v_max(fitted, a), v_splat(1.0f)); // at A = 1 the fit is up to 1.0001
 }

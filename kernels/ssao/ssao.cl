@@ -53,7 +53,8 @@ static inline vfloat ssao_occlusion(const vfloat d, __global const float *restri
 }
 
 __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *restrict samples,
-                   __global const float *restrict curve, ssgi_optional __global const int *restrict tiles,
+                   __global const float *restrict curve,
+                   ssgi_optional __global const int *restrict tiles,
                    __global float *restrict openness, const int2 size, // of the result
                    const SsgiCamera camera, const SsaoParams params)
 {

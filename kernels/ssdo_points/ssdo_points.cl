@@ -13,7 +13,7 @@
 //          In a row, receivers are taken by column modulo 4, so that lanes have the same directions
 //          and read places next to one another.
 // Reads:   depth, normal  image 0 and the first three, with margin: receivers, view space
-//          thickness of the front layer, likewise, scene units; read with POINTS_THICKNESS 2 alone
+//          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 2 alone
 //          planes   POINTS_LAYERS layers, see ssdo_points/ssdo_planes.cl
 //          senders  POINTS_SENDERS layers of records, see layer_shading/records.clh, with margin, of
 //                   the sides that the camera sees

@@ -65,7 +65,8 @@ __kernel void vpl_voxelize(__global const int *restrict corners,
                            __global const int *restrict textures,
                            __global const int *restrict texels,
                            __global const float *restrict decode,
-                           __global const float *restrict grid_box, __global int *restrict occupancy,
+                           __global const float *restrict grid_box,
+                           __global int *restrict occupancy,
                            const int2 size, const VplTurn turn)
 {
     const int triangle = (int)get_global_id(0);

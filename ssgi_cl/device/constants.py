@@ -61,6 +61,16 @@ RSM_LEAST_COSINE = 0.1
 RSM_RECORD = 12
 """Floats of a texel, see kernels/rsm_gather/records.clh."""
 
+SHADE_CUBE_SLOPE = 2.0404
+"""Over the albedo, of A^3 in the fit of several bounces (Jimenez et al. 2016)."""
+SHADE_CUBE_CONSTANT = -0.3324
+SHADE_SQUARE_SLOPE = -4.7951
+"""Likewise of A^2."""
+SHADE_SQUARE_CONSTANT = 0.6417
+SHADE_LINE_SLOPE = 2.7552
+"""Likewise of A."""
+SHADE_LINE_CONSTANT = 0.6903
+
 SHADOW_BLOCK_BITS = 3
 """Binary logarithm of the texels along the side of a shadow map's block."""
 SHADOW_IMAGES = 4

@@ -89,6 +89,20 @@ def test_what_is_not_understood_is_an_error(text: str, message: str) -> None:
         Signature.of("k", text, {})
 
 
+@pytest.mark.parametrize(
+    ("condition", "holds"),
+    [
+        ("7 - 4 - 3", False), ("16 / 4 / 2 == 2", True), ("7 % 4 * 2 == 6", True),
+        ("-1 < 0 && !-0", True), ("1 || 0 && 0", True), ("!A == 0", True), ("010 == 8", True),
+        ("1 + 2 * 3 == 7", True), ("A \\\n > 1", True), ("__has_builtin(f) + 1", True),
+    ],
+)
+def test_conditions_are_those_of_c(condition: str, holds: bool) -> None:
+    text = f"__kernel void k(\n#if {condition}\nint yes,\n#endif\nint last) {{}}"
+    found = Signature.of("k", text, {"A": 2})
+    assert len(found.parameters) == 1 + holds
+
+
 TYPES = ("float", "int", "int2", "SsgiCamera")
 PARAMETERS = st.one_of(
     st.builds(Parameter, st.just(""), st.just(PLANE), memory=st.just(True)),
@@ -358,8 +372,9 @@ def test_missing_and_unknown_arguments_are_named(runtime: Runtime) -> None:
             kernel.run("combine", (2, 16), **rest)
         with pytest.raises(TypeError, match=r"kernel combine: x\w+ .* is not a parameter"):
             kernel.run("combine", (2, 16), **rest, **{f"x{name}": wanted[name]})
-    with pytest.raises(TypeError, match=r"kernel combine: extra \(1 \(int\)\) is not a parameter"):
-        kernel.run("combine", (2, 16), **wanted, extra=1)
+    for extra in (1, None):
+        with pytest.raises(TypeError, match=rf"kernel combine: extra \({extra} .*is not a parameter"):
+            kernel.run("combine", (2, 16), **wanted, extra=extra)
 
 
 def test_numbers_of_numpy_are_numbers(runtime: Runtime) -> None:

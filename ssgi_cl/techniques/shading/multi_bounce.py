@@ -7,12 +7,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import checked_keywords
+from ssgi_cl.device.constants import (
+    SHADE_CUBE_CONSTANT,
+    SHADE_CUBE_SLOPE,
+    SHADE_LINE_CONSTANT,
+    SHADE_LINE_SLOPE,
+    SHADE_SQUARE_CONSTANT,
+    SHADE_SQUARE_SLOPE,
+)
 
-SCALE = ((2.0404, -0.3324), (-4.7951, 0.6417), (2.7552, 0.6903))
-"""Factors of A^3, A^2 and A: (slope, constant) over the albedo.
-
-kernels/shade/shade_combine.cl has them too.
-"""
+SCALE = (
+    (SHADE_CUBE_SLOPE, SHADE_CUBE_CONSTANT),
+    (SHADE_SQUARE_SLOPE, SHADE_SQUARE_CONSTANT),
+    (SHADE_LINE_SLOPE, SHADE_LINE_CONSTANT),
+)
+"""Factors of A^3, A^2 and A: (slope, constant) over the albedo."""
 
 
 @checked_keywords

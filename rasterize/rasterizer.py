@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,23 @@ VIEW = Struct(
 STRUCTS = (CAMERA, VIEW)
 
 
+@dataclass(frozen=True, eq=False)
+class _Lists:
+    """What a frame needs until its pixels are drawn.
+
+    Attributes:
+        view, screen: vertices in view space and on the screen.
+        records, places: of the triangles that are seen, kernels/raster/records.clh.
+        list: the records that meet each tile.
+    """
+
+    view: DeviceArray
+    screen: DeviceArray
+    records: DeviceArray
+    places: DeviceArray
+    list: DeviceArray
+
+
 class Rasterizer:
     """Draws scenes at one size; see `render`.
 
@@ -78,7 +96,7 @@ class Rasterizer:
                 f"{LARGEST_SIZE} px with the margin on both sides"
             )
         self.target = DeviceGBuffer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes
+            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0
         )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -87,17 +105,10 @@ class Rasterizer:
         self._starts = runtime.empty(count + 1, np.int32)
         self._cursors = runtime.empty(2 * count, np.int32)
         self._counters = runtime.array(np.zeros(2, np.int32))
-        self._depths = [runtime.empty(count * TILE * TILE, np.float32) for _ in range(2)]
-        self._seen = runtime.empty(count * TILE * TILE, np.int32)
-        self._room = 0
-        self._pair_room = 0
-        self._records: DeviceArray
-        self._places: DeviceArray
-        self._list: DeviceArray
-        self._grow(1 << 15, 1 << 16)
-        self._vertex_room = 0
-        self._view: DeviceArray
-        self._screen: DeviceArray
+        self._pixels = count * TILE * TILE
+        self._seen: DeviceArray | None = None
+        self._room = 1 << 15
+        self._pair_room = 1 << 16
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
         self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)
@@ -123,21 +134,28 @@ class Rasterizer:
             raise ValueError(
                 f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
             )
-        if scene.vertex_stride > self._vertex_room:
-            self._view = self.runtime.empty(3 * scene.vertex_stride, np.float32)
-            self._screen = self.runtime.empty(4 * scene.vertex_stride, np.int32)
-            self._vertex_room = scene.vertex_stride
         self.target.set_camera(camera)
-        self.target.emits = scene.emits
-        self._sort(scene, camera)
-        records, pairs = self._counters.download().tolist()
-        if records > self._room or pairs > self._pair_room:
+        self.target.emits = scene.emits and self.shaded
+        self.release()
+        while True:
+            lists = self._lists(scene)
+            self._sort(scene, camera, lists)
+            records, pairs = self._counters.download().tolist()
+            if records <= self._room and pairs <= self._pair_room:
+                break
             # The pairs of records that found no room were not counted: leave room for theirs.
             share = max(1.0, records / self._room)
-            self._grow(records + records // 4, int(pairs * share) + pairs // 4)
-            return self.render(scene, camera)
-        self._draw(scene, camera)
+            self._room = max(self._room, records + records // 4)
+            self._pair_room = max(self._pair_room, int(pairs * share) + pairs // 4)
+            del lists
+        seen = self._draw(scene, camera, lists)
+        if not self.shaded:
+            self._seen = seen
         return self.target
+
+    def release(self) -> None:
+        """Give the memory of what `write_every` and `write_gloss` read to others."""
+        self._seen = None
 
     def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
         """Queue the pass that fills `target` from the last layer of the image drawn last.
@@ -152,8 +170,9 @@ class Rasterizer:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  something was drawn
         view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
-        self._attributes(scene, True, step).run(
-            "raster attributes", target.size, reads=self._attribute_reads(scene),
+        self._attributes(scene, True, step, emission=target.emits).run(
+            "raster attributes", target.size,
+            reads=self._attribute_reads(scene, self._last_seen),
             writes=[target.depth, target.normal_world, target.albedo, target.emission],
             values=view,
         )
@@ -170,22 +189,22 @@ class Rasterizer:
         """
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             "raster gloss", gloss.size,
-            reads=[self._seen, scene.faces, scene.lobes], writes=[specular, gloss],
+            reads=[self._last_seen, scene.faces, scene.lobes], writes=[specular, gloss],
             values=[np.array(self._tiles[::-1], np.int32)],
         )
 
-    def _grow(self, room: int, pair_room: int) -> None:
-        if room > self._room:
-            self._room = 0  # until all that it counts is there
-            self._records = self.runtime.empty(room * RECORD, np.int32)
-            self._places = self.runtime.empty(room * 2, np.int32)
-            self._room = room
-        if pair_room > self._pair_room:
-            self._pair_room = 0
-            self._list = self.runtime.empty(pair_room, np.int32)
-            self._pair_room = pair_room
+    def _lists(self, scene: DeviceScene) -> _Lists:
+        """Return the memory that a frame needs until its pixels are drawn."""
+        array = self.runtime.transient.array
+        return _Lists(
+            view=array(3 * scene.vertex_stride, np.float32),
+            screen=array(4 * scene.vertex_stride, np.int32),
+            records=array(self._room * RECORD, np.int32),
+            places=array(self._room * 2, np.int32),
+            list=array(self._pair_room, np.int32),
+        )
 
-    def _sort(self, scene: DeviceScene, camera: Camera) -> None:
+    def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
         """Queue the passes that list the triangles of each tile."""
         # Without the margin, which kernels add in whole pixels: it must not change a bit.
         view = [CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))]
@@ -193,13 +212,13 @@ class Rasterizer:
         self._vertices.run(
             "raster vertices", (1, scene.vertices),
             reads=[scene.positions],
-            writes=[self._view, self._screen, self._counters, self._counts],
+            writes=[lists.view, lists.screen, self._counters, self._counts],
             values=view,
         )
         self._setup.run(
             "raster setup", (1, scene.triangles),
-            reads=[scene.boxes, scene.corners, scene.shading, self._view, self._screen],
-            writes=[self._records, self._places, self._counts, self._counters],
+            reads=[scene.boxes, scene.corners, scene.shading, lists.view, lists.screen],
+            writes=[lists.records, lists.places, self._counts, self._counters],
             values=view, grid=(1, -(-scene.triangles // self._run)),
             local=None if self._run < BOXED else (1, 1),
         )
@@ -209,8 +228,8 @@ class Rasterizer:
         )
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
-            "raster fill", (1, workers), reads=[self._records, self._places],
-            writes=[self._cursors, self._list, self._counters], values=view[1:],
+            "raster fill", (1, workers), reads=[lists.records, lists.places],
+            writes=[self._cursors, lists.list, self._counters], values=view[1:],
             grid=(1, workers),
         )
 
@@ -240,13 +259,19 @@ class Rasterizer:
         end = window.end[0], window.column + wide
         return Window.between(window.first, end).inside(self.target.whole)
 
-    def _draw(self, scene: DeviceScene, camera: Camera) -> None:
-        """Queue the passes that draw pixels."""
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> DeviceArray:
+        """Queue the passes that draw pixels; return which triangle each shows in the last layer."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
         packed_camera = CAMERA.pack(camera_values(camera))
         windows = self._windows()
         target.window = windows[0]
+        if self.shaded:
+            target.take_world()
+        array = self.runtime.transient.array
+        # A deeper layer begins behind the one before.
+        depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
+        seen = array(self._pixels, np.int32)
         high, wide = self._rectangle
         for layer, window in enumerate(windows):
             tiles = self.runtime.kernel(
@@ -263,16 +288,16 @@ class Rasterizer:
             shaded = layer < target.attributes
             values["layer"] = layer
             view = [packed_camera, VIEW.pack(values)]
-            now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
+            now, before = depths[layer % 2], depths[layer % 2 - 1]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
             with target.traces[layer].over(window, scene.emits) as over:
                 over = None if over is None else self._widened(over)
                 tiles.run(
                     f"raster tiles{suffix}", whole,
-                    reads=[self._records, self._starts, self._list, before, scene.corners,
-                           self._view, scene.uvs, scene.cutouts, *_surface(scene)],
-                    writes=[now, self._seen], values=view,
+                    reads=[lists.records, self._starts, lists.list, before, scene.corners,
+                           lists.view, scene.uvs, scene.cutouts, *_surface(scene)],
+                    writes=[now, seen], values=view,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                     local=self._group, window=over, cell=self._rectangle,
                 )
@@ -282,13 +307,17 @@ class Rasterizer:
                         window=over,
                     )
                     continue
-                self._attributes(scene, shaded, 1).run(
-                    f"raster attributes{suffix}", whole, reads=self._attribute_reads(scene),
+                self._attributes(scene, shaded, 1, emission=scene.emits).run(
+                    f"raster attributes{suffix}", whole,
+                    reads=self._attribute_reads(scene, seen),
                     writes=[target.depth, target.normal_world, target.albedo, target.emission],
                     values=view, window=over,
                 )
+        return seen
 
-    def _attributes(self, scene: DeviceScene, shaded: bool, step: int) -> Kernel:
+    def _attributes(
+        self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool
+    ) -> Kernel:
         return self.runtime.kernel(
             "raster/raster_attributes.cl",
             {
@@ -296,13 +325,19 @@ class Rasterizer:
                 "RASTER_SHADED": int(shaded),
                 "RASTER_TEXTURED": int(shaded and scene.textured),
                 "RASTER_COLORED": int(shaded and scene.colored),
-                "RASTER_EMISSION": int(shaded and scene.emits),
+                "RASTER_EMISSION": int(shaded and emission),
             },
             STRUCTS,
         )
 
-    def _attribute_reads(self, scene: DeviceScene) -> list[DeviceArray]:
-        return [self._seen, scene.faces, scene.shading, *_surface(scene)]
+    def _attribute_reads(self, scene: DeviceScene, seen: DeviceArray) -> list[DeviceArray]:
+        return [seen, scene.faces, scene.shading, *_surface(scene)]
+
+    @property
+    def _last_seen(self) -> DeviceArray:
+        """The triangle that each pixel of the image drawn last shows."""
+        assert self._seen is not None  # noqa: S101  an image of depth was drawn
+        return self._seen
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
         turn = camera.view[:3, :3]

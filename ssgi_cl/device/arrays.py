@@ -197,6 +197,11 @@ class Plane:
         )
         self.runtime.record("copy", event)
 
+    @property
+    def _owner(self) -> object:
+        """What the memory counts for."""
+        return self
+
     def written(self) -> None:
         """Note that a kernel is about to write to this plane."""
         self._image_is_current = False
@@ -211,7 +216,7 @@ class Plane:
         if self._image is None:
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
-            self.runtime.take(rows * columns * 4, self)
+            self.runtime.take(rows * columns * 4, self._owner)
             self._image = cl.create_image(self.runtime.context, flags, layout, (columns, rows))
         if not self._image_is_current:
             # Rows that are too many for an image lie to the right of the first.

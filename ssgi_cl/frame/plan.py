@@ -146,6 +146,10 @@ class Stages:
         self._made[name] = inputs, value
         return value
 
+    def forget(self, name: str) -> None:
+        """Let `make` make a stage anew the next time."""
+        self._made.pop(name, None)
+
     def versions(self, *names: str) -> tuple[int, ...]:
         """Return how often each stage has run: an input of what is made of its result."""
         return tuple(self._versions.get(name, 0) for name in names)

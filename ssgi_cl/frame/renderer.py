@@ -87,6 +87,7 @@ class Renderer:
             runtime, size, layers=layers, margin=margin, attributes=attributes,
             windows="window" in self.skips,
         )
+        self.rasterizer.target.keeps_world = near
         glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
         self._maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy,
@@ -145,6 +146,8 @@ class Renderer:
         needs = Needs.of(outputs, self.skips)
         factor, image, values = 1.0 if exposure is None else exposure, None, None
         with self.runtime.frame(self._costs):
+            if gbuffer or "gbuffer" in needs.outputs:
+                self._keep_world()
             seen = self._stages.make(
                 "G-buffer", (scene.key, camera), lambda: self._see(scene, camera)
             )
@@ -211,6 +214,13 @@ class Renderer:
             _image=image if "image" in needs.outputs else None,
             _radiance=values,
         )
+
+    def _keep_world(self) -> None:
+        """See that the G-buffer has its normals in world space, drawn anew if it did not."""
+        target = self.rasterizer.target
+        target.keeps_world = True
+        if not target.has_world:
+            self._stages.forget("G-buffer")
 
     def _see(self, scene: Scene, camera: Camera) -> DeviceGBuffer:
         """Queue the passes that draw the G-buffer."""

@@ -14,7 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
@@ -239,14 +239,14 @@ class Ssao(OcclusionTechnique):
         )
 
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
-        window: Window | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        layers: int | None, window: Window | None,
     ) -> None:
         self._kernel.run(
             "ssao",
-            self._openness.size,
+            out.size,
             reads=[source.depth, source.normal, self._points, self._curve, self._bits(tiles)],
-            writes=[self._openness],
+            writes=[out],
             values=[source.camera_struct, self._packed(source, tiles)],
             window=window,
         )

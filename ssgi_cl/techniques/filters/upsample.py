@@ -17,6 +17,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 UPSAMPLE = Struct(
@@ -108,7 +109,7 @@ class ReducedGBuffer:
 class Upsample:
     """The joint-bilateral upsampling, prepared for one full size, step and number of channels.
 
-    Kopf et al. 2007. Departs: see `upsample`.
+    Kopf et al. 2007. Departs: see `upsample`. `kept` is as of `Bilateral`.
     """
 
     def __init__(
@@ -121,6 +122,7 @@ class Upsample:
         background: float = 0.0,
         depth_sigma: float = 0.005,
         normal_sigma: float = 0.3,
+        kept: bool = True,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -132,24 +134,24 @@ class Upsample:
             {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": step},
             (CAMERA, UPSAMPLE),
         )
-        self._fine = runtime.plane(channels, size)
-        self._trace = Trace()
+        self._background = (background,) * channels
+        self._fine = Target(runtime, channels, size, kept=kept)
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         lanes = self.runtime.form.lanes
-        with self._trace.over(gbuffer.seen) as over:
+        with self._fine.over(gbuffer.seen, background=self._background) as (fine, over):
             self._kernel.run(
                 "upsample",
                 self.size,
                 reads=[coarse, reduced.linear, reduced.normal, gbuffer.linear, gbuffer.normal],
-                writes=[self._fine],
+                writes=[fine],
                 values=[gbuffer.camera_struct, packed],
                 grid=(self.size[0], -(-coarse.size[1] // lanes)),
                 window=over, cell=(1, lanes * self.step),
             )
-        return self._fine
+        return fine
 
 
 class UpsampleBlur:
@@ -167,6 +169,7 @@ class UpsampleBlur:
         blur: its radius, at least step - 1 to join the coarse pixels, and sigmas; in pixels of the
             result. Applied once, separably.
         background: the value where nothing is.
+        kept: as of `Bilateral`.
     """
 
     def __init__(
@@ -177,6 +180,7 @@ class UpsampleBlur:
         blur: BilateralParams,
         *,
         background: float = 0.0,
+        kept: bool = True,
     ) -> None:
         self.size = size
         self.step = step
@@ -194,9 +198,9 @@ class UpsampleBlur:
         outwards = np.append(blur.weights(), np.zeros(step))
         weights = np.concatenate([outwards[:0:-1], outwards])
         self._weights = runtime.array(weights.astype(np.float32))
-        self._rows = runtime.plane(1, (coarse_size(size, step)[0], size[1]))
-        self._fine = runtime.plane(1, size)
-        self._traces = Trace(), Trace()
+        self._background = (background,)
+        self._rows = Target(runtime, 1, (coarse_size(size, step)[0], size[1]), kept=False)
+        self._fine = Target(runtime, 1, size, kept=kept)
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes and return the plane at full size."""
@@ -210,28 +214,28 @@ class UpsampleBlur:
         if seen is not None:
             coarse_rows = seen.reduced(self.step)
             wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
-        with self._traces[0].over(wide) as over:
+        with self._rows.over(wide) as (between, over):
             along_rows.run(
                 "blur rows",
                 self._rows.size,
                 reads=guides,
-                writes=[self._rows],
+                writes=[between],
                 values=[_int2(columns, rows), _int2(*gbuffer.whole[::-1]), gbuffer.camera_struct,
                         packed],
                 grid=(rows, -(-columns // self._lanes)),
                 window=over, cell=(1, self._lanes * self.step),
             )
-        with self._traces[1].over(seen) as over:
+        with self._fine.over(seen, background=self._background) as (fine, over):
             along_columns.run(
                 "blur columns",
                 self.size,
-                reads=[self._rows, *guides],
-                writes=[self._fine],
+                reads=[between, *guides],
+                writes=[fine],
                 values=[gbuffer.camera_struct, packed],
                 grid=(rows, -(-self.size[1] // self._lanes)),
                 window=over, cell=(self.step, self._lanes),
             )
-        return self._fine
+        return fine
 
 
 def _packed(

@@ -162,10 +162,11 @@ class Ssdo:
             else:
                 openness = self._sender_openness(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"
-                light = self._senders.records if points else self._senders.run
+                light = self._senders.records if points else self._senders.images
                 sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
                 sends = sent is not None
             lamps, lamps_margin = self._senders.lamps, gbuffer.margin
+            self._senders.lamps = None
         else:
             self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
             lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
@@ -224,10 +225,14 @@ class Ssdo:
             self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
         light = self._back.gather(gbuffer, source, sent, sky, tiles)
         self._views.begin(gbuffer)
-        for view in chain((first,), views):
-            self._views.add(
-                light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None
-            )
+        try:
+            for view in chain((first,), views):
+                self._views.add(
+                    light, self._back, gbuffer, source, view, lights, shadows,
+                    sends=sent is not None,
+                )
+        finally:
+            self._views.end()
         return light
 
     def _split(

@@ -58,6 +58,11 @@ class ViewSenders:
         if isinstance(self._technique, SsdoViews):
             self._technique.begin(gbuffer)
 
+    def end(self) -> None:
+        """Forget all cameras."""
+        if isinstance(self._technique, SsdoViews):
+            self._technique.end()
+
     def add(
         self,
         light: Plane,

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.device.transient import Target
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -49,16 +50,18 @@ class ShadowMap:
 class Lamps:
     """The light of lamps, prepared for images of one size.
 
-    Attributes:
-        irradiance: 3 images, W/m^2; 0 where nothing is.
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        kept: whether results are in memory of its own; else each lives as long as somebody refers
+            to it.
     """
 
-    def __init__(self, runtime: Runtime, size: Size) -> None:
+    def __init__(self, runtime: Runtime, size: Size, *, kept: bool = True) -> None:
         self.runtime = runtime
         self.size = size
-        self.irradiance = runtime.plane(3, size)
+        self._irradiance = Target(runtime, 3, size, kept=kept)
         self._nothing = runtime.plane(1, (1, 1))
-        self._trace = Trace()
 
     def run(
         self,
@@ -66,10 +69,10 @@ class Lamps:
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return `irradiance`, the sum of all lamps, or None if none shines.
+        """Queue the passes; return the sum of all lamps, or None if none shines.
 
-        `shadows` has one entry for each light (None: it casts no shadow); environments are passed
-        over.
+        3 images, W/m^2; 0 where nothing is. `shadows` has one entry for each light (None: it casts
+        no shadow); environments are passed over.
         """
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         lit: list[tuple[Lamp, ShadowMap | None]] = []
@@ -82,14 +85,14 @@ class Lamps:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
         if not lit:
             return None
-        with self._trace.over(gbuffer.seen) as window:
+        with self._irradiance.over(gbuffer.seen) as (irradiance, window):
             for number, (light, shadow) in enumerate(lit):
-                self.light(gbuffer, light, shadow, add=number > 0, window=window)
-        return self.irradiance
+                self.light(irradiance, gbuffer, light, shadow, add=number > 0, window=window)
+        return irradiance
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
-        window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
+        add: bool, window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         kernel = self.runtime.kernel(
@@ -112,7 +115,7 @@ class Lamps:
                 gbuffer.depth, gbuffer.normal, shadow.depth if shadow else self._nothing,
                 blocks or self._nothing,
             ],
-            writes=[self.irradiance],
+            writes=[irradiance],
             values=[
                 gbuffer.camera_struct,
                 CAMERA.pack(camera_values(light_camera)),

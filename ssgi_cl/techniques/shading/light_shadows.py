@@ -57,9 +57,10 @@ class LampShadows(Lamps):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: LampShadowParams | None = None
+        self, runtime: Runtime, size: Size, params: LampShadowParams | None = None, *,
+        kept: bool = True,
     ) -> None:
-        super().__init__(runtime, size)
+        super().__init__(runtime, size, kept=kept)
         self.params = params or LampShadowParams()
         self._tile = runtime.array(tile_table())
 
@@ -69,7 +70,7 @@ class LampShadows(Lamps):
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return `irradiance`, the sum of all lamps, or None if none shines."""
+        """Queue the passes; return the sum of all lamps, or None if none shines."""
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         kept = [
             (light, shadow)
@@ -79,12 +80,12 @@ class LampShadows(Lamps):
         return super().run(gbuffer, [light for light, _ in kept], [shadow for _, shadow in kept])
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
-        window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
+        add: bool, window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         if shadow is not None:
-            super().light(gbuffer, light, shadow, add=add, window=window)
+            super().light(irradiance, gbuffer, light, shadow, add=add, window=window)
             return
         params = self.params
         kernel = self.runtime.kernel(
@@ -116,7 +117,7 @@ class LampShadows(Lamps):
             reads=[
                 gbuffer.depth, gbuffer.normal, gbuffer.thickness or self._nothing, self._tile,
             ],
-            writes=[self.irradiance],
+            writes=[irradiance],
             values=[
                 gbuffer.camera_struct,
                 LIGHT.pack(light_values(light, camera, camera, gbuffer)),

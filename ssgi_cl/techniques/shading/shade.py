@@ -37,7 +37,7 @@ class Shade:
     def __init__(self, runtime: Runtime, size: Size) -> None:
         self.runtime = runtime
         self.size = size
-        self._lamps = Lamps(runtime, size)
+        self._lamps: Lamps | None = None
         self._radiance = runtime.plane(3, size)
         self._nothing = runtime.plane(1, (1, 1))
         self._ambient = Ambient(runtime)
@@ -76,6 +76,7 @@ class Shade:
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes of lamps; return the plane of their irradiance, None if none shines."""
+        self._lamps = self._lamps or Lamps(self.runtime, self.size)
         return self._lamps.run(gbuffer, lights, shadows)
 
     def combine(

@@ -28,7 +28,6 @@ class Tonemap:
         number = CURVES.index(checks.choice("curve", curve, CURVES))
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
-        self._encoded = runtime.empty(size[0] * self._pitch * 3, np.uint8)
 
     def run(
         self, radiance: Plane, exposure: float, window: Window | None = None
@@ -39,16 +38,17 @@ class Tonemap:
         """
         beyond = None if window is None else window.beyond(self.size)
         parts = [window]
+        encoded_bytes = self.runtime.transient.array(self.size[0] * self._pitch * 3, np.uint8)
         if beyond is not None:
             parts.append(Window(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
-                "tonemap", self.size, reads=[radiance], writes=[self._encoded],
+                "tonemap", self.size, reads=[radiance], writes=[encoded_bytes],
                 values=[np.float32(min(exposure, LARGEST_EXPOSURE))], window=part,
             )
         rows, columns = self.size
         picture = np.empty((rows, columns, 3), np.uint8)
-        with self._encoded.mapped() as flat:
+        with encoded_bytes.mapped() as flat:
             encoded = flat.reshape(rows, self._pitch, 3)[:, :columns]
             copy_window(encoded, picture, window, beyond)
         return picture

@@ -37,7 +37,8 @@ class DeviceGBuffer:
         normal_world: likewise, as given.
         albedo: likewise.
         emission: likewise; one pixel before the first contents that emit.
-        keeps_world: whether `normal_world` stays after `derive`; else its memory goes to others.
+        keeps_world: whether `normal_world` stays after `release_world`.
+        sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
         window: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
@@ -70,6 +71,7 @@ class DeviceGBuffer:
         self.linear = runtime.plane(1, shown, math.inf)
         self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
         self.keeps_world = True
+        self.sides: Plane | None = None
         self._normal_world: Plane | None = None
         self._own_world: Plane | None = None
         self._emission: Plane | None = None
@@ -117,6 +119,7 @@ class DeviceGBuffer:
 
         What is kept is 0 outside of what `traces` say; other memory has anything there.
         """
+        self.sides = None
         if self.keeps_world and self._own_world is None:
             self._own_world = self.runtime.plane(self._images, self.whole)
             self.traces = [Trace() for _ in range(self.layers)]
@@ -210,6 +213,9 @@ class DeviceGBuffer:
                     values=[self.camera_struct, rotation, np.int32(layer)],
                     window=window,
                 )
+
+    def release_world(self) -> None:
+        """Give the memory of `normal_world` to others, unless it is kept."""
         if not self.keeps_world:
             self._normal_world = None
 

@@ -75,8 +75,10 @@ class FurtherViews:
             )
             if target.window is not None and target.window.empty:
                 self.runtime.skip("further view", "the camera sees no triangle")
+                target.release_world()
                 continue
             target.derive()
+            target.release_world()
             yield target
 
     def _places(

@@ -87,7 +87,7 @@ class Renderer:
             runtime, size, layers=layers, margin=margin, attributes=attributes,
             windows="window" in self.skips,
         )
-        self.rasterizer.target.keeps_world = near
+        self.rasterizer.target.keeps_world = False
         glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
         self._maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy,
@@ -230,6 +230,9 @@ class Renderer:
             why = f"nothing is seen outside of {columns} x {rows} pixels"
             self.runtime.skip("window", why, 0.0)
         seen.derive()
+        if self._ssdo is not None:
+            self._ssdo.look(seen)
+        seen.release_world()
         return seen
 
     def _look(

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
-from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
@@ -24,6 +24,7 @@ from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_d
 from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
 from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
@@ -111,9 +112,8 @@ class Ssdo:
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
         self._nothing = runtime.plane(1, (1, 1))
-        self._direct = runtime.plane(3, size)
-        self._trace = Trace()
-        self._bounce = runtime.plane(3, size) if params.bounce else self._nothing
+        # Frames keep what they need of the results.
+        self._direct, self._bounce = (Target(runtime, 3, size, kept=False) for _ in range(2))
 
     def run(
         self,
@@ -184,11 +184,16 @@ class Ssdo:
             )
             plain = sky is None and not views
             gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
-        self._split(gbuffer, gathered, sends, lamps, lamps_margin)
+        direct, bounce = self._split(gbuffer, gathered, sends, lamps, lamps_margin)
         bent = None
         if self._bent is not None and gathered is not None:
             bent = self._bent.run(gathered, gbuffer)
-        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered, bent)
+        return SsdoPlanes(direct, bounce, gathered, bent)
+
+    def look(self, gbuffer: DeviceGBuffer) -> None:
+        """Queue the pass that needs the G-buffer's normals in world space, if there is one."""
+        if self.params.method == "bitmask":
+            Sides(self.runtime).run(gbuffer)
 
     def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
         """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
@@ -242,7 +247,7 @@ class Ssdo:
         bounces: bool,
         lamps: Plane | None,
         lamps_margin: Size,
-    ) -> None:
+    ) -> tuple[Plane, Plane | None]:
         kernel = self.runtime.kernel(
             "ssdo/ssdo_split.cl",
             {
@@ -262,15 +267,20 @@ class Ssdo:
             "lamps_columns": lamps_margin[1],
             "lamps_rows": lamps_margin[0],
         }
-        with self._trace.over(gbuffer.seen, bounces) as over:
+        # Both have the same background: 0.
+        with (
+            self._direct.over(gbuffer.seen) as (direct, over),
+            self._bounce.over(gbuffer.seen if bounces else None) as (bounce, _),
+        ):
             kernel.run(
                 "ssdo split",
                 self.size,
                 reads=[gbuffer.depth, gathered or self._nothing, lamps or self._nothing],
-                writes=[self._direct, self._bounce],
+                writes=[direct, bounce],
                 values=[SPLIT.pack(values)],
                 window=over,
             )
+        return direct, bounce if bounces else None
 
 
 @serialised

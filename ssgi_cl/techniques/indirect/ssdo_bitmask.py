@@ -145,7 +145,6 @@ class SsdoBitmask:
         lookup = None if sky is None else sky.map
         facing = self._sides.run(gbuffer)
         sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.window)
-        del facing
         near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
         bent = self.params.bent_normals

@@ -28,7 +28,8 @@ class Sides:
     def run(self, gbuffer: DeviceGBuffer) -> Plane | None:
         """Queue the pass; return an image for each layer, see kernels/ssdo/ssdo_sides.cl.
 
-        None unless there are several layers, and all have normals. G-buffers are all of one shape.
+        None unless there are several layers, and all have normals. Found once for the contents of
+        a G-buffer, whose normals in world space are not needed after.
         """
         layers = gbuffer.layers
         if not 1 < layers == gbuffer.attributes <= MOST_LAYERS:
@@ -38,6 +39,8 @@ class Sides:
         kernel = self.runtime.kernel(
             "ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,)
         )
+        if gbuffer.sides is not None:
+            return gbuffer.sides
         target = Target(self.runtime, layers, gbuffer.whole, kept=False)
         with target.over(gbuffer.window) as (sides, over):
             kernel.run(
@@ -48,4 +51,5 @@ class Sides:
                 values=[VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))],
                 window=over,
             )
+        gbuffer.sides = sides
         return sides

@@ -25,29 +25,106 @@ _Layout = tuple[int, int, int, float]
 """Rows, floats in a row, columns of pixels, outside value."""
 
 
-class _Block:
-    """A piece of device memory, and what used it last.
+ALIGNMENT = 4096
+"""Bytes of which starts of pieces are multiples; devices need at most this."""
+
+
+class _Piece:
+    """A part of a chunk, and what has it or had it last.
 
     Attributes:
-        size: bytes.
+        chunk: that it is a part of.
+        start, size: bytes.
         buffer: of the driver.
         user: weak reference to the plane or array that has it, dead if it is free.
         layout: of the plane whose guards it holds, None if it holds none.
-        images: copies of its contents as kernels read them, by their shape.
+    """
+
+    def __init__(self, chunk: _Chunk, start: int, size: int) -> None:
+        self.chunk = chunk
+        self.start = start
+        self.size = size
+        self.user: weakref.ref[Any] | None = None
+        self.layout: _Layout | None = None
+        self.buffer = chunk.part(start, size)
+
+    @property
+    def free(self) -> bool:
+        return self.user is None or self.user() is None
+
+    @property
+    def end(self) -> int:
+        return self.start + self.size
+
+
+class _Chunk:
+    """Device memory in one piece.
+
+    Attributes:
+        size: bytes.
+        pieces: given out now, or before and not written over since.
         call: number of the library's call that used it last.
     """
 
     def __init__(self, runtime: Runtime, size: int) -> None:
         self.size = size
-        self.user: weakref.ref[Any] | None = None
-        self.layout: _Layout | None = None
-        self.images: dict[Size, Any] = {}
+        self.pieces: list[_Piece] = []
         self.call = 0
         self.buffer = runtime.allocate(size, self)
+        self._parts: dict[tuple[int, int], Any] = {}
+
+    def part(self, start: int, size: int) -> Any:
+        """Return a part of the buffer, kept as long as the chunk: what is queued may use it."""
+        part = self._parts.get((start, size))
+        if part is None:
+            part = self._parts[start, size] = self.buffer.get_sub_region(start, size)
+        return part
 
     @property
     def free(self) -> bool:
-        return self.user is None or self.user() is None
+        return all(piece.free for piece in self.pieces)
+
+    @property
+    def used(self) -> int:
+        return sum(piece.size for piece in self.pieces if not piece.free)
+
+    def gaps(self) -> Iterator[tuple[int, int]]:
+        """Give start and size of each part that is free."""
+        start = 0
+        for piece in sorted((p for p in self.pieces if not p.free), key=lambda p: p.start):
+            if piece.start > start:
+                yield start, piece.start - start
+            start = piece.end
+        if start < self.size:
+            yield start, self.size - start
+
+    def take(self, start: int, room: int, size: int, layout: _Layout | None) -> _Piece:
+        """Return a piece of a gap, the one with the wanted guards if there is one."""
+        for piece in self.pieces:
+            if (
+                piece.free and piece.size == size and piece.layout == layout
+                and start <= piece.start and piece.end <= start + room
+            ):
+                break
+        else:
+            piece = _Piece(self, start, size)
+        self.pieces = [
+            p for p in self.pieces if p.end <= piece.start or p.start >= piece.end
+        ] + [piece]
+        return piece
+
+
+class _Image:
+    """A copy of a plane's contents as kernels read them.
+
+    Attributes:
+        image: of the driver, None until it is made.
+        user: weak reference to the plane that has it.
+    """
+
+    def __init__(self) -> None:
+        self.image: Any = None
+        self.user: weakref.ref[Any] | None = None
 
 
 class TransientPlane(Plane):
@@ -58,7 +135,7 @@ class TransientPlane(Plane):
     """
 
     def __init__(
-        self, memory: TransientMemory, block: _Block, count: int, size: Size, outside: float,
+        self, memory: TransientMemory, piece: _Piece, count: int, size: Size, outside: float,
         background: Sequence[float],
     ) -> None:
         runtime = memory.runtime
@@ -70,8 +147,9 @@ class TransientPlane(Plane):
         self._rows, self.pitch = plane_shape(count, size)
         self._image_shape = runtime.image_shape(self._rows, self.pitch)
         self._memory = memory
-        self._block = block
-        self.buffer = block.buffer
+        self._piece = piece
+        self.buffer = piece.buffer
+        self._own_image: _Image | None = None
         self._image: Any = None
         self._image_is_current = False
 
@@ -83,35 +161,35 @@ class TransientPlane(Plane):
 
     def clear(self) -> None:
         """Queue what sets all pixels to the background."""
-        self._memory.clear(self._block, self.count, self.size, self.outside, self.background)
+        self._memory.clear(self._piece, self.count, self.size, self.outside, self.background)
         self.written()
 
     def argument(self) -> Any:
         """Return what a kernel reads: the buffer, or an image with the same contents."""
         if self._image_shape is None:
             return self.buffer
-        if self._image is None:
-            self._image = self._block.images.get(self._image_shape)
-        image = super().argument()
-        self._block.images[self._image_shape] = image
-        return image
+        if self._own_image is None:
+            self._own_image = self._memory.image(self._image_shape, self)
+            self._image = self._own_image.image
+        self._own_image.image = super().argument()
+        return self._own_image.image
 
     @property
     def _owner(self) -> object:
-        return self._block
+        return self._own_image
 
 
 class TransientArray(DeviceArray):
     """An array whose memory others get as soon as nothing refers to it any more."""
 
     def __init__(
-        self, runtime: Runtime, block: _Block, count: int, dtype: type[np.generic]
+        self, runtime: Runtime, piece: _Piece, count: int, dtype: type[np.generic]
     ) -> None:
         self.runtime = runtime
         self.dtype = np.dtype(dtype)
         self.count = count
-        self._block = block
-        self.buffer = block.buffer
+        self._piece = piece
+        self.buffer = piece.buffer
         self._sent: Any = None
 
 
@@ -128,7 +206,8 @@ class TransientMemory:
 
     def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        self._blocks: list[_Block] = []
+        self._chunks: list[_Chunk] = []
+        self._images: dict[Size, list[_Image]] = {}
         self._borders: dict[float, DeviceArray] = {}
         # For tests: whether memory is ever given out twice, and whether it is NaN when it is.
         self._sharing = True
@@ -137,12 +216,12 @@ class TransientMemory:
     @property
     def size(self) -> int:
         """Bytes that it has, given out or not."""
-        return sum(block.size for block in self._blocks)
+        return sum(chunk.size for chunk in self._chunks)
 
     @property
     def used(self) -> int:
         """Bytes of these that are given out."""
-        return sum(block.size for block in self._blocks if not block.free)
+        return sum(chunk.used for chunk in self._chunks)
 
     def plane(
         self, count: int, size: Size, outside: float = 0.0,
@@ -154,12 +233,12 @@ class TransientMemory:
         rows, pitch = plane_shape(count, size)
         with self.runtime.lock:
             layout = rows, pitch, size[1], outside
-            block = self._free(4 * rows * pitch, layout)
+            piece = self._free(4 * rows * pitch, layout)
             plane = TransientPlane(
-                self, block, count, size, outside, background or (outside,) * count
+                self, piece, count, size, outside, background or (outside,) * count
             )
-            block.user = weakref.ref(plane)
-            self._border(block, layout)
+            piece.user = weakref.ref(plane)
+            self._border(piece, layout)
             return plane
 
     def array(self, count: int, dtype: type[np.generic]) -> DeviceArray:
@@ -178,87 +257,114 @@ class TransientMemory:
             return self.runtime.empty(count, dtype)
         count = max(count, 1)
         with self.runtime.lock:
-            block = self._free(max(count * np.dtype(dtype).itemsize, 4), layout)
-            array = TransientArray(self.runtime, block, count, dtype)
-            block.user = weakref.ref(array)
-            if layout is None:
-                block.layout = None
-            else:
-                self._border(block, layout)
+            piece = self._free(max(count * np.dtype(dtype).itemsize, 4), layout)
+            array = TransientArray(self.runtime, piece, count, dtype)
+            piece.user = weakref.ref(array)
+            if layout is not None:
+                self._border(piece, layout)
             return array
 
     def zero(self, array: DeviceArray) -> None:
         """Queue what sets all of an array to 0."""
         self._fill(array.buffer, 0.0, 0, array.count * array.dtype.itemsize, "clear")
 
+    def image(self, shape: Size, user: Plane) -> _Image:
+        """Return an image of such a shape, which may not be made yet, for as long as `user` lives.
+        """
+        images = self._images.setdefault(shape, [])
+        for image in images:
+            if image.user is None or image.user() is None:
+                break
+        else:
+            image = _Image()
+            images.append(image)
+        image.user = weakref.ref(user)
+        return image
+
     def let_go(self, before: int) -> bool:
         """Give the memory back to the driver that was free for longest, if it was not used since
         the call number `before`; return whether there was any."""
-        free = [block for block in self._blocks if block.free and block.call < before]
+        free = [chunk for chunk in self._chunks if chunk.free and chunk.call < before]
         if not free:
             return False
-        self._blocks.remove(min(free, key=lambda block: block.call))
+        self._drop(min(free, key=lambda chunk: chunk.call))
+        self._images.clear()
         return True
 
-    def oldest(self) -> int | None:
-        """Return the number of the call that last used what was free for longest."""
-        return min((block.call for block in self._blocks if block.free), default=None)
+    def _free(self, size: int, layout: _Layout | None) -> _Piece:
+        """Return a piece of the least gap that fits, in a new chunk if there is none."""
+        size = -(-size // ALIGNMENT) * ALIGNMENT
+        gaps = [
+            (room, start, chunk)
+            for chunk in self._chunks if self._sharing
+            for start, room in chunk.gaps() if room >= size
+        ]
+        room, start, chunk = min(gaps, key=lambda gap: gap[:2], default=(0, 0, None))
+        if chunk is None:
+            chunk = self._grown(size)
+            start, room = 0, chunk.size
+        self.runtime.touch()
+        piece = chunk.take(start, room, size, layout)
+        chunk.call = self.runtime.calls
+        if self._spoiling:
+            piece.layout = None
+            self._fill(piece.buffer, np.nan, 0, size)
+        return piece
 
-    def _free(self, size: int, layout: _Layout | None) -> _Block:
-        """Return the least block that fits; a free one that is too small makes room for a new one.
+    def _drop(self, chunk: _Chunk) -> None:
+        self._chunks.remove(chunk)
+        chunk.pieces = []  # which refer to it in turn
+
+    def _grown(self, size: int) -> _Chunk:
+        """Return a new chunk of at least `size` bytes, in place of free ones that are too small.
         """
-        free = [block for block in self._blocks if block.free] if self._sharing else []
-        fitting = [block for block in free if block.size >= size]
-        if fitting:
-            block = min(fitting, key=lambda block: (block.size, block.layout != layout))
-            self.runtime.touch()
-            if self._spoiling:
-                block.layout = None
-                self._fill(block.buffer, np.nan, 0, block.size // 4 * 4)
-        else:
-            if not self._sharing:
-                self._blocks = [block for block in self._blocks if not block.free]
-            elif free:
-                self._blocks.remove(max(free, key=lambda block: block.size))
-                free.clear()
-            with self.runtime.memory.keeping():
-                block = _Block(self.runtime, size)
-            self._blocks.append(block)
-        block.call = self.runtime.calls
-        return block
+        dropped = 0
+        self.runtime.queue.finish()  # what is queued may use what goes
+        for chunk in sorted(self._chunks, key=lambda chunk: -chunk.size):
+            if chunk.free and (dropped < size or not self._sharing):
+                self._drop(chunk)
+                dropped += chunk.size
+        # As much as before, so that a second frame finds all that it needs.
+        wanted = max(size, dropped) if self._sharing else size
+        with self.runtime.memory.keeping():
+            chunk = _Chunk(self.runtime, wanted if wanted <= self.runtime.memory.largest else size)
+        self._chunks.append(chunk)
+        return chunk
 
     def clear(
-        self, block: _Block, count: int, size: Size, outside: float, background: Sequence[float]
+        self, piece: _Piece, count: int, size: Size, outside: float, background: Sequence[float]
     ) -> None:
         """Queue what sets the images of a plane to their background."""
         rows, pitch = plane_shape(count, size)
         if all(value == outside for value in background):
-            self._fill(block.buffer, outside, 0, 4 * rows * pitch, "clear")
+            self._fill(piece.buffer, outside, 0, 4 * rows * pitch, "clear")
             return
         image = 4 * size[0] * pitch
         for number, value in enumerate(background):
-            self._fill(block.buffer, value, 4 * pitch + number * image, image, "clear")
-        block.layout = None
-        self._border(block, (rows, pitch, size[1], outside))
+            self._fill(piece.buffer, value, 4 * pitch + number * image, image, "clear")
+        piece.layout = None
+        self._border(piece, (rows, pitch, size[1], outside))
 
-    def _border(self, block: _Block, layout: _Layout) -> None:
+    def _border(self, piece: _Piece, layout: _Layout) -> None:
         """Queue what sets the guards of a plane to its outside value, unless they are."""
-        if block.layout == layout:
+        if piece.layout == layout:
             return
         cl = opencl()
 
-        block.layout = None
+        piece.layout = None
         rows, pitch, columns, outside = layout
         wide = 4 * (pitch - columns)
         for row in (0, rows - 1):
-            self._fill(block.buffer, outside, 4 * row * pitch, 4 * pitch)
+            self._fill(piece.buffer, outside, 4 * row * pitch, 4 * pitch)
         values = self._border_values(outside, rows * (pitch - columns))
+        # In the whole chunk: PoCL 3 crashes where rectangles of a part of a buffer are copied.
+        row, column = divmod(piece.start + 4 * columns, 4 * pitch)
         cl.enqueue_copy(
-            self.runtime.queue, block.buffer, values.buffer,
-            src_origin=(0, 0), dst_origin=(4 * columns, 0), region=(wide, rows),
+            self.runtime.queue, piece.chunk.buffer, values.buffer,
+            src_origin=(0, 0), dst_origin=(column, row), region=(wide, rows),
             src_pitches=(wide,), dst_pitches=(4 * pitch,),
         )
-        block.layout = layout
+        piece.layout = layout
 
     def _border_values(self, outside: float, count: int) -> DeviceArray:
         """Return so many times the outside value, in device memory."""

@@ -224,6 +224,7 @@ class Renderer:
 
     def _see(self, scene: Scene, camera: Camera) -> DeviceGBuffer:
         """Queue the passes that draw the G-buffer."""
+        self._stages.forget("ssdo")  # its memory goes to others
         seen: DeviceGBuffer = self.rasterizer.render(device_scene(scene, self.runtime), camera)
         if seen.window is not None:
             rows, columns = seen.window.rows, seen.window.columns

@@ -198,6 +198,11 @@ class Plane:
         self.runtime.record("copy", event)
 
     @property
+    def _memory(self) -> tuple[Any, int]:
+        """The whole buffer that the plane lies in, and where in it, in bytes."""
+        return self.buffer, 0
+
+    @property
     def _owner(self) -> object:
         """What the memory counts for."""
         return self
@@ -221,8 +226,10 @@ class Plane:
         if not self._image_is_current:
             # Rows that are too many for an image lie to the right of the first.
             for number, first in enumerate(range(0, self._rows, rows)):
+                buffer, start = self._memory
                 event = cl.enqueue_copy(
-                    self.runtime.queue, self._image, self.buffer, offset=first * self.pitch * 4,
+                    self.runtime.queue, self._image, buffer,
+                    offset=start + first * self.pitch * 4,
                     origin=(number * self.pitch, 0),
                     region=(self.pitch, min(self._rows - first, rows)),
                 )

@@ -146,7 +146,7 @@ class TransientPlane(Plane):
         self.background = tuple(background)
         self._rows, self.pitch = plane_shape(count, size)
         self._image_shape = runtime.image_shape(self._rows, self.pitch)
-        self._memory = memory
+        self._pool = memory
         self._piece = piece
         self.buffer = piece.buffer
         self._own_image: _Image | None = None
@@ -161,7 +161,7 @@ class TransientPlane(Plane):
 
     def clear(self) -> None:
         """Queue what sets all pixels to the background."""
-        self._memory.clear(self._piece, self.count, self.size, self.outside, self.background)
+        self._pool.clear(self._piece, self.count, self.size, self.outside, self.background)
         self.written()
 
     def argument(self) -> Any:
@@ -169,10 +169,15 @@ class TransientPlane(Plane):
         if self._image_shape is None:
             return self.buffer
         if self._own_image is None:
-            self._own_image = self._memory.image(self._image_shape, self)
+            self._own_image = self._pool.image(self._image_shape, self)
             self._image = self._own_image.image
         self._own_image.image = super().argument()
         return self._own_image.image
+
+    @property
+    def _memory(self) -> tuple[Any, int]:
+        # PoCL 3 crashes where a part of a buffer is copied to an image.
+        return self._piece.chunk.buffer, self._piece.start
 
     @property
     def _owner(self) -> object:

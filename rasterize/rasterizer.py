@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -71,6 +71,7 @@ class Rasterizer:
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
         shaded: whether there is more to draw than depth; without, depth is a few roundings off.
         windows: whether it draws where anything may be seen alone, and tells the target.
+        keeps_world: of the target.
 
     Attributes:
         target: the device G-buffer that it draws into.
@@ -86,6 +87,7 @@ class Rasterizer:
         shaded: bool = True,
         attributes: int = 1,
         windows: bool = False,
+        keeps_world: bool = True,
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
@@ -96,7 +98,8 @@ class Rasterizer:
                 f"{LARGEST_SIZE} px with the margin on both sides"
             )
         self.target = DeviceGBuffer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0
+            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0,
+            keeps_world=keeps_world,
         )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -109,6 +112,12 @@ class Rasterizer:
         self._seen: DeviceArray | None = None
         self._room = 1 << 15
         self._pair_room = 1 << 16
+        buffers = 4 * self._pixels * (1 + min(layers, 2))
+        passing = shaded and not keeps_world
+        runtime.transient.reserve(
+            buffers + 4 * (self._room * (RECORD + 2) + self._pair_room)
+            + (plane_bytes(3 * attributes, self.target.whole) if passing else 0)
+        )
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
         self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)

@@ -28,6 +28,12 @@ def plane_shape(count: int, size: Size) -> tuple[int, int]:
     return count * size[0] + 2, (size[1] + 15) // 16 * 16 + GUARD
 
 
+def plane_bytes(count: int, size: Size) -> int:
+    """Return the size of the memory of a plane."""
+    rows, pitch = plane_shape(count, size)
+    return 4 * rows * pitch
+
+
 class DeviceArray:
     """A list of numbers in device memory."""
 

@@ -54,6 +54,7 @@ class DeviceGBuffer:
         layers: int = 1,
         margin: Size = (0, 0),
         attributes: int = 1,
+        keeps_world: bool = True,
     ) -> None:
         if attributes not in (0, 1, layers):
             raise ValueError(f"attributes is {attributes}: expected 0, 1 or {layers}, all layers")
@@ -70,10 +71,11 @@ class DeviceGBuffer:
         self._images = max(3 * attributes, 1)
         self.linear = runtime.plane(1, shown, math.inf)
         self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
-        self.keeps_world = True
+        self.keeps_world = keeps_world
         self.sides: Plane | None = None
         self._normal_world: Plane | None = None
-        self._own_world: Plane | None = None
+        own = keeps_world and attributes > 0
+        self._own_world = runtime.plane(self._images, self.whole) if own else None
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = False

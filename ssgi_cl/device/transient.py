@@ -246,6 +246,33 @@ class TransientMemory:
             self._border(piece, layout)
             return plane
 
+    def reserve(self, size: int) -> None:
+        """See that there is memory for `size` bytes that will be given out together.
+
+        Raises:
+            DeviceMemoryError: there is no room.
+        """
+        memory = self.runtime.memory
+        if memory.counting:
+            before = max(self.size, memory.reserved)
+            memory.reserved = max(before, size)
+            memory.count(memory.reserved - before)
+            return
+        with self.runtime.lock:
+            missing = size - self.size
+            if missing <= 0 or not self._sharing:
+                return
+            # In one piece with what is free, which is of more use so.
+            free = [chunk for chunk in self._chunks if chunk.free]
+            wanted = missing + sum(chunk.size for chunk in free)
+            if wanted > memory.largest:
+                free, wanted = [], min(missing, memory.largest)
+            self.runtime.queue.finish()  # what is queued may use what goes
+            for chunk in free:
+                self._drop(chunk)
+            free.clear()
+            self._new(-(-wanted // ALIGNMENT) * ALIGNMENT)
+
     def array(self, count: int, dtype: type[np.generic]) -> DeviceArray:
         """Return memory for `count` elements (at least one)."""
         return self._array(count, dtype, None)
@@ -324,6 +351,7 @@ class TransientMemory:
         """Return a new chunk of at least `size` bytes, in place of free ones that are too small.
         """
         dropped = 0
+        chunk: _Chunk | None
         self.runtime.queue.finish()  # what is queued may use what goes
         for chunk in sorted(self._chunks, key=lambda chunk: -chunk.size):
             if chunk.free and (dropped < size or not self._sharing):
@@ -331,8 +359,12 @@ class TransientMemory:
                 dropped += chunk.size
         # As much as before, so that a second frame finds all that it needs.
         wanted = max(size, dropped) if self._sharing else size
+        return self._new(wanted if wanted <= self.runtime.memory.largest else size)
+
+    def _new(self, size: int) -> _Chunk:
         with self.runtime.memory.keeping():
-            chunk = _Chunk(self.runtime, wanted if wanted <= self.runtime.memory.largest else size)
+            chunk = _Chunk(self.runtime, size)
+        chunk.call = self.runtime.calls
         self._chunks.append(chunk)
         return chunk
 

@@ -67,9 +67,9 @@ class FurtherViews:
             self._made_of = made_of
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
-                rasterizer = Rasterizer(self.runtime, extra.size, windows=True)
-                rasterizer.target.keeps_world = False
-                self._rasterizers[extra.size] = rasterizer
+                self._rasterizers[extra.size] = Rasterizer(
+                    self.runtime, extra.size, windows=True, keeps_world=False
+                )
             target = self._rasterizers[extra.size].render(
                 device_scene(scene, self.runtime), extra
             )

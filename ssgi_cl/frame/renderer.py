@@ -85,9 +85,8 @@ class Renderer:
         attributes = layers if near else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            windows="window" in self.skips,
+            windows="window" in self.skips, keeps_world=False,
         )
-        self.rasterizer.target.keeps_world = False
         glossy = isinstance(indirect, VplSplatParams) and indirect.glossy_vpls > 0
         self._maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not near, glossy=glossy,
@@ -110,7 +109,7 @@ class Renderer:
             self._tiles = Tiles(runtime, size, margin, layers, pieces=near)
         self._near = Opener(runtime, "ssdo", "ssdo_bitmask")
         self._indirect_ao = indirect_ao and self._bounce is not None
-        self._shade = Shade(runtime, size)
+        self._shade = Shade(runtime, size, lamps=not near)
         self._tonemap = Tonemap(runtime, size, curve)
         self._stages = Stages(runtime, keep="unchanged" in self.skips)
         self._costs: dict[str, float] = {}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import Target
@@ -110,6 +110,7 @@ class OcclusionTechnique(ABC):
         self._blur_first = not late
         last = step == 1 and not self._blur.active
         self._openness = Target(runtime, channels, coarse, 1.0, kept=last)
+        runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
     def run(
         self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None

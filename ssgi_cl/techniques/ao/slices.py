@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -375,6 +375,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         self.params: P
         in_front = self.params.in_front_of(layers)
         self._scan = SliceScan(runtime, size, in_front, margin, layers)
+        runtime.transient.reserve(
+            2 * plane_bytes(self.params.channels, self._scan.size)
+            + plane_bytes(layers, self._scan.sorted_size)
+        )
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
@@ -112,6 +112,8 @@ class Ssdo:
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
         self._nothing = runtime.plane(1, (1, 1))
+        # Lamps on the front layer and on another, what that sends; then both results.
+        runtime.transient.reserve(plane_bytes(9, whole))
         # Frames keep what they need of the results.
         self._direct, self._bounce = (Target(runtime, 3, size, kept=False) for _ in range(2))
 

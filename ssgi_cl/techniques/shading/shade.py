@@ -32,12 +32,17 @@ class Shade:
     """Deferred shading, prepared for images of one size.
 
     Reeves, Salesin and Cook 1987. Departs: see `shade`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        lamps: whether `light` will be called.
     """
 
-    def __init__(self, runtime: Runtime, size: Size) -> None:
+    def __init__(self, runtime: Runtime, size: Size, *, lamps: bool = True) -> None:
         self.runtime = runtime
         self.size = size
-        self._lamps: Lamps | None = None
+        self._lamps = Lamps(runtime, size) if lamps else None
         self._radiance = runtime.plane(3, size)
         self._nothing = runtime.plane(1, (1, 1))
         self._ambient = Ambient(runtime)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,10 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
 
@@ -21,7 +22,7 @@ from .device_scene import BOXED, DeviceScene
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
 WIDE = 256
-"""Columns of which a window has a multiple, so that no work-group goes beyond."""
+"""Columns of which a window has a multiple, at least, so that no work-group goes beyond."""
 WORTH = 0.75
 """Share of an image up to which a window is one."""
 PEEL = 1e-5
@@ -45,6 +46,23 @@ VIEW = Struct(
 STRUCTS = (CAMERA, VIEW)
 
 
+@dataclass(frozen=True, eq=False)
+class _Lists:
+    """What a frame needs until its pixels are drawn.
+
+    Attributes:
+        view, screen: vertices in view space and on the screen.
+        records, places: of the triangles that are seen, kernels/raster/records.clh.
+        list: the records that meet each tile.
+    """
+
+    view: DeviceArray
+    screen: DeviceArray
+    records: DeviceArray
+    places: DeviceArray
+    list: DeviceArray
+
+
 class Rasterizer:
     """Draws scenes at one size; see `render`.
 
@@ -54,6 +72,7 @@ class Rasterizer:
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
         shaded: whether there is more to draw than depth; without, depth is a few roundings off.
         windows: whether it draws where anything may be seen alone, and tells the target.
+        keeps_world: of the target.
 
     Attributes:
         target: the device G-buffer that it draws into.
@@ -69,6 +88,7 @@ class Rasterizer:
         shaded: bool = True,
         attributes: int = 1,
         windows: bool = False,
+        keeps_world: bool = True,
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
@@ -79,7 +99,8 @@ class Rasterizer:
                 f"{LARGEST_SIZE} px with the margin on both sides"
             )
         self.target = DeviceGBuffer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes
+            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0,
+            keeps_world=keeps_world,
         )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -88,17 +109,16 @@ class Rasterizer:
         self._starts = runtime.empty(count + 1, np.int32)
         self._cursors = runtime.empty(2 * count, np.int32)
         self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
-        self._depths = [runtime.empty(count * TILE * TILE, np.float32) for _ in range(2)]
-        self._seen = runtime.empty(count * TILE * TILE, np.int32)
-        self._room = 0
-        self._pair_room = 0
-        self._records: DeviceArray
-        self._places: DeviceArray
-        self._list: DeviceArray
-        self._grow(1 << 15, 1 << 16)
-        self._vertex_room = 0
-        self._view: DeviceArray
-        self._screen: DeviceArray
+        self._pixels = count * TILE * TILE
+        self._seen: DeviceArray | None = None
+        self._room = 1 << 15
+        self._pair_room = 1 << 16
+        buffers = 4 * self._pixels * (1 + min(layers, 2))
+        passing = shaded and not keeps_world
+        runtime.transient.reserve(
+            buffers + 4 * (self._room * (RECORD + 2) + self._pair_room)
+            + (plane_bytes(3 * attributes, self.target.whole) if passing else 0)
+        )
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
         self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)
@@ -124,21 +144,28 @@ class Rasterizer:
             raise ValueError(
                 f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
             )
-        if scene.vertex_stride > self._vertex_room:
-            self._view = self.runtime.empty(3 * scene.vertex_stride, np.float32)
-            self._screen = self.runtime.empty(4 * scene.vertex_stride, np.int32)
-            self._vertex_room = scene.vertex_stride
         self.target.set_camera(camera)
-        self.target.emits = scene.emits
-        self._sort(scene, camera)
-        records, pairs = self._counters.download().tolist()
-        if records > self._room or pairs > self._pair_room:
+        self.target.emits = scene.emits and self.shaded
+        self.release()
+        while True:
+            lists = self._lists(scene)
+            self._sort(scene, camera, lists)
+            records, pairs = self._counters.download().tolist()
+            if records <= self._room and pairs <= self._pair_room:
+                break
             # The pairs of records that found no room were not counted: leave room for theirs.
             share = max(1.0, records / self._room)
-            self._grow(records + records // 4, int(pairs * share) + pairs // 4)
-            return self.render(scene, camera)
-        self._draw(scene, camera)
+            self._room = max(self._room, records + records // 4)
+            self._pair_room = max(self._pair_room, int(pairs * share) + pairs // 4)
+            del lists
+        seen = self._draw(scene, camera, lists)
+        if not self.shaded:
+            self._seen = seen
         return self.target
+
+    def release(self) -> None:
+        """Give the memory of what `write_every` and `write_gloss` read to others."""
+        self._seen = None
 
     def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
         """Queue the pass that fills `target` from the last layer of the image drawn last.
@@ -152,11 +179,11 @@ class Rasterizer:
         """
         camera = self.target.camera
         assert camera is not None  # noqa: S101  something was drawn
-        self._attributes(scene, True, step).run(
+        self._attributes(scene, True, step, emission=target.emits).run(
             "raster attributes", target.size,
             camera=CAMERA.pack(camera_values(camera)),
             view=VIEW.pack(self._view_values(scene, camera)),
-            **self._attribute_arguments(scene, target),
+            **self._attribute_arguments(scene, target, self._last_seen),
         )
 
     def write_gloss(
@@ -171,22 +198,22 @@ class Rasterizer:
         """
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             "raster gloss", gloss.size,
-            triangles=self._seen, faces=scene.faces, lobes=scene.lobes, specular=specular,
+            triangles=self._last_seen, faces=scene.faces, lobes=scene.lobes, specular=specular,
             gloss=gloss, tiles=self._tiles,
         )
 
-    def _grow(self, room: int, pair_room: int) -> None:
-        if room > self._room:
-            self._room = 0  # until all that it counts is there
-            self._records = self.runtime.empty(room * RECORD, np.int32)
-            self._places = self.runtime.empty(room * 2, np.int32)
-            self._room = room
-        if pair_room > self._pair_room:
-            self._pair_room = 0
-            self._list = self.runtime.empty(pair_room, np.int32)
-            self._pair_room = pair_room
+    def _lists(self, scene: DeviceScene) -> _Lists:
+        """Return the memory that a frame needs until its pixels are drawn."""
+        array = self.runtime.transient.array
+        return _Lists(
+            view=array(3 * scene.vertex_stride, np.float32),
+            screen=array(4 * scene.vertex_stride, np.int32),
+            records=array(self._room * RECORD, np.int32),
+            places=array(self._room * 2, np.int32),
+            list=array(self._pair_room, np.int32),
+        )
 
-    def _sort(self, scene: DeviceScene, camera: Camera) -> None:
+    def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
         """Queue the passes that list the triangles of each tile."""
         # Without the margin, which kernels add in whole pixels: it must not change a bit.
         packed_camera = CAMERA.pack(camera_values(camera))
@@ -194,14 +221,14 @@ class Rasterizer:
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
             "raster vertices", (1, scene.vertices),
-            positions=scene.positions, view=self._view, screen=self._screen,
+            positions=scene.positions, view=lists.view, screen=lists.screen,
             counters=self._counters, tiles=self._counts, camera=packed_camera, to_view=view,
         )
         self._setup.run(
             "raster setup", (1, scene.triangles), grid=(1, -(-scene.triangles // self._run)),
             local=None if self._run < BOXED else (1, 1),
-            boxes=scene.boxes, corners=scene.corners, vertices=scene.shading, view=self._view,
-            screen=self._screen, records=self._records, places=self._places, tiles=self._counts,
+            boxes=scene.boxes, corners=scene.corners, vertices=scene.shading, view=lists.view,
+            screen=lists.screen, records=lists.records, places=lists.places, tiles=self._counts,
             counters=self._counters, camera=packed_camera, params=view,
         )
         self._scan.run(
@@ -211,7 +238,7 @@ class Rasterizer:
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
             "raster fill", (1, workers), grid=(1, workers),
-            records=self._records, places=self._places, cursors=self._cursors, list=self._list,
+            records=lists.records, places=lists.places, cursors=self._cursors, list=lists.list,
             counters=self._counters, view=view,
         )
 
@@ -237,17 +264,24 @@ class Rasterizer:
 
     def _widened(self, window: Window) -> Window:
         """Return a window with columns for whole work-groups, within the image."""
-        wide = -(-window.columns // WIDE) * WIDE
+        group = max(WIDE, CPU_WIDTH * self.runtime.form.lanes)
+        wide = -(-window.columns // group) * group
         end = window.end[0], window.column + wide
         return Window.between(window.first, end).inside(self.target.whole)
 
-    def _draw(self, scene: DeviceScene, camera: Camera) -> None:
-        """Queue the passes that draw pixels."""
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> DeviceArray:
+        """Queue the passes that draw pixels; return which triangle each shows in the last layer."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
         packed_camera = CAMERA.pack(camera_values(camera))
         windows = self._windows()
         target.window = windows[0]
+        if self.shaded:
+            target.take_world()
+        array = self.runtime.transient.array
+        # A deeper layer begins behind the one before.
+        depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
+        seen = array(self._pixels, np.int32)
         high, wide = self._rectangle
         for layer, window in enumerate(windows):
             tiles = self.runtime.kernel(
@@ -264,7 +298,7 @@ class Rasterizer:
             shaded = layer < target.attributes
             values["layer"] = layer
             view = VIEW.pack(values)
-            now, before = self._depths[layer % 2], self._depths[1 - layer % 2]
+            now, before = depths[layer % 2], depths[layer % 2 - 1]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
             with target.traces[layer].over(window, scene.emits) as over:
@@ -273,9 +307,9 @@ class Rasterizer:
                     f"raster tiles{suffix}", whole,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                     local=self._group, window=over, cell=self._rectangle,
-                    records=self._records, starts=self._starts, list=self._list, previous=before,
-                    corners=scene.corners, positions_view=self._view, uvs=scene.uvs,
-                    cutouts=scene.cutouts, depths=now, triangles=self._seen, camera=packed_camera,
+                    records=lists.records, starts=self._starts, list=lists.list, previous=before,
+                    corners=scene.corners, positions_view=lists.view, uvs=scene.uvs,
+                    cutouts=scene.cutouts, depths=now, triangles=seen, camera=packed_camera,
                     view=view, **_surface(scene),
                 )
                 if not self.shaded:
@@ -284,12 +318,15 @@ class Rasterizer:
                         depths=now, depth=target.depth, camera=packed_camera, view=view,
                     )
                     continue
-                self._attributes(scene, shaded, 1).run(
-                    f"raster attributes{suffix}", whole, window=over,
-                    camera=packed_camera, view=view, **self._attribute_arguments(scene, target),
+                self._attributes(scene, shaded, 1, emission=scene.emits).run(
+                    f"raster attributes{suffix}", whole, window=over, camera=packed_camera,
+                    view=view, **self._attribute_arguments(scene, target, seen),
                 )
+        return seen
 
-    def _attributes(self, scene: DeviceScene, shaded: bool, step: int) -> Kernel:
+    def _attributes(
+        self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool
+    ) -> Kernel:
         return self.runtime.kernel(
             "raster/raster_attributes.cl",
             {
@@ -297,19 +334,25 @@ class Rasterizer:
                 "RASTER_SHADED": int(shaded),
                 "RASTER_TEXTURED": int(shaded and scene.textured),
                 "RASTER_COLORED": int(shaded and scene.colored),
-                "RASTER_EMISSION": int(shaded and scene.emits),
+                "RASTER_EMISSION": int(shaded and emission),
             },
             STRUCTS,
         )
 
     def _attribute_arguments(
-        self, scene: DeviceScene, target: DeviceGBuffer
+        self, scene: DeviceScene, target: DeviceGBuffer, seen: DeviceArray
     ) -> dict[str, Any]:
         return {
-            "triangles": self._seen, "faces": scene.faces, "vertices": scene.shading,
+            "triangles": seen, "faces": scene.faces, "vertices": scene.shading,
             "depth": target.depth, "normal": target.normal_world, "albedo": target.albedo,
             "emission": target.emission, **_surface(scene),
         }
+
+    @property
+    def _last_seen(self) -> DeviceArray:
+        """The triangle that each pixel of the image drawn last shows."""
+        assert self._seen is not None  # noqa: S101  an image of depth was drawn
+        return self._seen
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
         turn = camera.view[:3, :3]

@@ -77,6 +77,7 @@ class RsmRenderer:
         if not flux:
             return None
         self.target.set_camera(every_nth(camera, self.step))
+        self.target.take_world()
         self._rasterizer.write_every(self.step, scene, self.target)
         self._write_flux(light, self.target.albedo, self.flux)
         if not scene.has_normals:
@@ -99,6 +100,10 @@ class RsmRenderer:
             self._specular, self.specular_flux, self.gloss = planes
         self._rasterizer.write_gloss(self.step, scene, self._specular, self.gloss)
         self._write_flux(light, self._specular, self.specular_flux)
+
+    def release(self) -> None:
+        """Give memory that the next face is drawn to anew to others."""
+        self._rasterizer.release()
 
     def _write_flux(
         self,

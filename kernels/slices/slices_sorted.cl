@@ -5,8 +5,8 @@
 // modulo 4.
 //
 // Reads:   images  SORTED_COUNT x [rows, columns] with margin
-// Writes:  sorted  SORTED_COUNT x [rows, 4 stride], column c at (c + lead) % 4 * stride +
-//                  (c + lead) / 4; 0 where no column is
+// Writes:  sorted  [rows, 4 stride], images first_image to first_image + SORTED_COUNT - 1, column c
+//                  at (c + lead) % 4 * stride + (c + lead) / 4; 0 where no column is
 // Macros:  SORTED_COUNT (>= 1)
 // Launch:  SSGI_LANES floats of a row of `sorted` per work-item
 // Cost:    1 read and 1 write per pixel and image
@@ -19,7 +19,8 @@
 
 __kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, const int2 size,
                             const int2 fine_size, const int columns, const int lead,
-                            const int step, const int first_x, const int first_y)
+                            const int step, const int first_x, const int first_y,
+                            const int first_image)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -30,6 +31,7 @@ __kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, 
         ssgi_sorted(size.x, x, y, fine_size, columns, lead, step, first_x, first_y);
     for (int image = 0; image < SORTED_COUNT; ++image) {
         const vfloat value = ssgi_load_sorted(images, &from, image);
-        ssgi_store(v_select(v_splat(0.0f), value, from.inside), sorted, size, image, x, y, 0.0f);
+        ssgi_store(v_select(v_splat(0.0f), value, from.inside), sorted, size, first_image + image, x, y,
+                   0.0f);
     }
 }

@@ -28,6 +28,12 @@ def plane_shape(count: int, size: Size) -> tuple[int, int]:
     return count * size[0] + 2, (size[1] + 15) // 16 * 16 + GUARD
 
 
+def plane_bytes(count: int, size: Size) -> int:
+    """Return the size of the memory of a plane."""
+    rows, pitch = plane_shape(count, size)
+    return 4 * rows * pitch
+
+
 class DeviceArray:
     """A list of numbers in device memory."""
 
@@ -197,6 +203,16 @@ class Plane:
         )
         self.runtime.record("copy", event)
 
+    @property
+    def _memory(self) -> tuple[Any, int]:
+        """The whole buffer that the plane lies in, and where in it, in bytes."""
+        return self.buffer, 0
+
+    @property
+    def _owner(self) -> object:
+        """What the memory counts for."""
+        return self
+
     def written(self) -> None:
         """Note that a kernel is about to write to this plane."""
         self._image_is_current = False
@@ -211,13 +227,15 @@ class Plane:
         if self._image is None:
             layout = cl.ImageFormat(cl.channel_order.R, cl.channel_type.FLOAT)
             flags = cl.mem_flags.READ_ONLY
-            self.runtime.take(rows * columns * 4, self)
+            self.runtime.take(rows * columns * 4, self._owner)
             self._image = cl.create_image(self.runtime.context, flags, layout, (columns, rows))
         if not self._image_is_current:
             # Rows that are too many for an image lie to the right of the first.
             for number, first in enumerate(range(0, self._rows, rows)):
+                buffer, start = self._memory
                 event = cl.enqueue_copy(
-                    self.runtime.queue, self._image, self.buffer, offset=first * self.pitch * 4,
+                    self.runtime.queue, self._image, buffer,
+                    offset=start + first * self.pitch * 4,
                     origin=(number * self.pitch, 0),
                     region=(self.pitch, min(self._rows - first, rows)),
                 )

@@ -26,7 +26,8 @@ class DeviceGBuffer:
         size: (rows, columns) of the camera's image and of every result.
         margin: (rows, columns) by which the planes exceed it on every side.
         layers: of depth.
-        attributes: layers, from the front, that have normal, albedo and emission: 1 or all.
+        attributes: layers, from the front, that have normal, albedo and emission: 1 or all, or 0
+            for depth alone.
         front: the layer that shading works on, see `layer`.
         facing: 1, or -1 to shade the sides that turn away from the viewer.
         depth: `layers` images, scene units; INFINITY where nothing is.
@@ -34,7 +35,10 @@ class DeviceGBuffer:
         normal: 3 images a layer (number 3 layer + channel), view space, facing the viewer; 0 where
             nothing is.
         normal_world: likewise, as given.
-        albedo, emission: likewise.
+        albedo: likewise.
+        emission: likewise; one pixel before the first contents that emit.
+        keeps_world: whether `normal_world` stays after `release_world`.
+        sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
         window: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
@@ -50,9 +54,10 @@ class DeviceGBuffer:
         layers: int = 1,
         margin: Size = (0, 0),
         attributes: int = 1,
+        keeps_world: bool = True,
     ) -> None:
-        if attributes not in (1, layers):
-            raise ValueError(f"attributes is {attributes}: expected 1 or {layers}, all layers")
+        if attributes not in (0, 1, layers):
+            raise ValueError(f"attributes is {attributes}: expected 0, 1 or {layers}, all layers")
         self.runtime = runtime
         self.size = size
         self.margin = margin
@@ -62,10 +67,17 @@ class DeviceGBuffer:
         self.facing = 1.0
         self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
         self.depth = runtime.plane(layers, self.whole, math.inf)
-        self.linear = runtime.plane(1, self.whole, math.inf)
-        self.normal, self.normal_world, self.albedo, self.emission = (
-            runtime.plane(3 * attributes, self.whole) for _ in range(4)
-        )
+        shown = self.whole if attributes else (1, 1)
+        self._images = max(3 * attributes, 1)
+        self.linear = runtime.plane(1, shown, math.inf)
+        self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
+        self.keeps_world = keeps_world
+        self.sides: Plane | None = None
+        self._normal_world: Plane | None = None
+        own = keeps_world and attributes > 0
+        self._own_world = runtime.plane(self._images, self.whole) if own else None
+        self._emission: Plane | None = None
+        self._no_emission = runtime.plane(1, (1, 1))
         self.emits = False
         self.window: Window | None = None
         self.traces = [Trace() for _ in range(layers)]
@@ -80,6 +92,43 @@ class DeviceGBuffer:
             )
             for given in (0, 1)
         ]
+
+    @property
+    def emission(self) -> Plane:
+        """Emission of each layer."""
+        if self.emits and self._emission is None:
+            self._emission = self.runtime.plane(self._images, self.whole)
+        return self._no_emission if self._emission is None else self._emission
+
+    @property
+    def normal_world(self) -> Plane:
+        """Normals as given, world space.
+
+        Raises:
+            ValueError: they were not kept.
+        """
+        if self._normal_world is None:
+            raise ValueError("the device G-buffer does not keep its normals in world space")
+        return self._normal_world
+
+    @property
+    def has_world(self) -> bool:
+        """Whether `normal_world` is there."""
+        return self._normal_world is not None
+
+    def take_world(self) -> None:
+        """Make room for `normal_world`, which is about to be written.
+
+        What is kept is 0 outside of what `traces` say; other memory has anything there.
+        """
+        self.sides = None
+        if self.keeps_world and self._own_world is None:
+            self._own_world = self.runtime.plane(self._images, self.whole)
+            self.traces = [Trace() for _ in range(self.layers)]
+        if self.keeps_world:
+            self._normal_world = self._own_world
+        else:
+            self._normal_world = self.runtime.transient.plane(self._images, self.whole)
 
     def upload(self, gbuffer: GBuffer) -> None:
         """Replace the contents by a G-buffer of the same size, margin and number of layers.
@@ -97,6 +146,7 @@ class DeviceGBuffer:
         self.traces = [Trace() for _ in range(self.layers)]
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
+        self.take_world()
         if gbuffer.normal is not None or self.attributes > 1:  # else it is never read
             self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
         self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
@@ -164,6 +214,11 @@ class DeviceGBuffer:
                     normal_view=self.normal, camera=self.camera_struct, rotation=rotation,
                     layer=layer,
                 )
+
+    def release_world(self) -> None:
+        """Give the memory of `normal_world` to others, unless it is kept."""
+        if not self.keeps_world:
+            self._normal_world = None
 
     @property
     def seen(self) -> Window | None:

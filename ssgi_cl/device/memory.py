@@ -47,6 +47,7 @@ class DeviceMemory:
         self._held: WeakKeyDictionary[object, _Held] = WeakKeyDictionary()
         self._keeping = False
         self._counted: int | None = None
+        self.reserved = 0  # of transient memory, of what is counted
 
     @property
     def used(self) -> int:
@@ -118,6 +119,7 @@ class DeviceMemory:
     def needed(self, make: Callable[[], Any]) -> int:
         """Return how much `make` would take, called while nothing is allocated or compiled."""
         self._counted = 0
+        self.reserved = 0
         try:
             make()
         finally:

@@ -31,6 +31,7 @@ from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
 from ssgi_cl.device.structs import Struct
+from ssgi_cl.device.transient import TransientMemory
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,7 @@ class Runtime:
         info: the device.
         form: the build of the kernels that it gets.
         memory: the device's memory: how much is in use, the most that was, and limits.
+        transient: the memory that passes share.
         lock: held by what another thread's work on this device must not come between.
         short_header: whether programs declare built-in functions by common/builtins.clh alone.
         allocated_bytes, builds: device memory taken and programs compiled so far, in all.
@@ -121,6 +123,7 @@ class Runtime:
             on_host=self.shares_memory,
         )
         self.short_header = device.platform.name == "Portable Computing Language"
+        self.transient = TransientMemory(self)
         self._programs: dict[str, Any] = {}
         self._kernels: dict[tuple[Any, ...], Kernel] = {}
         self._prepared: dict[object, _Prepared] = {}
@@ -216,6 +219,11 @@ class Runtime:
             if before == 0:
                 self._working = False
             return result
+
+    @property
+    def calls(self) -> int:
+        """Number of the call of the library that runs now."""
+        return self._calls
 
     def touch(self) -> None:
         """Note that something on the device is about to change.
@@ -330,7 +338,7 @@ class Runtime:
                 if self.memory.used == before:
                     gc.collect()  # its parts may refer to each other
                 return True
-        return False
+        return self.transient.let_go(self._calls)
 
     def prepared(
         self, key: object, make: Callable[[], Any], *, of: object | None = None

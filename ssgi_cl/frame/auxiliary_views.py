@@ -68,15 +68,17 @@ class FurtherViews:
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
                 self._rasterizers[extra.size] = Rasterizer(
-                    self.runtime, extra.size, windows=True
+                    self.runtime, extra.size, windows=True, keeps_world=False
                 )
             target = self._rasterizers[extra.size].render(
                 device_scene(scene, self.runtime), extra
             )
             if target.window is not None and target.window.empty:
                 self.runtime.skip("further view", "the camera sees no triangle")
+                target.release_world()
                 continue
             target.derive()
+            target.release_world()
             yield target
 
     def _places(

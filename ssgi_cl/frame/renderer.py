@@ -11,6 +11,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import FurtherViews
 from ssgi_cl.frame.graph import Graph
@@ -105,7 +106,7 @@ class Renderer:
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            windows="window" in self.skips,
+            windows="window" in self.skips, keeps_world=False,
         )
         maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not ssdo,
@@ -115,7 +116,7 @@ class Renderer:
         tiles: Tiles | None = None
         if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
             tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
-        shade = Shade(runtime, size)
+        shade = Shade(runtime, size, lamps=not ssdo)
         costs: dict[str, float] = {}
         self._rest = TileRest()
         condition: Callable[[Values], str | None] = self._rest.condition
@@ -125,11 +126,13 @@ class Renderer:
         self._indirect: tuple[str, Ssdo | OneBounce] | None = None
         near: list[Stage] = []
         light = [DIRECT]
+        look: Callable[[DeviceGBuffer], None] | None = None
         if isinstance(indirect, SsdoParams):
             params = replace(indirect, bent_normals=False)  # a picture has none
             technique = Ssdo(runtime, size, params, margin, layers, attributes)
             condition = ssdo_tiles_condition(technique, self.rasterizer.target, condition)
             self._indirect = "ssdo", technique
+            look = technique.look
             opener = Opener(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
             near = [
@@ -164,7 +167,7 @@ class Renderer:
                 self._indirect = "bounce", self._bounce
                 light.append(INDIRECT)
         stages = [
-            gbuffer_stage(self.rasterizer),
+            gbuffer_stage(self.rasterizer, self._release, look),
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
@@ -210,6 +213,17 @@ class Renderer:
             )
         )
 
+    def _release(self) -> None:
+        """Let memory that the latest frame's SSDO holds go to others."""
+        self._graph.forget("ssdo")
+
+    def _keep_world(self) -> None:
+        """See that the G-buffer has its normals in world space, drawn anew if it did not."""
+        target = self.rasterizer.target
+        target.keeps_world = True
+        if not target.has_world:
+            self._graph.forget("G-buffer")
+
     def graph(self) -> GraphRecord:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._log is not None:
@@ -242,6 +256,8 @@ class Renderer:
             EXPOSURE: exposure,
         }
         self._rest.begin(scene.key, len(lights))
+        if gbuffer or "gbuffer" in needs.outputs:
+            self._keep_world()
         with self.runtime.frame(self._graph.costs):
             also = {name for name, output in _PLANES.items() if output in needs.given}
             run = self._graph.run(given, self._resources(needs), also)

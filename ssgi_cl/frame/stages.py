@@ -47,17 +47,30 @@ RESOURCES = (
 """Of which more than the name is to be known."""
 
 
-def gbuffer_stage(rasterizer: Rasterizer) -> Stage:
-    """Return the stage that draws the G-buffer."""
+def gbuffer_stage(
+    rasterizer: Rasterizer, release: Callable[[], None],
+    look: Callable[[DeviceGBuffer], None] | None,
+) -> Stage:
+    """Return the stage that draws the G-buffer.
+
+    Args:
+        rasterizer: draws it.
+        release: is called first: lets memory of the frame before go to this stage.
+        look: queues what needs normals in world space, whose memory goes to others then; or None.
+    """
     runtime = rasterizer.runtime
 
     def run(r: Values) -> DeviceGBuffer:
+        release()
         seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
         if seen.window is not None:
             rows, columns = seen.window.rows, seen.window.columns
             why = f"nothing is seen outside of {columns} x {rows} pixels"
             runtime.skip("window", why, 0.0)
         seen.derive()
+        if look is not None:
+            look(seen)
+        seen.release_world()
         return seen
 
     return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run)

@@ -111,7 +111,9 @@ class Occluder:
         self.name, self._technique = ao_technique(runtime, size, params, margin, layers)
         self._layers = layers
         self._skips = skips
-        self._all_open = runtime.plane(1, size, 1.0) if params.channels == 1 else None
+        self._all_open: Plane | None = None
+        self._size = size
+        self._has_one = params.channels == 1
         self.pays = False
         self._opener = Opener(runtime, self.name, self.name)
 
@@ -128,7 +130,9 @@ class Occluder:
         look = facts is not None and "tiles" in self._skips
         known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
         self.pays = layers is not None or self._opener.pays
-        if known is not None and known.open == known.total and self._all_open is not None:
+        if known is not None and known.open == known.total and self._has_one:
+            # Few frames need it.
+            self._all_open = self._all_open or self.runtime.plane(1, self._size, 1.0)
             return self._all_open
         return self._technique.run(seen, known, layers)
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.device.active_region import Trace, Window
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.filters.upsample import (
     ReducedGBuffer,
@@ -105,21 +106,26 @@ class OcclusionTechnique(Prepared[Any], ABC):
         params = self._params = params or self.defaults()
         self._step = step = RESOLUTIONS[params.resolution]
         coarse, channels = coarse_size(size, step), params.channels
-        self._openness = runtime.plane(channels, coarse, 1.0)
-        self._trace = Trace()
         self._reduced: ReducedGBuffer | None = None
         blur = params.blur
         self._upsample: Upsample | UpsampleBlur | None = None
         late = step > 1 and blur.passes * blur.radius > 0 and params.blur_resolution == "full"
         if late and channels == 1:
-            self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0)
+            self._upsample = UpsampleBlur(
+                runtime, size, step, blur, background=1.0, kept=blur.passes == 1
+            )
             blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
             self._upsample = Upsample(
-                runtime, size, UpsampleParams(step=step, background=1.0), channels
+                runtime, size, UpsampleParams(step=step, background=1.0), channels, kept=not late
             )
-        self._blur = Bilateral(runtime, size if late else coarse, blur, channels)
+        self._blur = Bilateral(
+            runtime, size if late else coarse, blur, channels, kept=late or step == 1
+        )
         self._blur_first = not late
+        last = step == 1 and not self._blur.active
+        self._openness = Target(runtime, channels, coarse, 1.0, kept=last)
+        runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
     def run(
         self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
@@ -138,9 +144,9 @@ class OcclusionTechnique(Prepared[Any], ABC):
             self._reduced.update(gbuffer)
             source = self._reduced
         window = gbuffer.seen_every(self._step)
-        with self._trace.over(window) as over:
-            self._occlude(gbuffer, source, tiles, layers, over)
-        result = self._openness
+        background = (1.0, *(0.0,) * (self.params.channels - 1))
+        with self._openness.over(window, background=background) as (result, over):
+            self._occlude(result, gbuffer, source, tiles, layers, over)
         if self._blur_first:
             result = self._blur.run(
                 result, source, tiles=tiles, step=self._step, window=window
@@ -171,16 +177,16 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
-        window: Window | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        layers: int | None, window: Window | None,
     ) -> None:
-        """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced.
+        """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
 
         Only pixels in `window` are needed.
         """
 
     def _margins(self, source: Any) -> dict[str, int]:
-        """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""
+        """Return how far `source` exceeds what `_occlude` writes on each side, for a struct."""
         rows, columns = self._openness.size
         return {
             "margin_left": source.margin[1],

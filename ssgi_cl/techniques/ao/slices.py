@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -13,8 +12,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
-from ssgi_cl.device.active_region import Trace, Window
-from ssgi_cl.device.arrays import GUARD, DeviceArray, Plane, Size
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import (
     SLICES_GROUP,
     SLICES_LEAST_FACING,
@@ -25,6 +24,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import (
     RESOLUTIONS,
     OcclusionKeywords,
@@ -218,11 +218,6 @@ class SliceScan(Prepared[SliceParams]):
         quarter = -(-(self._whole[1] + self._lead) // TILE)
         self._stride = -(-quarter // GROUP) * GROUP + GROUP
         self._first = (margin[0] % step, margin[1] % step)
-        # What lies outside differs between perspective and orthographic cameras.
-        self._near: dict[tuple[bool, bool, int], Plane] = {}
-        self._sorted: dict[int, DeviceArray] = {}
-        self._traces: defaultdict[object, Trace] = defaultdict(Trace)
-        self._slopes: DeviceArray | None = None
 
     def _set(self, params: SliceParams) -> None:
         if params.tap_power != self.params.tap_power:
@@ -273,13 +268,12 @@ class SliceScan(Prepared[SliceParams]):
             "slices/slices_near.cl",
             {"NEAR_LAYERS": count, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
         )
-        key = perspective, thick, count
-        if key not in self._near:
-            self._near[key] = self.runtime.plane(
-                count + thick, self.sorted_size, 0.0 if perspective else math.inf
-            )
-        near = self._near[key]
-        with self._traces[key].over(self._rows_of(gbuffer.window)) as over:
+        # What lies outside differs between perspective and orthographic cameras.
+        target = Target(
+            self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf,
+            kept=False,
+        )
+        with target.over(self._rows_of(gbuffer.window)) as (near, over):
             kernel.run(
                 "near", near.size, window=over,
                 depth=gbuffer.depth, thickness=thickness, near=near,
@@ -298,45 +292,50 @@ class SliceScan(Prepared[SliceParams]):
         return Window(coarse.row, 0, coarse.rows, columns)
 
     def sorted(
-        self, name: str, images: Plane, window: Window | None = None
+        self, name: str, images: Plane | ImageParts, window: Window | None = None
     ) -> DeviceArray:
-        """Queue the pass that puts images, of the G-buffer's whole size, where `near` has depth.
+        """Queue the passes that put images, of the G-buffer's whole size, where `near` has depth.
 
         They are 0 outside of `window`.
         """
-        count = images.count
-        if count not in self._sorted:
-            self._sorted[count] = self._array(count)
-        kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": count})
-        with self._traces["sorted", count].over(self._rows_of(window)) as over:
+        parts: Iterable[tuple[int, Plane]] = (
+            [(0, images)] if not isinstance(images, ImageParts) else images.parts
+        )
+        array, over = self._array(images.count, window)
+        if isinstance(images, ImageParts) and not images.complete and window is None:
+            self.runtime.transient.zero(array)
+        for first, part in parts:
+            kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
                 name, self.sorted_size, window=over,
-                images=images, sorted=self._sorted[count], **self._places(images),
+                images=part, sorted=array, first=first, **self._places(part),
             )
-        return self._sorted[count]
+            del part  # its memory is the next one's
+        return array
 
     def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
         """Queue the pass that finds the planes of all layers, from normals where there are any."""
-        if self._slopes is None:
-            self._slopes = self._array(2 * self.layers)
+        slopes, over = self._array(2 * self.layers, gbuffer.window)
         kernel = self.runtime.kernel(
             "slices/slices_slopes.cl",
             {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
             (CAMERA,),
         )
-        with self._traces["slopes"].over(self._rows_of(gbuffer.window)) as over:
-            kernel.run(
-                "slopes", self.sorted_size, window=over,
-                depth=gbuffer.depth, normal=gbuffer.normal, slopes=self._slopes,
-                ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
-                camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
-            )
-        return self._slopes
+        kernel.run(
+            "slopes", self.sorted_size, window=over,
+            depth=gbuffer.depth, normal=gbuffer.normal, slopes=slopes,
+            ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
+            camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
+        )
+        return slopes
 
-    def _array(self, count: int) -> DeviceArray:
-        """Return images of `sorted_size`, zero."""
-        rows, columns = self.sorted_size
-        return self.runtime.array(np.zeros((count * rows + 2) * (columns + GUARD), np.float32))
+    def _array(self, count: int, window: Window | None) -> tuple[DeviceArray, Window | None]:
+        """Return images of `sorted_size`, and where in them what a window of a G-buffer shows is
+        written; they are 0 elsewhere."""
+        array = self.runtime.transient.images(count, self.sorted_size)
+        if window is not None:
+            self.runtime.transient.zero(array)
+        return array, self._rows_of(window)
 
     def _places(self, fine: Plane) -> dict[str, Any]:
         """Return arguments: which pixels of a plane are picked and where they are put."""
@@ -398,6 +397,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         super().__init__(runtime, size, params, margin, layers)
         in_front = self.params.in_front_of(layers)
         self._scan = SliceScan(runtime, size, in_front, margin, layers)
+        runtime.transient.reserve(
+            2 * plane_bytes(self.params.channels, self._scan.size)
+            + plane_bytes(layers, self._scan.sorted_size)
+        )
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
 
@@ -428,8 +431,8 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         )
 
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
-        window: Window | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        layers: int | None, window: Window | None,
     ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         layers = layers or self.layers
@@ -438,10 +441,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         kernel = self._kernel(thick=thickness is not None, layers=layers)
         for strip in self._scan.strips(window):
             kernel.run(
-                self.name, self._openness.size, grid=self._scan.grid, window=strip, cell=(1, 1),
+                self.name, out.size, grid=self._scan.grid, window=strip, cell=(1, 1),
                 near=near, normal=source.normal, table=self._scan.table,
                 tiles=None if tiles is None else tiles.bits,
-                openness=self._openness, camera=source.camera_struct, params=packed,
+                openness=out, camera=source.camera_struct, params=packed,
             )
 
     def _macros(self) -> Mapping[str, int]:

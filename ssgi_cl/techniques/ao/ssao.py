@@ -14,7 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
@@ -269,13 +269,13 @@ class Ssao(OcclusionTechnique):
         )
 
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
-        window: Window | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        layers: int | None, window: Window | None,
     ) -> None:
         self._kernel.run(
-            "ssao", self._openness.size, window=window,
+            "ssao", out.size, window=window,
             depth=source.depth, normal=source.normal, samples=self._points, curve=self._curve,
-            tiles=None if tiles is None else tiles.bits, openness=self._openness,
+            tiles=None if tiles is None else tiles.bits, openness=out,
             camera=source.camera_struct, params=self._packed(source, tiles),
         )
 

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.transient import Target, background_of
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
@@ -90,10 +91,19 @@ class Bilateral(Prepared[BilateralParams]):
     """The blur, prepared for images of one size with `channels` values a pixel.
 
     Tomasi and Manduchi 1998. Departs: see `bilateral_blur`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        params: of the blur.
+        channels: values of a pixel.
+        kept: whether results are in memory of its own; else each lives as long as somebody refers
+            to it.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: BilateralParams | None = None, channels: int = 1
+        self, runtime: Runtime, size: Size, params: BilateralParams | None = None,
+        channels: int = 1, *, kept: bool = True,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -115,8 +125,8 @@ class Bilateral(Prepared[BilateralParams]):
             for shape in self._shapes
         }
         self._weights = runtime.array(_weight_table(params))
-        self._planes = [runtime.plane(channels, size) for _ in range(2)]
-        self._traces = [Trace() for _ in range(2)]
+        self._result = Target(runtime, channels, size, kept=kept)
+        self._between = Target(runtime, channels, size, kept=False)
 
     def _set(self, params: BilateralParams) -> None:
         if self.active and params.sigma != self.params.sigma:
@@ -148,11 +158,14 @@ class Bilateral(Prepared[BilateralParams]):
         )
         bits = None if tiles is None else tiles.bits
         lanes = self.runtime.form.lanes
+        rows, columns = self.size
+        background = background_of(value)
+        left = params.passes * len(self._shapes)
         for i in range(params.passes):
             for shape in self._shapes:
-                out = self._planes[0] if value is not self._planes[0] else self._planes[1]
-                rows, columns = self.size
-                with self._traces[self._planes.index(out)].over(window) as over:
+                left -= 1
+                target = self._between if left % 2 else self._result
+                with target.over(window, background=background) as (out, over):
                     self._kernels[shape].run(
                         f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                         self.size,

@@ -19,6 +19,7 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Technique
 
@@ -137,7 +138,7 @@ class ReducedGBuffer:
 class Upsample(Prepared[UpsampleParams]):
     """The joint-bilateral upsampling, prepared for images of one full size.
 
-    Kopf et al. 2007. Departs: see `upsample`.
+    Kopf et al. 2007. Departs: see `upsample`. `kept` is as of `Bilateral`.
 
     Args:
         runtime: the device.
@@ -153,6 +154,8 @@ class Upsample(Prepared[UpsampleParams]):
         size: Size,
         params: UpsampleParams | int | None = None,
         channels: int = 1,
+        *,
+        kept: bool = True,
         **former: float,
     ) -> None:
         self.runtime = runtime
@@ -165,22 +168,23 @@ class Upsample(Prepared[UpsampleParams]):
             {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": self._params.step},
             (CAMERA, UPSAMPLE),
         )
-        self._fine = runtime.plane(channels, size)
-        self._trace = Trace()
+        self._channels = channels
+        self._fine = Target(runtime, channels, size, kept=kept)
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self.params.scales())
         lanes = self.runtime.form.lanes
-        with self._trace.over(gbuffer.seen) as over:
+        background = (self.params.background,) * self._channels
+        with self._fine.over(gbuffer.seen, background=background) as (fine, over):
             self._kernel.run(
                 "upsample", self.size, grid=(self.size[0], -(-coarse.size[1] // lanes)),
                 window=over, cell=(1, lanes * self.params.step),
                 coarse=coarse, coarse_linear=reduced.linear, coarse_normal=reduced.normal,
-                linear=gbuffer.linear, normal=gbuffer.normal, fine=self._fine,
+                linear=gbuffer.linear, normal=gbuffer.normal, fine=fine,
                 camera=gbuffer.camera_struct, params=packed,
             )
-        return self._fine
+        return fine
 
 
 class UpsampleBlur:
@@ -198,6 +202,7 @@ class UpsampleBlur:
         blur: its radius, at least step - 1 to join the coarse pixels, and sigmas; in pixels of the
             result. Applied once, separably.
         background: the value where nothing is.
+        kept: as of `Bilateral`.
     """
 
     def __init__(
@@ -208,6 +213,7 @@ class UpsampleBlur:
         blur: BilateralParams,
         *,
         background: float = 0.0,
+        kept: bool = True,
     ) -> None:
         self.size = size
         self.step = step
@@ -225,9 +231,9 @@ class UpsampleBlur:
         outwards = np.append(blur.weights(), np.zeros(step))
         weights = np.concatenate([outwards[:0:-1], outwards])
         self._weights = runtime.array(weights.astype(np.float32))
-        self._rows = runtime.plane(1, (coarse_size(size, step)[0], size[1]))
-        self._fine = runtime.plane(1, size)
-        self._traces = Trace(), Trace()
+        self._background = (background,)
+        self._rows = Target(runtime, 1, (coarse_size(size, step)[0], size[1]), kept=False)
+        self._fine = Target(runtime, 1, size, kept=kept)
 
     def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes and return the plane at full size."""
@@ -243,19 +249,19 @@ class UpsampleBlur:
         if seen is not None:
             coarse_rows = seen.reduced(self.step)
             wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
-        with self._traces[0].over(wide) as over:
+        with self._rows.over(wide) as (between, over):
             along_rows.run(
                 "blur rows", self._rows.size, grid=(rows, -(-columns // self._lanes)),
                 window=over, cell=(1, self._lanes * self.step),
-                blurred=self._rows, small=coarse.size, whole=gbuffer.whole, **guides,
+                blurred=between, small=coarse.size, whole=gbuffer.whole, **guides,
             )
-        with self._traces[1].over(seen) as over:
+        with self._fine.over(seen, background=self._background) as (fine, over):
             along_columns.run(
                 "blur columns", self.size, grid=(rows, -(-self.size[1] // self._lanes)),
                 window=over, cell=(self.step, self._lanes),
-                rows=self._rows, fine=self._fine, **guides,
+                rows=between, fine=fine, **guides,
             )
-        return self._fine
+        return fine
 
 
 def _packed(

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.params import Prepared
-from ssgi_cl.device.active_region import Trace
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end, back_params, set_back
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
@@ -25,6 +25,7 @@ from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_d
 from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of, set_lamps
 from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
 from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
@@ -112,9 +113,10 @@ class Ssdo(Prepared[SsdoParams]):
         self._lamp_blur = LampBlur(runtime, params)
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
-        self._direct = runtime.plane(3, size)
-        self._trace = Trace()
-        self._bounce = runtime.plane(3, size) if params.bounce else None
+        # Lamps on the front layer and on another, what that sends; then both results.
+        runtime.transient.reserve(plane_bytes(9, whole))
+        # Frames keep what they need of the results.
+        self._direct, self._bounce = (Target(runtime, 3, size, kept=False) for _ in range(2))
 
     def _set(self, params: SsdoParams) -> None:
         size, margin = self._shape[:2]
@@ -123,8 +125,8 @@ class Ssdo(Prepared[SsdoParams]):
             self._openness.set(params)
         if self._views is not None:
             self._views.set(params)
-        passes = [] if self._senders is None else self._senders.passes
-        for lamps in (*passes, self._lamps):
+        senders = None if self._senders is None else self._senders.lights
+        for lamps in (senders, self._lamps):
             if lamps is not None:
                 set_lamps(lamps, params)
 
@@ -175,10 +177,11 @@ class Ssdo(Prepared[SsdoParams]):
             else:
                 openness = self._sender_openness(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"
-                light = self._senders.records if points else self._senders.run
+                light = self._senders.records if points else self._senders.images
                 sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
                 sends = sent is not None
             lamps, lamps_margin = self._senders.lamps, gbuffer.margin
+            self._senders.lamps = None
         else:
             self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
             lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
@@ -196,11 +199,16 @@ class Ssdo(Prepared[SsdoParams]):
             )
             plain = sky is None and not views
             gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
-        self._split(gbuffer, gathered, sends, lamps, lamps_margin)
+        direct, bounce = self._split(gbuffer, gathered, sends, lamps, lamps_margin)
         bent = None
         if self._bent is not None and gathered is not None:
             bent = self._bent.run(gathered, gbuffer)
-        return SsdoPlanes(self._direct, self._bounce if sends else None, gathered, bent)
+        return SsdoPlanes(direct, bounce, gathered, bent)
+
+    def look(self, gbuffer: DeviceGBuffer) -> None:
+        """Queue the pass that needs the G-buffer's normals in world space, if there is one."""
+        if self.params.method == "bitmask":
+            Sides(self.runtime).run(gbuffer)
 
     def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
         """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
@@ -237,10 +245,14 @@ class Ssdo(Prepared[SsdoParams]):
             self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
         light = self._back.gather(gbuffer, source, sent, sky, tiles)
         self._views.begin(gbuffer)
-        for view in chain((first,), views):
-            self._views.add(
-                light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None
-            )
+        try:
+            for view in chain((first,), views):
+                self._views.add(
+                    light, self._back, gbuffer, source, view, lights, shadows,
+                    sends=sent is not None,
+                )
+        finally:
+            self._views.end()
         return light
 
     def _split(
@@ -250,7 +262,7 @@ class Ssdo(Prepared[SsdoParams]):
         bounces: bool,
         lamps: Plane | None,
         lamps_margin: Size,
-    ) -> None:
+    ) -> tuple[Plane, Plane | None]:
         kernel = self.runtime.kernel(
             "ssdo/ssdo_split.cl",
             {
@@ -270,12 +282,17 @@ class Ssdo(Prepared[SsdoParams]):
             "lamps_columns": lamps_margin[1],
             "lamps_rows": lamps_margin[0],
         }
-        with self._trace.over(gbuffer.seen, bounces) as over:
+        # Both have the same background: 0.
+        with (
+            self._direct.over(gbuffer.seen) as (direct, over),
+            self._bounce.over(gbuffer.seen if bounces else None) as (bounce, _),
+        ):
             kernel.run(
                 "ssdo split", self.size, window=over,
-                depth=gbuffer.depth, gathered=gathered, lamps=lamps, direct=self._direct,
-                bounce=self._bounce, params=SPLIT.pack(values),
+                depth=gbuffer.depth, gathered=gathered, lamps=lamps, direct=direct,
+                bounce=bounce, params=SPLIT.pack(values),
             )
+        return direct, bounce if bounces else None
 
 
 @serialised

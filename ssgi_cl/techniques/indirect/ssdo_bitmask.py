@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.core.params import Prepared, param
-from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.bitmask_ao import ENDS
 from ssgi_cl.techniques.ao.slices import (
     GROUP,
@@ -94,8 +94,6 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
         self._sides = Sides(runtime)
-        self._light: dict[int, Plane] = {}
-        self._trace = Trace()
         self.masks: DeviceArray | None = None
         if masks:
             like = runtime.plane(1, self.size)
@@ -109,7 +107,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         self,
         gbuffer: DeviceGBuffer,
         source: Any,
-        radiance: Plane | None = None,
+        radiance: Plane | ImageParts | None = None,
         sky: Sky | None = None,
         tiles: OpenTiles | None = None,
     ) -> Plane:
@@ -146,12 +144,12 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 f"{counts[1]} of {gbuffer.whole}"
             )
         lookup = None if sky is None else sky.map
-        near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
-        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
         facing = self._sides.run(gbuffer)
         sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.window)
+        near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
+        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
         bent = self.params.bent_normals
-        light = self._result(1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent)
+        count = 1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent
         macros = {
             **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
             "SLICES_NEXT": ENDS.index(self.params.end),
@@ -173,7 +171,10 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
-        with self._trace.over(window, light.count) as over:
+        result = Target(self.runtime, count, self.size, 1.0, kept=False)
+        with result.over(window, background=(1.0, *(0.0,) * (count - 1))) as (light, over):
+            if window is not None and self.masks is not None:
+                self.runtime.transient.zero(self.masks)
             for strip in scan.strips(over):
                 kernel.run(
                     "ssdo_bitmask", self.size, grid=scan.grid, window=strip, cell=(1, 1),
@@ -202,8 +203,3 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
             # Taps lie at whole pixels: pieces are longer, and begin beside a slice's line.
             beyond=float(apart), beyond_px=3.0 * step,
         )
-
-    def _result(self, count: int) -> Plane:
-        if count not in self._light:
-            self._light[count] = self.runtime.plane(count, self.size, 1.0)
-        return self._light[count]

@@ -52,7 +52,9 @@ class Finish:
         count = plane.count
         if count not in self._blurs:
             size = self.size if self._late else plane.size
-            self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count)
+            self._blurs[count] = Bilateral(
+                self.runtime, size, self._smooth, count, kept=False
+            )
         if not self._late:
             window = gbuffer.seen_every(self._step)
             plane = self._blurs[count].run(
@@ -61,7 +63,7 @@ class Finish:
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(
-                    self.runtime, self.size, UpsampleParams(step=self._step), count
+                    self.runtime, self.size, UpsampleParams(step=self._step), count, kept=False
                 )
             plane = self._upsamples[count].run(plane, source, gbuffer)
         if self._late:

@@ -17,8 +17,8 @@ from ssgi_cl.techniques.shading.light_shadows import LampShadows
 def lamps_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], Lamps]:
     """Return what makes the light of lamps for images of a size."""
     if params.lamp_taps == 0:
-        return lambda: Lamps(runtime, size)
-    return lambda: LampShadows(runtime, size, params.lamps())
+        return lambda: Lamps(runtime, size, kept=False)
+    return lambda: LampShadows(runtime, size, params.lamps(), kept=False)
 
 
 def set_lamps(lamps: Lamps, params: SsdoParams) -> None:
@@ -58,6 +58,6 @@ class LampBlur:
             blur = BilateralParams(
                 radius=self.params.blur_radius, passes=self.params.blur_passes
             )
-            self._blurs[size] = Bilateral(self.runtime, size, blur, 3)
+            self._blurs[size] = Bilateral(self.runtime, size, blur, 3, kept=False)
         source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
         return self._blurs[size].run(lamps, source, "blur lamps")

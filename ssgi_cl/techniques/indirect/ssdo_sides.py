@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ssgi_cl.device.active_region import Trace
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import rotation_values
+from ssgi_cl.device.transient import Target
 
 MOST_LAYERS = 31
 """A bit each in an int."""
@@ -24,29 +24,30 @@ class Sides:
 
     def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        self._sides: Plane | None = None
-        self._trace = Trace()
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane | None:
         """Queue the pass; return an image for each layer, see kernels/ssdo/ssdo_sides.cl.
 
-        None unless there are several layers, and all have normals. G-buffers are all of one shape.
+        None unless there are several layers, and all have normals. Found once for the contents of
+        a G-buffer, whose normals in world space are not needed after.
         """
         layers = gbuffer.layers
         if not 1 < layers == gbuffer.attributes <= MOST_LAYERS:
             return None
-        if self._sides is None:
-            self._sides = self.runtime.plane(layers, gbuffer.whole)
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         kernel = self.runtime.kernel(
             "ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,)
         )
-        with self._trace.over(gbuffer.window) as over:
+        if gbuffer.sides is not None:
+            return gbuffer.sides
+        target = Target(self.runtime, layers, gbuffer.whole, kept=False)
+        with target.over(gbuffer.window) as (sides, over):
             kernel.run(
                 "ssdo sides", gbuffer.whole, window=over,
                 depth=gbuffer.depth, normal=gbuffer.normal, given=gbuffer.normal_world,
-                sides=self._sides,
+                sides=sides,
                 rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),
             )
-        return self._sides
+        gbuffer.sides = sides
+        return sides

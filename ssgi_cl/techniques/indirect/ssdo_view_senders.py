@@ -63,6 +63,11 @@ class ViewSenders:
         if isinstance(self._technique, SsdoViews):
             self._technique.begin(gbuffer)
 
+    def end(self) -> None:
+        """Forget all cameras."""
+        if isinstance(self._technique, SsdoViews):
+            self._technique.end()
+
     def add(
         self,
         light: Plane,
@@ -95,6 +100,7 @@ class ViewSenders:
             points = isinstance(self._technique, SsdoPointViews)
             light_up = senders.records if points else senders.run
             radiance = light_up(view, lights, shadows, open_, openness.step)
+            senders.lamps = None
         if isinstance(self._technique, SsdoPointViews):
             assert isinstance(back, SsdoPoints)  # noqa: S101  of the same method
             self._technique.add(light, back, gbuffer, view, radiance)

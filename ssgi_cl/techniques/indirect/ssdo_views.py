@@ -79,6 +79,10 @@ class SsdoViews:
         """Forget all views but the first one, whose G-buffer is given."""
         self._unseen.begin(gbuffer)
 
+    def end(self) -> None:
+        """Forget all views."""
+        self._unseen.end()
+
     def add(
         self,
         light: Plane,

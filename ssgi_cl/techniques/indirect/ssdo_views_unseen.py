@@ -34,8 +34,6 @@ class UnseenDepth:
         self.radius = radius
         # Cameras, on the device too, depth and normals of all views since `begin`.
         self._before: list[tuple[Camera, Any, Plane, Plane]] = []
-        self._kept: dict[tuple[int, Size, int, int], tuple[Plane, Plane]] = {}
-        self._unseen: dict[tuple[Size, int], Plane] = {}
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
         """Forget all views but the first one, whose G-buffer is given."""
@@ -45,19 +43,20 @@ class UnseenDepth:
             (gbuffer.camera, gbuffer.camera_struct, gbuffer.depth, gbuffer.normal)
         ]
 
+    def end(self) -> None:
+        """Forget all views."""
+        self._before = []
+
     def of(self, view: DeviceGBuffer) -> Plane:
         """Queue the passes; return the view's depth, INFINITY where a view before it shows the
         surface.
 
-        The view itself counts as one before the next. The plane is valid until the next call.
+        The view itself counts as one before the next.
         """
         camera = view.camera
         if camera is None:
             raise ValueError("a device G-buffer is empty: draw or upload something first")
-        shape = view.whole, view.layers
-        if shape not in self._unseen:
-            self._unseen[shape] = self.runtime.plane(view.layers, view.whole, math.inf)
-        unseen = self._unseen[shape]
+        unseen = self.runtime.transient.plane(view.layers, view.whole, math.inf)
         unseen.copy_image(0, view.depth, view.layers)
         for earlier, earlier_struct, depth, normal in self._before:
             kernel = self.runtime.kernel(
@@ -77,13 +76,8 @@ class UnseenDepth:
                 view=self._packed(camera, earlier, depth.size),
             )
         # The next view may be drawn to the same memory.
-        key = len(self._before), view.whole, view.layers, view.normal.count
-        if key not in self._kept:
-            self._kept[key] = (
-                self.runtime.plane(view.layers, view.whole, math.inf),
-                self.runtime.plane(view.normal.count, view.whole),
-            )
-        kept_depth, kept_normal = self._kept[key]
+        kept_depth = self.runtime.transient.plane(view.layers, view.whole, math.inf)
+        kept_normal = self.runtime.transient.plane(view.normal.count, view.whole)
         kept_depth.copy_image(0, view.depth, view.layers)
         kept_normal.copy_image(0, view.normal, view.normal.count)
         self._before.append((camera, view.camera_struct, kept_depth, kept_normal))

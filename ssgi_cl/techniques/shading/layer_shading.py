@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from ssgi_cl.core.lights import Light
-from ssgi_cl.device.active_region import Trace
+from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.transient import ImageParts, TransientPlane
 from ssgi_cl.techniques.shading.ambient import Ambient
 from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
 
@@ -71,7 +70,7 @@ class LitLayers:
         layers: depth layers of the G-buffers.
         attributes: layers of them that have normals, albedo and emission: 1, or all by default.
             The rest is dark.
-        lamps: makes what lights a layer of size `whole`; by default `Lamps`.
+        lamps: makes what lights a layer of size `whole`; by default `Lamps` that keep nothing.
         emission: whether surfaces send what they emit too.
         backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
             outer side of every other layer away from the camera.
@@ -79,7 +78,7 @@ class LitLayers:
     Attributes:
         passes: what makes the light of lamps.
         lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
-            lamp shone on the last frame.
+            lamp shone on the last frame. Its memory goes to others where this is set to None.
     """
 
     def __init__(
@@ -100,13 +99,9 @@ class LitLayers:
         self.lamps: Plane | None = None
         self._emission = emission
         self._sides = (False, True) if backs else (False,)
-        # What the front layer gets is of use later; the rest shares memory.
-        count = min(self.attributes * len(self._sides), 2)
-        self.passes = [lamps() if lamps else Lamps(runtime, whole) for _ in range(count)]
+        self._lamps = lamps() if lamps else Lamps(runtime, whole, kept=False)
         self._ambient = Ambient(runtime)
-        self._radiance: Plane | None = None
         self._records: SenderRecords | None = None
-        self._traces: defaultdict[Any, Trace] = defaultdict(Trace)
 
     def run(
         self,
@@ -130,12 +125,32 @@ class LitLayers:
             3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
             with `backs` as many more behind them; None if all is dark.
         """
-        if self._radiance is None:
-            self._radiance = self.runtime.plane(
-                3 * self.layers * len(self._sides), self.whole
-            )
-        lit = self._run(gbuffer, lights, shadows, openness, step, self._radiance)
-        return self._radiance if lit else None
+        if not self._start(gbuffer, lights, shadows):
+            return None
+        radiance = self.runtime.transient.plane(
+            3 * self.layers * len(self._sides), self.whole
+        )
+        if self.attributes < self.layers and isinstance(radiance, TransientPlane):
+            radiance.clear()
+        self._run(gbuffer, lights, shadows, openness, step, radiance)
+        return radiance
+
+    def images(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None = None,
+        openness: Plane | None = None,
+        step: int = 1,
+    ) -> ImageParts | None:
+        """Return the images of `run` in parts of 3, whose passes are queued as they are asked for.
+        """
+        if not self._start(gbuffer, lights, shadows):
+            return None
+        return ImageParts(
+            3 * self.layers * len(self._sides), self.whole, self.attributes == self.layers,
+            self._parts(gbuffer, lights, shadows, openness, step),
+        )
 
     def records(
         self,
@@ -151,8 +166,42 @@ class LitLayers:
         """
         if self._records is None:
             self._records = SenderRecords(self.runtime, self.whole, self.attributes)
-        lit = self._run(gbuffer, lights, shadows, openness, step, self._records)
-        return self._records if lit else None
+        if not self._start(gbuffer, lights, shadows):
+            return None
+        self._run(gbuffer, lights, shadows, openness, step, self._records)
+        return self._records
+
+    def _start(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+    ) -> bool:
+        """Queue what makes `lamps`; return whether any surface is lit."""
+        given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
+        if given != (self.whole, self.layers, self.attributes):
+            raise ValueError(
+                "the G-buffer's size with margin, layers and layers with attributes are "
+                f"{given}: expected {(self.whole, self.layers, self.attributes)}"
+            )
+        lit = self.front(gbuffer, lights, shadows)
+        if not lit:
+            self.runtime.skip("lit layers", "no light and no emission")
+        return lit
+
+    def _parts(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None, openness: Plane | None, step: int,
+    ) -> Iterator[tuple[int, Plane]]:
+        lamps = self.lamps
+        for back, number in product(self._sides, range(self.attributes)):
+            layer = gbuffer.layer(number, back=back)
+            if back or number:
+                lamps = None  # its memory is the next one's
+                lamps = self._lamps.run(layer, lights, shadows)
+            part = self.runtime.transient.plane(3, self.whole)
+            window = part.within(layer.window) if isinstance(part, TransientPlane) else None
+            self._light(layer, lamps, openness, step, gbuffer.margin, part, 0, window)
+            yield 3 * (number + (self.layers if back else 0)), part
+            del part
 
     def _run(
         self,
@@ -162,27 +211,26 @@ class LitLayers:
         openness: Plane | None,
         step: int,
         to: Plane | SenderRecords,
-    ) -> bool:
-        given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
-        if given != (self.whole, self.layers, self.attributes):
-            raise ValueError(
-                "the G-buffer's size with margin, layers and layers with attributes are "
-                f"{given}: expected {(self.whole, self.layers, self.attributes)}"
-            )
-        self._ambient.set(lights)
-        self.lamps = None
-        sides = (False,) if isinstance(to, SenderRecords) else self._sides
-        for back, number in product(sides, range(self.attributes)):
+    ) -> None:
+        records = isinstance(to, SenderRecords)
+        lamps, window = self.lamps, gbuffer.window
+        if isinstance(to, TransientPlane):
+            window = to.within(window)
+        for back, number in product((False,) if records else self._sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
-            first = number == 0 and not back
-            lamps = self.passes[0 if first else 1].run(layer, lights, shadows)
-            if first:
-                self.lamps = lamps
-            if lamps is None and not self._ambient.shines and not self._emits(gbuffer):
-                self.runtime.skip("lit layers", "no light and no emission")
-                return False
-            self._light(layer, lamps, openness, step, gbuffer.margin, to)
-        return True
+            if back or number:
+                lamps = None
+                lamps = self._lamps.run(layer, lights, shadows)
+            image = number + (self.layers if back else 0)
+            self._light(
+                layer, lamps, openness, step, gbuffer.margin, to, image if records else 3 * image,
+                window,
+            )
+
+    @property
+    def lights(self) -> Lamps:
+        """The pass of punctual lights."""
+        return self._lamps
 
     def front(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
@@ -190,7 +238,8 @@ class LitLayers:
     ) -> bool:
         """Queue what makes `lamps` alone; return whether `run` would find any light."""
         self._ambient.set(lights)
-        self.lamps = self.passes[0].run(gbuffer.layer(0), lights, shadows)
+        self.lamps = None
+        self.lamps = self._lamps.run(gbuffer.layer(0), lights, shadows)
         return self.lamps is not None or self._ambient.shines or self._emits(gbuffer)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:
@@ -204,6 +253,8 @@ class LitLayers:
         step: int,
         margin: Size,
         to: Plane | SenderRecords,
+        image: int,
+        window: Window | None,
     ) -> None:
         records = isinstance(to, SenderRecords)
         kernel = self.runtime.kernel(
@@ -217,29 +268,27 @@ class LitLayers:
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
         rows, columns = openness.size if openness is not None else (1, 1)
-        image = layer.front + (self.layers if layer.facing < 0.0 else 0)
         values = {
             **rotation_values(layer.camera.view[:3, :3].T),
             "facing": layer.facing,
             "layer": layer.front,
-            "image": image if records else 3 * image,
+            "image": image,
             "margin_columns": margin[1],
             "margin_rows": margin[0],
             "open_columns": columns,
             "open_rows": rows,
         }
-        with self._traces[image, records].over(layer.window) as over:
-            kernel.run(
-                "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
-                + (" back" if layer.facing < 0.0 else ""),
-                self.whole, window=over,
-                depth=layer.depth, normal=layer.normal, albedo=layer.albedo,
-                emission=layer.emission if self._emits(layer) else None,
-                lamps=lamps, openness=openness,
-                ambient=self._ambient.irradiance if self._ambient.shines else None,
-                **({"records": to.array} if isinstance(to, SenderRecords) else {"radiance": to}),
-                params=LIT.pack(values),
-            )
+        kernel.run(
+            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
+            + (" back" if layer.facing < 0.0 else ""),
+            self.whole, window=window,
+            depth=layer.depth, normal=layer.normal, albedo=layer.albedo,
+            emission=layer.emission if self._emits(layer) else None,
+            lamps=lamps, openness=openness,
+            ambient=self._ambient.irradiance if self._ambient.shines else None,
+            **({"records": to.array} if isinstance(to, SenderRecords) else {"radiance": to}),
+            params=LIT.pack(values),
+        )
 
 
 def _macros(

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.device.transient import Target
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -49,15 +50,17 @@ class ShadowMap:
 class Lamps:
     """The light of lamps, prepared for images of one size.
 
-    Attributes:
-        irradiance: 3 images, W/m^2; 0 where nothing is.
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        kept: whether results are in memory of its own; else each lives as long as somebody refers
+            to it.
     """
 
-    def __init__(self, runtime: Runtime, size: Size) -> None:
+    def __init__(self, runtime: Runtime, size: Size, *, kept: bool = True) -> None:
         self.runtime = runtime
         self.size = size
-        self.irradiance = runtime.plane(3, size)
-        self._trace = Trace()
+        self._irradiance = Target(runtime, 3, size, kept=kept)
 
     def run(
         self,
@@ -65,10 +68,10 @@ class Lamps:
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return `irradiance`, the sum of all lamps, or None if none shines.
+        """Queue the passes; return the sum of all lamps, or None if none shines.
 
-        `shadows` has one entry for each light (None: it casts no shadow); environments are passed
-        over.
+        3 images, W/m^2; 0 where nothing is. `shadows` has one entry for each light (None: it casts
+        no shadow); environments are passed over.
         """
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         lit: list[tuple[Lamp, ShadowMap | None]] = []
@@ -81,14 +84,14 @@ class Lamps:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
         if not lit:
             return None
-        with self._trace.over(gbuffer.seen) as window:
+        with self._irradiance.over(gbuffer.seen) as (irradiance, window):
             for number, (light, shadow) in enumerate(lit):
-                self.light(gbuffer, light, shadow, add=number > 0, window=window)
-        return self.irradiance
+                self.light(irradiance, gbuffer, light, shadow, add=number > 0, window=window)
+        return irradiance
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
-        window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
+        add: bool, window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         blocks = shadow.blocks if shadow else None
@@ -108,7 +111,7 @@ class Lamps:
         kernel.run(
             f"light {kind_name(light)}", self.size, window=window,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
-            irradiance=self.irradiance, camera=gbuffer.camera_struct,
+            irradiance=irradiance, camera=gbuffer.camera_struct,
             light_camera=CAMERA.pack(camera_values(light_camera)),
             light=LIGHT.pack({
                 **light_values(light, camera, light_camera, gbuffer),

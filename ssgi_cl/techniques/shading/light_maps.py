@@ -163,6 +163,14 @@ class LightMaps:
         self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
     ) -> None:
         """Queue the passes of one lamp."""
+        try:
+            self._draw_faces(scene, light, shadow, rsm, first)
+        finally:
+            self._renderer.release()
+
+    def _draw_faces(
+        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
+    ) -> None:
         kept, renderer = device_scene(scene, self.runtime), self._renderer
         for face, camera in enumerate(shadow.cameras):
             renderer.render(kept, light, camera, flux=rsm is not None)

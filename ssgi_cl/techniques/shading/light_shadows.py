@@ -57,9 +57,10 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: LampShadowParams | None = None
+        self, runtime: Runtime, size: Size, params: LampShadowParams | None = None, *,
+        kept: bool = True,
     ) -> None:
-        super().__init__(runtime, size)
+        super().__init__(runtime, size, kept=kept)
         self._params = params or LampShadowParams()
         self._tile = runtime.array(tile_table())
 
@@ -69,7 +70,7 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return `irradiance`, the sum of all lamps, or None if none shines."""
+        """Queue the passes; return the sum of all lamps, or None if none shines."""
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         kept = [
             (light, shadow)
@@ -79,12 +80,12 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
         return super().run(gbuffer, [light for light, _ in kept], [shadow for _, shadow in kept])
 
     def light(
-        self, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *, add: bool,
-        window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
+        add: bool, window: Window | None,
     ) -> None:
         """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
         if shadow is not None:
-            super().light(gbuffer, light, shadow, add=add, window=window)
+            super().light(irradiance, gbuffer, light, shadow, add=add, window=window)
             return
         params = self.params
         kernel = self.runtime.kernel(
@@ -113,7 +114,7 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
         kernel.run(
             f"light {kind_name(light)}", self.size,
             depth=gbuffer.depth, normal=gbuffer.normal, thickness=gbuffer.thickness,
-            tile=self._tile, irradiance=self.irradiance, camera=gbuffer.camera_struct,
+            tile=self._tile, irradiance=irradiance, camera=gbuffer.camera_struct,
             light=LIGHT.pack(light_values(light, camera, camera, gbuffer)), params=packed,
         )
 

@@ -33,12 +33,17 @@ class Shade:
     """Deferred shading, prepared for images of one size.
 
     Reeves, Salesin and Cook 1987. Departs: see `shade`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        lamps: whether `light` will be called.
     """
 
-    def __init__(self, runtime: Runtime, size: Size) -> None:
+    def __init__(self, runtime: Runtime, size: Size, *, lamps: bool = True) -> None:
         self.runtime = runtime
         self.size = size
-        self._lamps = Lamps(runtime, size)
+        self._lamps = Lamps(runtime, size) if lamps else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
@@ -76,6 +81,7 @@ class Shade:
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes of lamps; return the plane of their irradiance, None if none shines."""
+        self._lamps = self._lamps or Lamps(self.runtime, self.size)
         return self._lamps.run(gbuffer, lights, shadows)
 
     def combine(

@@ -29,7 +29,6 @@ class Tonemap:
         number = CURVES.index(checks.choice("curve", curve, CURVES))
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
-        self._encoded = runtime.empty(size[0] * self._pitch * 3 // 4, np.uint32)
 
     def run(
         self, radiance: Plane, exposure: float, window: Window | None = None
@@ -40,16 +39,19 @@ class Tonemap:
         """
         beyond = None if window is None else window.beyond(self.size)
         parts = [window]
+        encoded_bytes = self.runtime.transient.array(
+            self.size[0] * self._pitch * 3 // 4, np.uint32
+        )
         if beyond is not None:
             parts.append(Window(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
                 "tonemap", self.size, window=part,
-                radiance=radiance, encoded=self._encoded, exposure=min(exposure, LARGEST_EXPOSURE),
+                radiance=radiance, encoded=encoded_bytes, exposure=min(exposure, LARGEST_EXPOSURE),
             )
         rows, columns = self.size
         picture = np.empty((rows, columns, 3), np.uint8)
-        with self._encoded.mapped() as flat:
+        with encoded_bytes.mapped() as flat:
             encoded = flat.view(np.uint8).reshape(rows, self._pitch, 3)[:, :columns]
             copy_window(encoded, picture, window, beyond)
         return picture

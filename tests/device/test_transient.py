@@ -1,0 +1,237 @@
+"""Transient memory: passes share it, results are those without sharing, and what frames keep."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.core.errors import DeviceMemoryError
+from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.arrays import plane_bytes
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.transient import ALIGNMENT, TransientMemory, TransientPlane
+from ssgi_cl.frame.render import render
+from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.rasterize.view import device_scene
+
+MEBI = 1 << 20
+SIZE = (48, 40)
+BYTES = -(-plane_bytes(1, SIZE) // ALIGNMENT) * ALIGNMENT
+
+
+@pytest.fixture
+def memory(form_runtime: Runtime) -> TransientMemory:
+    return TransientMemory(form_runtime)
+
+
+def test_two_live_planes_never_share_memory(memory: TransientMemory) -> None:
+    first, second = memory.plane(1, SIZE), memory.plane(1, SIZE)
+    first.upload(np.full((1, *SIZE), 1.0, np.float32))
+    second.upload(np.full((1, *SIZE), 2.0, np.float32))
+    assert (first.download() == 1.0).all()
+    assert (second.download() == 2.0).all()
+    assert memory.used == memory.size == 2 * BYTES
+
+
+def test_memory_is_free_as_soon_as_nothing_refers_to_a_plane(memory: TransientMemory) -> None:
+    plane = memory.plane(2, SIZE)
+    taken = memory.runtime.allocated_bytes
+    del plane
+    assert memory.used == 0
+    # A large piece serves several small ones.
+    planes = [memory.plane(1, SIZE), memory.array(10, np.int32)]
+    assert memory.used < memory.size
+    assert len(planes) == 2
+    # The values of the guards are this module's own.
+    assert memory.runtime.allocated_bytes == taken
+
+
+def test_what_an_exception_leaves_is_free(memory: TransientMemory) -> None:
+    def failing() -> None:
+        plane = memory.plane(1, SIZE)
+        assert memory.used == BYTES
+        raise KeyboardInterrupt(plane.count)
+
+    with pytest.raises(KeyboardInterrupt):
+        failing()
+    gc.collect()
+    assert memory.used == 0
+
+
+def test_a_plane_has_its_outside_value_round_it_whatever_was_there(
+    memory: TransientMemory,
+) -> None:
+    memory._spoiling = True
+    for outside in (0.0, np.inf, 0.0):
+        plane = memory.plane(2, SIZE, outside)
+        plane.upload(np.full((2, *SIZE), 5.0, np.float32))
+        with plane._mapped() as rows:
+            assert (rows[0] == outside).all()
+            assert (rows[-1] == outside).all()
+            assert (rows[:, SIZE[1]:] == outside).all()
+            assert (rows[1:-1, : SIZE[1]] == 5.0).all()
+        del rows, plane
+
+
+def test_outside_of_a_window_a_plane_has_its_background(memory: TransientMemory) -> None:
+    memory._spoiling = True
+    plane = memory.plane(2, SIZE, 1.0, background=(1.0, 0.25))
+    assert isinstance(plane, TransientPlane)
+    assert plane.within(None) is None
+    assert np.isnan(plane.download()).all()
+    window = Window(0, 0, 8, 8)
+    assert plane.within(window) is window
+    np.testing.assert_array_equal(plane.download(), np.full((2, *SIZE), [[[1.0]], [[0.25]]]))
+    with plane._mapped() as rows:
+        assert (rows[:, SIZE[1]:] == 1.0).all()
+
+
+def test_without_sharing_no_memory_is_given_out_twice(memory: TransientMemory) -> None:
+    memory._sharing = False
+    first = memory.plane(1, SIZE)
+    del first
+    before = memory.runtime.allocated_bytes
+    plane = memory.plane(1, SIZE)
+    assert plane.count == 1
+    assert memory.runtime.allocated_bytes >= before + BYTES
+
+
+def test_what_is_reserved_is_enough_and_is_counted(memory: TransientMemory) -> None:
+    runtime, wanted = memory.runtime, 3 * BYTES
+    kept = memory.plane(1, SIZE)
+    needed = runtime.memory.needed(lambda: memory.reserve(wanted))
+    assert needed == 2 * BYTES
+    memory.reserve(wanted)
+    assert memory.size == wanted
+    assert runtime.memory.needed(lambda: memory.reserve(wanted)) == 0
+    more = [memory.plane(1, SIZE) for _ in range(2)]
+    assert (memory.size, memory.used) == (wanted, wanted)
+    assert len(more) == 2
+    assert kept.count == 1
+
+
+def test_memory_that_is_free_gives_way(
+    memory: TransientMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runtime = memory.runtime
+    monkeypatch.setattr(runtime, "transient", memory)
+    plane = memory.plane(1, SIZE)
+    monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + MEBI // 2)
+    runtime._calls += 1
+    with pytest.raises(DeviceMemoryError, match="no room"):
+        memory.reserve(1000 * MEBI)
+    assert memory.size == BYTES
+    del plane
+    runtime._calls += 1
+    assert memory.let_go(runtime.calls)
+    assert memory.size == 0
+
+
+MODES = {
+    "ao": {},
+    "ao at half size": {"ao": "hbao", "layers": 2, "overscan": 0.1, "gbuffer": True},
+    "ssdo": {"indirect": "ssdo", "layers": 2, "extra_cameras": 2},
+    "ssdo published": {"indirect": "ssdo", "method": "published"},
+    "multires": {"indirect": "multires"},
+}
+
+
+@pytest.fixture
+def spoilt(runtime: Runtime) -> Iterator[Runtime]:
+    runtime.transient._spoiling = True
+    yield runtime
+    runtime.transient._spoiling, runtime.transient._sharing = False, True
+    runtime._prepared.clear()
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scene", ["cornell_box", "machine-3"])
+def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, mode: str) -> None:
+    built = make_scene(scene)
+    lights = (*built.lights, gi.Environment((0.2, 0.3, 0.4)))
+    eye, target = np.array(built.eye), np.array(built.target)
+    # Far away the scene is in a window of the image.
+    cameras = [
+        gi.Camera.look_at(
+            target + k * (eye - target), target, built.up, yfov=built.yfov, width=640, height=96
+        )
+        for k in (1.0, 1.5, 1.2)
+    ]
+    found = []
+    for sharing in (False, True):
+        spoilt._prepared.clear()
+        spoilt.transient._sharing = sharing
+        spoilt.transient._spoiling = sharing
+        found.append([
+            render(
+                built.scene, camera, lights, shadow_size=64, exposure=1.0, runtime=spoilt,
+                **MODES[mode],  # type: ignore[arg-type]
+            )
+            for camera in cameras
+        ])
+    for alone, shared in zip(*found, strict=True):
+        np.testing.assert_array_equal(alone.radiance, shared.radiance)
+        for name in ("ao", "indirect"):
+            one, other = getattr(alone, name), getattr(shared, name)
+            assert (one is None) == (other is None)
+            if one is not None:
+                np.testing.assert_array_equal(one, other)
+        if alone.gbuffer is not None:
+            np.testing.assert_array_equal(alone.gbuffer.normal, shared.gbuffer.normal)
+
+
+LIMITS = {
+    "direct light and AO": ({}, 200.0),
+    "ssdo": ({"indirect": "ssdo", "layers": 2, "extra_cameras": 4}, 450.0),
+}
+"""Arguments of a frame, and how much of the device's memory it may keep, MiB."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["cornell_box", "hall"])
+@pytest.mark.parametrize("mode", LIMITS)
+def test_a_frame_of_1920_x_1080_keeps_no_more_than(
+    runtime: Runtime, scene: str, mode: str
+) -> None:
+    if runtime.form.storage != "buffer":
+        pytest.skip("images are copies")
+    built, (arguments, limit) = make_scene(scene), LIMITS[mode]
+    spot = next(light for light in built.lights if isinstance(light, gi.SpotLight))
+    lights = (spot, gi.Environment((0.3, 0.3, 0.3)))
+    runtime._prepared.clear()
+    runtime.transient.__init__(runtime)  # type: ignore[misc]  # nothing is there yet
+    gc.collect()
+    device_scene(built.scene, runtime)
+    before = runtime.memory.used
+    for _ in range(2):
+        render(
+            built.scene, built.camera(1920, 1080), lights, runtime=runtime,
+            **arguments,  # type: ignore[arg-type]
+        )
+    kept = (runtime.memory.used - before) / MEBI
+    runtime._prepared.clear()
+    assert 0.0 < kept <= limit
+
+
+def test_a_second_frame_takes_no_memory_though_everything_is_drawn_anew(runtime: Runtime) -> None:
+    built = make_scene("cornell_box")
+    lights = (*built.lights, gi.Environment((0.2, 0.3, 0.4)))
+
+    def frame() -> None:
+        render(
+            built.scene, built.camera(160, 120), lights, indirect="ssdo", layers=2,
+            extra_cameras=2, shadow_size=64, skips=False, runtime=runtime,
+        )
+
+    frame()
+    frame()  # the first had other memory to choose from
+    before = runtime.allocated_bytes, runtime.builds
+    frame()
+    assert (runtime.allocated_bytes, runtime.builds) == before
+    held = runtime.transient.used
+    frame()
+    assert runtime.transient.used == held

@@ -362,7 +362,7 @@ class TransientMemory:
         return self._new(wanted if wanted <= self.runtime.memory.largest else size)
 
     def _new(self, size: int) -> _Chunk:
-        with self.runtime.memory.keeping():
+        with self.runtime.memory.keeping(False):  # it is bounded by the largest frame
             chunk = _Chunk(self.runtime, size)
         chunk.call = self.runtime.calls
         self._chunks.append(chunk)

@@ -224,6 +224,11 @@ class TransientMemory:
         return sum(chunk.size for chunk in self._chunks)
 
     @property
+    def held(self) -> int:
+        """Bytes that it has with what it fills guards from."""
+        return self.size + sum(values.count * 4 for values in self._borders.values())
+
+    @property
     def used(self) -> int:
         """Bytes of these that are given out."""
         return sum(chunk.used for chunk in self._chunks)

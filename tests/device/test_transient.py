@@ -1,4 +1,4 @@
-"""Memory that passes share: given out to one user at a time, free as soon as nothing refers to it."""
+"""Memory that passes share: one user at a time, free as soon as nothing refers to it."""
 
 from __future__ import annotations
 

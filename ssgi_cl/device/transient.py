@@ -413,7 +413,8 @@ class TransientMemory:
         values = self._borders.get(outside)
         if values is None or values.count < count:
             self._borders.pop(outside, None)
-            values = self.runtime.array(np.full(count, outside, np.float32))
+            with self.runtime.memory.keeping(False):
+                values = self.runtime.array(np.full(count, outside, np.float32))
             self._borders[outside] = values
         return values
 

@@ -25,6 +25,8 @@ WIDE = 256
 """Columns of which a window has a multiple, at least, so that no work-group goes beyond."""
 WORTH = 0.75
 """Share of an image up to which a window is one."""
+LEAST_VERTICES = 1 << 20
+"""Bytes that are reserved for the vertices of a scene, however few there are."""
 PEEL = 1e-5
 """A deeper layer begins this much behind the one before, relative to its depth."""
 
@@ -46,7 +48,7 @@ VIEW = Struct(
 STRUCTS = (CAMERA, VIEW)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Lists:
     """What a frame needs until its pixels are drawn.
 
@@ -61,6 +63,10 @@ class _Lists:
     records: DeviceArray
     places: DeviceArray
     list: DeviceArray
+
+    def release(self) -> None:
+        """Give the memory to others."""
+        del self.view, self.screen, self.records, self.places, self.list
 
 
 class Rasterizer:
@@ -116,7 +122,7 @@ class Rasterizer:
         buffers = 4 * self._pixels * (1 + min(layers, 2))
         passing = shaded and not keeps_world
         runtime.transient.reserve(
-            buffers + 4 * (self._room * (RECORD + 2) + self._pair_room)
+            buffers + 4 * (self._room * (RECORD + 2) + self._pair_room) + LEAST_VERTICES
             + (plane_bytes(3 * attributes, self.target.whole) if passing else 0)
         )
         parallel = runtime.info.kind == "gpu"
@@ -276,7 +282,8 @@ class Rasterizer:
         packed_camera = CAMERA.pack(camera_values(camera))
         windows = self._windows()
         target.window = windows[0]
-        if self.shaded:
+        late = target.layers == 1 and not target.keeps_world
+        if self.shaded and not late:
             target.take_world()
         array = self.runtime.transient.array
         # A deeper layer begins behind the one before.
@@ -312,6 +319,11 @@ class Rasterizer:
                     cutouts=scene.cutouts, depths=now, triangles=seen, camera=packed_camera,
                     view=view, **_surface(scene),
                 )
+                if late:
+                    lists.release()
+                    if self.shaded:
+                        del now, before, depths
+                        target.take_world()
                 if not self.shaded:
                     self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
                         "raster depth", whole, window=over,

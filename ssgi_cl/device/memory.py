@@ -60,9 +60,9 @@ class DeviceMemory:
         return sum(held.size for held in self._held.values() if held.kept)
 
     @contextmanager
-    def keeping(self) -> Iterator[None]:
-        """Count what is taken within as kept for later calls."""
-        before, self._keeping = self._keeping, True
+    def keeping(self, kept: bool = True) -> Iterator[None]:
+        """Count what is taken within as kept for later calls, or not."""
+        before, self._keeping = self._keeping, kept
         try:
             yield
         finally:

@@ -224,6 +224,11 @@ class TransientMemory:
         return sum(chunk.size for chunk in self._chunks)
 
     @property
+    def held(self) -> int:
+        """Bytes that it has with what it fills guards from."""
+        return self.size + sum(values.count * 4 for values in self._borders.values())
+
+    @property
     def used(self) -> int:
         """Bytes of these that are given out."""
         return sum(chunk.used for chunk in self._chunks)
@@ -362,7 +367,7 @@ class TransientMemory:
         return self._new(wanted if wanted <= self.runtime.memory.largest else size)
 
     def _new(self, size: int) -> _Chunk:
-        with self.runtime.memory.keeping():
+        with self.runtime.memory.keeping(False):  # it is bounded by the largest frame
             chunk = _Chunk(self.runtime, size)
         chunk.call = self.runtime.calls
         self._chunks.append(chunk)
@@ -408,7 +413,8 @@ class TransientMemory:
         values = self._borders.get(outside)
         if values is None or values.count < count:
             self._borders.pop(outside, None)
-            values = self.runtime.array(np.full(count, outside, np.float32))
+            with self.runtime.memory.keeping(False):
+                values = self.runtime.array(np.full(count, outside, np.float32))
             self._borders[outside] = values
         return values
 

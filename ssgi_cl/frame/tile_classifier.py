@@ -8,6 +8,7 @@ from typing import Any
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.transient import TransientPlane
 from ssgi_cl.frame.render_params import ao_technique
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, TileFacts, Tiles
@@ -111,7 +112,6 @@ class Occluder:
         self.name, self._technique = ao_technique(runtime, size, params, margin, layers)
         self._layers = layers
         self._skips = skips
-        self._all_open: Plane | None = None
         self._size = size
         self._has_one = params.channels == 1
         self.pays = False
@@ -131,9 +131,10 @@ class Occluder:
         known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
         self.pays = layers is not None or self._opener.pays
         if known is not None and known.open == known.total and self._has_one:
-            # Few frames need it.
-            self._all_open = self._all_open or self.runtime.plane(1, self._size, 1.0)
-            return self._all_open
+            plane = self.runtime.transient.plane(1, self._size, 1.0)
+            if isinstance(plane, TransientPlane):
+                plane.clear()
+            return plane
         return self._technique.run(seen, known, layers)
 
     @property

@@ -1,4 +1,4 @@
-"""Transient memory: passes share it, results are those without sharing, and what frames keep."""
+"""Memory that passes share: one user at a time, free as soon as nothing refers to it."""
 
 from __future__ import annotations
 

@@ -73,14 +73,14 @@ def test_what_is_counted_is_what_is_taken(runtime: Runtime) -> None:
 
     needed = runtime.memory.needed(make)
     gc.collect()
-    before, shared = runtime.memory.used, runtime.transient.size
+    before, shared = runtime.memory.used, runtime.transient.held
     made = make()
     assert runtime.memory.used - before == pytest.approx(needed, abs=ALIGNMENT)
     assert needed > 0
     del made
     gc.collect()
     # What passes share stays for the next ones.
-    assert runtime.memory.used - runtime.transient.size == before - shared
+    assert runtime.memory.used - runtime.transient.held == before - shared
 
 
 def test_a_piece_that_is_too_large_is_refused(

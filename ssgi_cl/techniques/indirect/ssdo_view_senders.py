@@ -54,8 +54,7 @@ class ViewSenders:
             self._technique.set(params.bitmask())
         for lit, openness in self._senders.values():
             openness.set(_coarse(params))
-            for lamps in lit.passes:
-                set_lamps(lamps, params)
+            set_lamps(lit.lights, params)
         self.params = params
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:

@@ -36,7 +36,7 @@ from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
+from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams, auto_exposure
 from ssgi_cl.techniques.tiles import TileFacts, Tiles
 
 REST = 7
@@ -110,7 +110,7 @@ class Renderer:
         self._near = Opener(runtime, "ssdo", "ssdo_bitmask")
         self._indirect_ao = indirect_ao and self._bounce is not None
         self._shade = Shade(runtime, size)
-        self._tonemap = Tonemap(runtime, size, curve)
+        self._tonemap = Tonemap(runtime, size, TonemapParams(curve=curve))
         self._stages = Stages(runtime, keep="unchanged" in self.skips)
         self._costs: dict[str, float] = {}
         self._found_idle = False

@@ -24,6 +24,7 @@ from ssgi_cl.techniques.filters.upsample import (
     UpsampleParams,
     coarse_size,
 )
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
@@ -131,7 +132,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         the first call.
         """
         self._check(gbuffer)
-        source: Any = gbuffer
+        source: Source = gbuffer
         if self._upsample is not None:
             if self._reduced is None:
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
@@ -171,7 +172,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(
-        self, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None, layers: int | None,
+        self, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None, layers: int | None,
         window: Window | None,
     ) -> None:
         """Queue what writes A to `_openness` from `source`: the G-buffer, or it reduced.
@@ -179,7 +180,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         Only pixels in `window` are needed.
         """
 
-    def _margins(self, source: Any) -> dict[str, int]:
+    def _margins(self, source: Source) -> dict[str, int]:
         """Return how far `source` exceeds `_openness` on each side, as kernels' structs have it."""
         rows, columns = self._openness.size
         return {

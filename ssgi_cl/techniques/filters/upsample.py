@@ -20,6 +20,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Technique
 
 UPSAMPLE = Struct(
@@ -168,7 +169,7 @@ class Upsample(Prepared[UpsampleParams]):
         self._fine = runtime.plane(channels, size)
         self._trace = Trace()
 
-    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self.params.scales())
         lanes = self.runtime.form.lanes
@@ -229,7 +230,7 @@ class UpsampleBlur:
         self._fine = runtime.plane(1, size)
         self._traces = Trace(), Trace()
 
-    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         rows, columns = coarse.size
@@ -259,7 +260,7 @@ class UpsampleBlur:
 
 
 def _packed(
-    reduced: ReducedGBuffer, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
+    reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
 ) -> NDArray[np.void]:
     return UPSAMPLE.pack(
         {

@@ -219,6 +219,7 @@ def compiled(runtime: Runtime, build: Build) -> Any:
         )
 
 
+@pytest.mark.slow  # compiles all kernels once more
 def test_the_compiler_reads_the_same_signatures(runtime: Runtime) -> None:
     import pyopencl as cl
 

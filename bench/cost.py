@@ -29,7 +29,7 @@ RADII = (0.5, 1.0, 2.0, 4.0)
 RADII_AT: Size = (600, 800)
 
 TECHNIQUES: Mapping[str, tuple[Any, type[SliceParams]]] = {
-    name: (each.technique, each.params) for name, each in of_kind("ao").items()
+    name: (each.technique, each.technique.defaults) for name, each in of_kind("ao").items()
     if issubclass(each.technique, SliceTechnique)
 }
 

@@ -77,6 +77,7 @@ from .techniques.filters.bilateral import (
     bilateral_blur as bilateral_blur,
 )
 from .techniques.filters.upsample import Upsample as Upsample
+from .techniques.filters.upsample import UpsampleParams as UpsampleParams
 from .techniques.filters.upsample import upsample as upsample
 from .techniques.indirect.auxiliary_cameras import auxiliary_cameras as auxiliary_cameras
 from .techniques.indirect.multires_published import (
@@ -125,8 +126,10 @@ from .techniques.indirect.vpl_splat import (
 from .techniques.presets.choose import Choice as Choice
 from .techniques.shading.multi_bounce import multi_bounce as multi_bounce
 from .techniques.shading.shade import Shade as Shade
+from .techniques.shading.shade import ShadeParams as ShadeParams
 from .techniques.shading.shade import shade as shade
 from .techniques.shading.tonemap import Tonemap as Tonemap
+from .techniques.shading.tonemap import TonemapParams as TonemapParams
 from .techniques.shading.tonemap import tonemap as tonemap
 from .truth import metrics as metrics
 from .truth.ray_ao import RayAo as RayAo

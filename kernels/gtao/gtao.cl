@@ -158,13 +158,15 @@ SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
             const SsgiPair pair = ssgi_pair(receiver, &taps, t);
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
+                const SsgiPairTap both[2] = {
+                    ssgi_pair_tap(&pair, near, receiver, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, near, receiver, &taps, 1, t, layer),
+                };
 #pragma unroll
                 for (int side = 0; side < 2; ++side) {
-                    const SsgiPairTap tap =
-                        ssgi_pair_tap(&pair, near, receiver, &taps, side, t, layer);
-                    const vfloat rise = gtao_rise(receiver, &slice, &tap, side, params);
+                    const vfloat rise = gtao_rise(receiver, &slice, &both[side], side, params);
                     highest[side] =
-                        v_max(highest[side], v_select(v_splat(0.0f), rise, tap.counts));
+                        v_max(highest[side], v_select(v_splat(0.0f), rise, both[side].counts));
                 }
             }
         }

@@ -164,6 +164,7 @@ SSGI_INLINE void ssdo_scan(ssgi_plane near, const SsgiReceiver *receiver, const 
 SSGI_INLINE void ssdo_store_kept(const vint kept[2 * SLICES_COUNT], const SsgiReceiver *receiver,
                                  __global int *images, const int2 size, const SsgiItem *item)
 {
+#pragma unroll 1
     for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
         ssgi_store_item(v_from_bits(kept[s] & receiver->active), (__global float *)images, s, size,
                         item);
@@ -207,6 +208,7 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
     for (int i = 0; i < SSDO_IMAGES; ++i) {
         images[i] = v_splat(0.0f);
     }
+#pragma unroll 1
     for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
         bits[s] = v_splat_int(0);
     }
@@ -224,7 +226,8 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
             images[i] = v_select(images[i], found[i], group.alike);
         }
         if (BITMASK_KEPT) {
-            for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+        #pragma unroll 1
+    for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
                 bits[s] = v_iselect(bits[s], found_bits[s], group.alike);
             }
         }

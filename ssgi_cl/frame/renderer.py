@@ -58,7 +58,7 @@ from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.tonemap import Tonemap
+from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams
 from ssgi_cl.techniques.tiles import Tiles
 
 _PLANES = {AO: "ao", INDIRECT: "indirect"}
@@ -171,7 +171,7 @@ class Renderer:
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
-            *picture_stages(shade, Tonemap(runtime, size, curve)),
+            *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
         self._graph = Graph(
             runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs

@@ -25,7 +25,7 @@ class Technique:
         kind: one of `KINDS`.
         paper: authors and year.
         function: numpy in, numpy out; takes `runtime` and the parameters.
-        params: the dataclass that declares the parameters; None if there is none.
+        params: the dataclass that declares the parameters.
         technique: the class, to prepare once and run often.
         reference: the module of the numpy reference implementation.
         kernels: path in kernels/ -> names of macros, of the technique's own folders there; what it
@@ -47,7 +47,7 @@ class Technique:
     kind: str
     paper: str
     function: Callable[..., Any]
-    params: Any
+    params: type[Params]
     technique: Any
     reference: str
     kernels: Mapping[str, Sequence[str]]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.techniques.catalogue import Entry
 from ssgi_cl.truth import metrics
@@ -80,7 +81,7 @@ class Trials:
         self._fixed = dict(fixed)
         self._metric = METRICS[metric]
         self._runtime = contexts[0].runtime
-        self._takes_radius = "radius" in entry.params.__dataclass_fields__
+        self._takes_radius = "radius" in parameter_fields(entry.params)
         self._stopwatch = Stopwatch(self._runtime, seconds=CAREFUL_SECONDS)
         self._reference = GatherLoad(self._runtime)
         # Ratios to the reference become milliseconds by its least time: what else the machine

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -19,8 +19,10 @@ from ssgi_cl import kernels as kernel_folder
 from ssgi_cl.bench.every import Inputs, inputs
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device import sources
+from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
 from ssgi_cl.techniques.catalogue import CATALOGUE, of_kind, table
 from ssgi_cl.techniques.technique import INPUTS, KINDS, Technique
 from ssgi_cl.tuning.context import Context
@@ -149,3 +151,60 @@ def test_the_table_has_a_row_for_each() -> None:
     assert len(lines) == 2 + len(CATALOGUE)
     assert lines[2].startswith("| `ssao` | ao | Mittring 2007")
     assert all(line.count("|") == lines[0].count("|") for line in lines)
+
+
+@every_technique
+def test_constructors_have_one_order(technique: Technique) -> None:
+    parameters = list(inspect.signature(technique.technique).parameters.values())
+    assert [p.name for p in parameters[:3]] == ["runtime", "size", "params"]
+    assert parameters[2].default is None
+    rest = [p.name for p in parameters[3:] if p.kind is p.POSITIONAL_OR_KEYWORD]
+    order = ("margin", "layers", "attributes", "channels")
+    assert rest == [name for name in order if name in rest]
+    keywords = get_type_hints(technique.technique.__init__)
+    assert technique.params in (keywords["params"], *get_args(keywords["params"])) or (
+        issubclass(technique.technique, OcclusionTechnique)
+        and technique.technique.defaults is technique.params
+    )
+
+
+def test_former_arguments_of_constructors_work_and_warn(runtime: Runtime) -> None:
+    for make, params in (
+        (lambda: gi.Tonemap(runtime, (2, 3), "clip"), gi.TonemapParams(curve="clip")),
+        (lambda: gi.Tonemap(runtime, (2, 3), curve="clip"), gi.TonemapParams(curve="clip")),
+        (lambda: gi.Upsample(runtime, (2, 3), 4), gi.UpsampleParams(step=4)),
+        (
+            lambda: gi.Upsample(runtime, (2, 3), 2, 3, background=1.0, normal_sigma=0.1),
+            gi.UpsampleParams(step=2, background=1.0, normal_sigma=0.1),
+        ),
+        (lambda: gi.Upsample(runtime, (2, 3), step=4), gi.UpsampleParams(step=4)),
+    ):
+        with pytest.warns(DeprecationWarning, match=r"is now \w+\(params=\w+Params\(") as found:
+            assert make().params == params
+        assert found[0].filename == __file__
+    with pytest.raises(TypeError, match=r"Tonemap\(\) .* 'curv': did you mean 'curve'"):
+        gi.Tonemap(runtime, (2, 3), curv="clip")
+    with pytest.raises(TypeError, match="expected params alone"):
+        gi.Tonemap(runtime, (2, 3), gi.TonemapParams(), curve="clip")
+
+
+def test_shading_and_tone_mapping_take_their_parameters(runtime: Runtime, given: Inputs) -> None:
+    gbuffer, size = on_device(given.gbuffer, runtime), given.gbuffer.size
+    openness, indirect = runtime.plane(1, size, 0.5), runtime.plane(3, size)
+    openness.upload(np.full((1, *size), 0.5, np.float32))
+    indirect.upload(np.ones((3, *size), np.float32))
+    both = {"multi_bounce": True, "indirect_ao": True}
+    shown = []
+    for params, switches in ((gi.ShadeParams(**both), {}), (None, both), (None, {})):
+        plane = gi.Shade(runtime, size, params).run(
+            gbuffer, given.lights, openness=openness, indirect=indirect, **switches
+        )
+        shown.append(plane.download())
+    np.testing.assert_array_equal(shown[0], shown[1])
+    assert (shown[0] != shown[2]).any()
+    mapped = gi.Tonemap(runtime, size, gi.TonemapParams(exposure=0.3))
+    np.testing.assert_array_equal(mapped.run(plane), mapped.run(plane, 0.3))
+    mapped.params = gi.TonemapParams()
+    automatic = mapped.run(plane)
+    radiance = np.moveaxis(plane.download(), 0, -1)
+    np.testing.assert_array_equal(automatic, gi.tonemap(radiance, runtime=runtime))

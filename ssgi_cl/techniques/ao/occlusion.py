@@ -25,6 +25,7 @@ from ssgi_cl.techniques.filters.upsample import (
     UpsampleParams,
     coarse_size,
 )
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
@@ -137,7 +138,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         the first call.
         """
         self._check(gbuffer)
-        source: Any = gbuffer
+        source: Source = gbuffer
         if self._upsample is not None:
             if self._reduced is None:
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
@@ -177,7 +178,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
         layers: int | None, window: Window | None,
     ) -> None:
         """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
@@ -185,7 +186,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         Only pixels in `window` are needed.
         """
 
-    def _margins(self, source: Any) -> dict[str, int]:
+    def _margins(self, source: Source) -> dict[str, int]:
         """Return how far `source` exceeds what `_occlude` writes on each side, for a struct."""
         rows, columns = self._openness.size
         return {

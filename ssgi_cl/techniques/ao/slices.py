@@ -34,6 +34,7 @@ from ssgi_cl.techniques.ao.occlusion import (
 from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 SLICES = Struct(
@@ -344,7 +345,7 @@ class SliceScan(Prepared[SliceParams]):
             "step": self.step, "first_x": self._first[1], "first_y": self._first[0],
         }
 
-    def packed(self, source: Any, values: Mapping[str, float]) -> Any:
+    def packed(self, source: Source, values: Mapping[str, float]) -> Any:
         """Return the struct for a G-buffer, or it reduced, with the technique's own `values`."""
         params = self.params
         camera = source.camera_struct
@@ -431,7 +432,7 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         )
 
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
         layers: int | None, window: Window | None,
     ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None

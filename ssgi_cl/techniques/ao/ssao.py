@@ -20,6 +20,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
@@ -269,7 +270,7 @@ class Ssao(OcclusionTechnique):
         )
 
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Any, tiles: OpenTiles | None,
+        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
         layers: int | None, window: Window | None,
     ) -> None:
         self._kernel.run(
@@ -279,7 +280,7 @@ class Ssao(OcclusionTechnique):
             camera=source.camera_struct, params=self._packed(source, tiles),
         )
 
-    def _packed(self, source: Any, tiles: OpenTiles | None) -> Any:
+    def _packed(self, source: Source, tiles: OpenTiles | None) -> Any:
         params = self.params
         radii = [*params.radius, 0.0, 0.0, 0.0][:4]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)

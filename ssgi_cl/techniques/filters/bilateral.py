@@ -18,6 +18,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
@@ -133,7 +134,7 @@ class Bilateral(Prepared[BilateralParams]):
             self._weights.upload(_weight_table(params))
 
     def run(
-        self, value: Plane, gbuffer: DeviceGBuffer, name: str = "blur", *,
+        self, value: Plane, gbuffer: Source, name: str = "blur", *,
         tiles: OpenTiles | None = None, step: int = 1, window: Window | None = None,
     ) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).

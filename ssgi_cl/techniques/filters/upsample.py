@@ -21,6 +21,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Technique
 
 UPSAMPLE = Struct(
@@ -171,7 +172,7 @@ class Upsample(Prepared[UpsampleParams]):
         self._channels = channels
         self._fine = Target(runtime, channels, size, kept=kept)
 
-    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self.params.scales())
         lanes = self.runtime.form.lanes
@@ -235,7 +236,7 @@ class UpsampleBlur:
         self._rows = Target(runtime, 1, (coarse_size(size, step)[0], size[1]), kept=False)
         self._fine = Target(runtime, 1, size, kept=kept)
 
-    def run(self, coarse: Plane, reduced: ReducedGBuffer, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         rows, columns = coarse.size
@@ -265,7 +266,7 @@ class UpsampleBlur:
 
 
 def _packed(
-    reduced: ReducedGBuffer, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
+    reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
 ) -> NDArray[np.void]:
     return UPSAMPLE.pack(
         {

@@ -25,6 +25,7 @@ from ssgi_cl.techniques.indirect.rsm_samples import (
     disk_pattern,
     tile_turns,
 )
+from ssgi_cl.techniques.source import Source
 
 GATHER = Struct(
     "RsmGatherParams",
@@ -118,7 +119,7 @@ class RsmMaps:
         self._maps = list(zip(rsms, self._kept, strict=False))
 
     def gather(
-        self, source: Any, camera: Camera, result: Plane, level: Level | None = None
+        self, source: Source, camera: Camera, result: Plane, level: Level | None = None
     ) -> None:
         """Queue the gathering from all maps that were prepared, at least one.
 
@@ -133,7 +134,7 @@ class RsmMaps:
             self._gather(source, camera, result, level, rsm, samples, add=number > 0)
 
     def _gather(
-        self, source: Any, camera: Camera, result: Plane, level: Level | None, rsm: DeviceRsm,
+        self, source: Source, camera: Camera, result: Plane, level: Level | None, rsm: DeviceRsm,
         samples: _Samples, *, add: bool,
     ) -> None:
         kernel, given, count = self._pass(rsm, samples, listed=level is not None)

@@ -31,6 +31,7 @@ from ssgi_cl.techniques.shading.layer_shading import LitLayers
 from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
@@ -226,7 +227,7 @@ class Ssdo(Prepared[SsdoParams]):
     def _gathered(
         self,
         gbuffer: DeviceGBuffer,
-        source: Any,
+        source: Source,
         sent: Any,
         sky: Sky | None,
         lights: Sequence[Light],

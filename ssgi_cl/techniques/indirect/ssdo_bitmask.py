@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from ssgi_cl.techniques.ao.slices import (
 )
 from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.shading.sky import SKY_SIZE, Sky
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
@@ -106,7 +106,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
     def gather(
         self,
         gbuffer: DeviceGBuffer,
-        source: Any,
+        source: Source,
         radiance: Plane | ImageParts | None = None,
         sky: Sky | None = None,
         tiles: OpenTiles | None = None,

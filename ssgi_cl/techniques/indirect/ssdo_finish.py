@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -11,6 +9,7 @@ from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.filters.bilateral import Bilateral
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import TILE, OpenTiles
 
 
@@ -33,7 +32,7 @@ class Finish:
         self._blurs: dict[int, Bilateral] = {}
         self._upsamples: dict[int, Upsample] = {}
 
-    def source(self, gbuffer: DeviceGBuffer) -> Any:
+    def source(self, gbuffer: DeviceGBuffer) -> Source:
         """Return the G-buffer, or what is picked from it for the size that is gathered."""
         if self._step == 1:
             return gbuffer
@@ -43,7 +42,7 @@ class Finish:
         return self._reduced
 
     def run(
-        self, plane: Plane, source: Any, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None
+        self, plane: Plane, source: Source, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None
     ) -> Plane:
         """Queue the blur and the upsampling of all images at once.
 

@@ -22,6 +22,7 @@ from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_views import SsdoViews, ViewsParams
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
 from ssgi_cl.techniques.shading.light_data import ShadowMap
+from ssgi_cl.techniques.source import Source
 
 COARSER = 4
 """How many times fewer slices and taps find A of the surfaces that further cameras see."""
@@ -72,7 +73,7 @@ class ViewSenders:
         light: Plane,
         back: BackEnd,
         gbuffer: DeviceGBuffer,
-        source: Any,
+        source: Source,
         view: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,

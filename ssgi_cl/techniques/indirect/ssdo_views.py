@@ -18,6 +18,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 from ssgi_cl.techniques.indirect.ssdo_views_unseen import UnseenDepth
+from ssgi_cl.techniques.source import Source
 
 EDGES = tuple(f"{side}_{axis}" for side, axes in (("left", "xzw"), ("right", "xzw"),
                                                  ("top", "yzw"), ("bottom", "yzw"))
@@ -88,7 +89,7 @@ class SsdoViews:
         light: Plane,
         masks: DeviceArray,
         gbuffer: DeviceGBuffer,
-        source: Any,
+        source: Source,
         other: DeviceGBuffer,
         radiance: Plane | None,
     ) -> None:
@@ -136,7 +137,7 @@ class SsdoViews:
         self,
         light: Plane,
         gbuffer: DeviceGBuffer,
-        source: Any,
+        source: Source,
         other: DeviceGBuffer,
         camera: Camera,
         further: Camera,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -29,7 +31,17 @@ COMBINE = Struct(
 )
 
 
-class Shade:
+@dataclass(frozen=True, kw_only=True)
+class ShadeParams(Params):
+    """Parameters of deferred shading."""
+
+    multi_bounce: bool = param(False, "brighten A by the surface's albedo, see `multi_bounce`")
+    indirect_ao: bool = param(
+        False, "A dims indirect light too, a stand-in for walls that it does not know of"
+    )
+
+
+class Shade(Prepared[ShadeParams]):
     """Deferred shading, prepared for images of one size.
 
     Reeves, Salesin and Cook 1987. Departs: see `shade`.
@@ -37,12 +49,17 @@ class Shade:
     Args:
         runtime: the device.
         size: (rows, columns) of the images.
+        params: see `ShadeParams`.
         lamps: whether `light` will be called.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, *, lamps: bool = True) -> None:
+    def __init__(
+        self, runtime: Runtime, size: Size, params: ShadeParams | None = None, *,
+        lamps: bool = True,
+    ) -> None:
         self.runtime = runtime
         self.size = size
+        self._params = params or ShadeParams()
         self._lamps = Lamps(runtime, size) if lamps else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)
@@ -59,14 +76,14 @@ class Shade:
         shadows: Sequence[ShadowMap | None] | None = None,
         openness: Plane | None = None,
         indirect: Plane | None = None,
-        multi_bounce: bool = False,
+        multi_bounce: bool | None = None,
         direct: Plane | None = None,
-        indirect_ao: bool = False,
+        indirect_ao: bool | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of radiance.
 
         `shadows` has one entry for each light (None: it casts no shadow), `openness` is A;
-        `multi_bounce` brightens A and `indirect_ao` lets it dim `indirect` too, see `shade`.
+        `multi_bounce` and `indirect_ao` are those of the parameters by default.
         `direct` is the irradiance of all lights, if that is known already; environments then only
         show where nothing is.
         """
@@ -93,14 +110,18 @@ class Shade:
         ambient: bool = True,
         openness: Plane | None = None,
         indirect: Plane | None = None,
-        multi_bounce: bool = False,
-        indirect_ao: bool = False,
+        multi_bounce: bool | None = None,
+        indirect_ao: bool | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
         `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
         is as in `run`.
         """
+        if multi_bounce is None:
+            multi_bounce = self.params.multi_bounce
+        if indirect_ao is None:
+            indirect_ao = self.params.indirect_ao
         if self._ambient.set(lights):
             self._set_sky([light for light in lights if isinstance(light, Environment)])
         shines = ambient and self._ambient.shines
@@ -195,8 +216,7 @@ def shade(
         TypeError, ValueError: an argument of the wrong type, shape or range.
     """
     lights = checked_lights(lights, rsms)
-    checks.switch("multi_bounce", multi_bounce)
-    checks.switch("indirect_ao", indirect_ao)
+    params = ShadeParams(multi_bounce=multi_bounce, indirect_ao=indirect_ao)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")
@@ -219,7 +239,7 @@ def shade(
     with runtime.frame():
         result = technique.run(
             device, lights, shadows=shadows, openness=openness, indirect=added,
-            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
+            multi_bounce=params.multi_bounce, indirect_ao=params.indirect_ao,
         ).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
@@ -249,7 +269,7 @@ DESCRIPTOR = Technique(
     kind="shading",
     paper="Reeves, Salesin and Cook 1987",
     function=shade,
-    params=None,
+    params=ShadeParams,
     technique=Shade,
     reference="ssgi_cl.reference.shade",
     kernels={

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.params import Params, Prepared, former_params, param
 from ssgi_cl.device.active_region import Window, copy_window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -17,26 +20,61 @@ LARGEST_EXPOSURE = 1e30
 """Greater ones count as this one, which is finite in float32."""
 
 
-class Tonemap:
+@dataclass(frozen=True, kw_only=True)
+class TonemapParams(Params):
+    """Parameters of tone mapping (Narkowicz 2015; Reinhard et al. 2002)."""
+
+    curve: str = param(
+        "filmic", "fit of the ACES reference transform, or 'clip': what exceeds 1 is cut",
+        choices=CURVES,
+    )
+    exposure: float | None = param(
+        None, "factor before the curve, above 0; by default the log-average luminance becomes 0.18",
+        shape=lambda _: None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.exposure is not None:
+            exposure = checks.number("exposure", self.exposure, low=0.0, above=True)
+            object.__setattr__(self, "exposure", exposure)
+
+
+class Tonemap(Prepared[TonemapParams]):
     """Tone mapping, prepared for images of one size.
 
     Narkowicz 2015; Reinhard et al. 2002. Departs: see `tonemap`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        params: see `TonemapParams`. A curve alone, as `curve`, works for one release and warns.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, curve: str = "filmic") -> None:
+    def __init__(
+        self, runtime: Runtime, size: Size, params: TonemapParams | str | None = None,
+        **former: str,
+    ) -> None:
         self.runtime = runtime
         self.size = size
-        number = CURVES.index(checks.choice("curve", curve, CURVES))
+        if isinstance(params, str) or former:
+            params = former_params(TonemapParams, "Tonemap", "curve", params, former)
+        self._params = params or TonemapParams()
+        number = CURVES.index(self._params.curve)
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
 
     def run(
-        self, radiance: Plane, exposure: float, window: Window | None = None
+        self, radiance: Plane, exposure: float | None = None, window: Window | None = None
     ) -> NDArray[np.uint8]:
         """Run the pass; return the picture, [rows, columns, 3] uint8.
 
+        `exposure` is that of the parameters by default, or the automatic one of the radiance.
         Outside of `window` radiance is the same everywhere: one pixel stands for all.
         """
+        exposure = self.params.exposure if exposure is None else exposure
+        if exposure is None:
+            exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), window)
         beyond = None if window is None else window.beyond(self.size)
         parts = [window]
         encoded_bytes = self.runtime.transient.array(
@@ -120,16 +158,15 @@ def tonemap(
     values = checks.plane("radiance", radiance, channels=3, low=0.0, unit="W m^-2 sr^-1")
     if values.size == 0:
         raise ValueError(f"radiance has shape {values.shape}: expected at least one pixel")
-    checks.choice("curve", curve, CURVES)
-    factor = (
-        auto_exposure(values) if exposure is None
-        else checks.number("exposure", exposure, low=0.0, above=True)
-    )
+    params = TonemapParams(curve=curve, exposure=exposure)
+    factor = auto_exposure(values) if params.exposure is None else params.exposure
     device = runtime or Runtime.open()
     size = values.shape[:2]
     technique, plane = device.prepared(
-        (Tonemap, size, curve), lambda: (Tonemap(device, size, curve), device.plane(3, size))
+        (Tonemap, size, params.shape()),
+        lambda: (Tonemap(device, size, params), device.plane(3, size)),
     )
+    technique.params = params
     plane.upload(np.moveaxis(values, -1, 0))
     with device.frame():
         result: NDArray[np.uint8] = technique.run(plane, factor)
@@ -141,7 +178,7 @@ DESCRIPTOR = Technique(
     kind="shading",
     paper="Narkowicz 2015; Reinhard et al. 2002",
     function=tonemap,
-    params=None,
+    params=TonemapParams,
     technique=Tonemap,
     reference="ssgi_cl.reference.tonemap",
     kernels={"tonemap/tonemap.cl": ("TONEMAP_CURVE",)},

@@ -218,6 +218,7 @@ class Runtime:
                 self._log.depth = frames
             if before == 0:
                 self._working = False
+                self._bound_kept()  # passes may have taken more than what was prepared
             return result
 
     @property
@@ -371,11 +372,15 @@ class Runtime:
                     self._following.add(key)
             kept.call = self._calls
             self._prepared[key] = kept
-            while (
-                self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED
-            ) and self._let_go():
-                pass
+            self._bound_kept()
             return kept.value
+
+    def _bound_kept(self) -> None:
+        """Let go what was not used for the longest time while more is kept than may be."""
+        while (
+            self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED
+        ) and self._let_go():
+            pass
 
     def _follow(self, key: object) -> None:
         self._following.discard(key)

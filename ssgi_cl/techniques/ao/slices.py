@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
+from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Trace, Window
 from ssgi_cl.device.arrays import GUARD, DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
@@ -31,7 +32,6 @@ from ssgi_cl.techniques.ao.occlusion import (
     OcclusionParams,
     OcclusionTechnique,
 )
-from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source

@@ -9,7 +9,7 @@ from functools import cache
 import ssgi_cl as gi
 from ssgi_cl.bench import every
 from ssgi_cl.bench.cases.vpl_lobes import polished
-from ssgi_cl.device import probe
+from ssgi_cl.device import probe_timer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
@@ -51,7 +51,7 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
         gbuffer, gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=own), 64,
         interleave=True, visibility=True, scene=made.scene, runtime=own,
     )
-    probe.timer(own)()
+    probe_timer.timer(own)()
     Calibration.of(own)
     return tuple(
         Build(path, dict(macros), structs, kernel)

@@ -15,6 +15,7 @@ from ssgi_cl.device.drivers import FORMS
 from ssgi_cl.device.runtime import Runtime
 
 from .launches import builds
+from .test_kernel_files import is_guarded, text_of
 
 WARNINGS = [
     "-Weverything", "-Werror",
@@ -59,3 +60,12 @@ def test_clang_has_no_warning_about_a_kernel(
                     capture_output=True, text=True, check=False,
                 )
                 assert done.returncode == 0, f"{form}, {build.macros}:\n{done.stderr}"
+
+
+def test_a_kernel_refuses_to_build_without_its_macros_and_explains_them(runtime: Runtime) -> None:
+    for build in builds(runtime):
+        text = text_of(build.path)
+        header = text.split("\n\n", 1)[0]
+        for macro in build.macros:
+            assert is_guarded(macro, text), (build.path, macro)
+            assert macro in header, f"{macro} is not in the header comment of {build.path}"

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from ssgi_cl.cli import command
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device import drivers, opencl, probe, probing, records
+from ssgi_cl.device import drivers, opencl, probing, records
 from ssgi_cl.device.info import FORMS, DeviceInfo, Found
 from ssgi_cl.device.runtime import Runtime
 
@@ -171,7 +171,7 @@ def test_a_record_that_the_driver_contradicts_is_made_anew(
         monkeypatch.setattr("ssgi_cl.device.runtime._OPENED", {})
         monkeypatch.setattr(drivers, "choose", lambda name, known=known: known[-1])
         monkeypatch.setattr(drivers, "look_again", lambda driver, known=known: known.append(true))
-        monkeypatch.setattr(drivers, "confirm", lambda info, form: None)
+        monkeypatch.setattr(drivers, "confirm", lambda info, form, speed: None)
         assert Runtime.open().info == true
         assert len(known) == 2
 
@@ -189,24 +189,18 @@ def test_a_device_that_is_gone_is_an_error_that_says_how_to_look_again(runtime: 
     ("speed", "kept"), [(5.0, True), (3.4, True), (3.3, False), (2.5, False), (50.0, True)]
 )
 def test_a_speed_that_use_does_not_confirm_is_measured_again(
-    alone: Path, runtime: Runtime, monkeypatch: pytest.MonkeyPatch, speed: float, kept: bool
+    alone: Path, speed: float, kept: bool
 ) -> None:
     records.save(alone, Found([info(alone)]))
-    monkeypatch.setattr("ssgi_cl.device.runtime.Runtime", lambda info, form: runtime)
-    monkeypatch.setattr(probe, "speed_in_use", lambda runtime: speed)
-    drivers.confirm(info(alone), FORMS[3])
+    drivers.confirm(info(alone), FORMS[3], lambda: speed)
     assert (records.load(alone) is not None) == kept
 
 
-def test_a_speed_is_confirmed_a_few_times_only(
-    alone: Path, runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_speed_is_confirmed_a_few_times_only(alone: Path) -> None:
     records.save(alone, Found([info(alone)]))
-    monkeypatch.setattr("ssgi_cl.device.runtime.Runtime", lambda info, form: runtime)
     timed: list[int] = []
-    monkeypatch.setattr(probe, "speed_in_use", lambda runtime: timed.append(1) or 5.0)
     for _ in range(5):
-        drivers.confirm(info(alone), FORMS[3])
+        drivers.confirm(info(alone), FORMS[3], lambda: timed.append(1) or 5.0)
     assert len(timed) == records.USES_TO_CONFIRM
 
 

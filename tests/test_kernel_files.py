@@ -9,9 +9,6 @@ from pathlib import Path
 import pytest
 
 from ssgi_cl.device import constants, sources
-from ssgi_cl.device.runtime import Runtime
-
-from .launches import builds
 
 every_kernel = pytest.mark.parametrize("path", sources.kernel_names())
 
@@ -59,15 +56,6 @@ def guards(text: str) -> str:
 
 def is_guarded(name: str, text: str) -> bool:
     return bool(re.search(rf"ndef {name}$|ndef {name} |!defined\({name}\)", guards(text)))
-
-
-def test_a_kernel_refuses_to_build_without_its_macros_and_explains_them(runtime: Runtime) -> None:
-    for build in builds(runtime):
-        text = text_of(build.path)
-        header = text.split("\n\n", 1)[0]
-        for macro in build.macros:
-            assert is_guarded(macro, text), (build.path, macro)
-            assert macro in header, f"{macro} is not in the header comment of {build.path}"
 
 
 @every_kernel

@@ -13,6 +13,7 @@ import pytest
 
 from ssgi_cl.device import drivers, probe, probing
 from ssgi_cl.device.info import FORMS, DeviceInfo
+from ssgi_cl.device.probe_timer import speed_in_use
 from ssgi_cl.device.probing import Answers, consensus
 from ssgi_cl.device.runtime import Runtime
 
@@ -235,7 +236,7 @@ def test_the_probe_answers_for_a_real_driver() -> None:
 def test_a_speed_in_use_is_that_of_the_record(runtime: Runtime) -> None:
     if runtime.info.kind != "cpu":
         pytest.skip("only speeds of processors are held to their record")
-    speed = probe.speed_in_use(Runtime(runtime.info, runtime.form))
+    speed = speed_in_use(Runtime(runtime.info, runtime.form))
     recorded = runtime.info.speeds[str(runtime.form)]
     assert isinstance(recorded, float)
     # Time of the processor, not of the clock: caches and hyperthreads are all that is shared.

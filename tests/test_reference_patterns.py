@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.core.vpls import cut_evenly
 from ssgi_cl.reference import patterns, rsm
 from ssgi_cl.reference.bitmask_ao import taps_of
@@ -19,7 +20,7 @@ from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 from ssgi_cl.techniques.ao.hbao import HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
-from ssgi_cl.techniques.ao.ssao import TILE_ORDER, SsaoParams, reflected_points, sample_points
+from ssgi_cl.techniques.ao.ssao import SsaoParams, reflected_points, sample_points
 from ssgi_cl.techniques.indirect import rsm_samples
 from ssgi_cl.techniques.indirect.flux_curve import hilbert_order
 from ssgi_cl.techniques.indirect.multires_grid import bound_scale

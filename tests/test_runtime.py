@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from importlib.resources import files
 
 import numpy as np
@@ -362,6 +363,7 @@ def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runtime.memory, "largest", 1 << 20)
+    gc.collect()
     before = runtime.memory.used
     with pytest.raises(DeviceMemoryError, match=r"2\.0 MiB in one piece, .* at most 1\.0 MiB"):
         runtime.empty(1 << 19, np.float32)

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 
+TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+"""Bayer's order of the pixels of a tile: those close in number lie far apart."""
+
+DEPTH_BIAS = 2e-6
+"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
+
 
 def r_points(first: int, last: int, dimensions: int) -> NDArray[np.float64]:
     """Return points `first` to `last` of the R sequence (Roberts 2018) in [0, 1)^dimensions."""

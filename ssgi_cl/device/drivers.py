@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -138,23 +139,24 @@ def look_again(driver: Path | None = None) -> None:
     _forget_devices()
 
 
-def confirm(info: DeviceInfo, form: Form) -> None:
+def confirm(info: DeviceInfo, form: Form, speed: Callable[[], float]) -> None:
     """Hold the recorded speed of a form to what it is in this process, where its driver is loaded.
 
     The first processes that use a record do so, in about 30 ms each. If one finds it too high, the
     record goes, and the next process times all forms again. Only for processors: their
     time is what is hard to measure, and clocks of cards rise with use.
-    """
-    from ssgi_cl.device import probe  # which is a program too, imported by none when it runs
-    from ssgi_cl.device.runtime import Runtime  # which imports this module
 
+    Args:
+        info, form: the device and the variant in use.
+        speed: measures it, in million reads a second.
+    """
     recorded = info.speeds.get(str(form))
     driver = Path(info.driver)
     if info.kind != "cpu" or not isinstance(recorded, float):
         return
     if not records.unconfirmed(driver):
         return
-    if probe.speed_in_use(Runtime(info, form)) < SLOWER_THAN_RECORDED * recorded:
+    if speed() < SLOWER_THAN_RECORDED * recorded:
         records.forget(driver)
     else:
         records.confirm(driver)

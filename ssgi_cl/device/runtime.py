@@ -30,6 +30,7 @@ from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
+from ssgi_cl.device.probe_timer import speed_in_use
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.transient import TransientMemory
 
@@ -178,7 +179,7 @@ class Runtime:
                 info, form = _chosen(name, lanes, storage)
                 _load_driver(info)
             runtime = _OPENED[key] = cls(info, form)
-            drivers.confirm(info, form)
+            drivers.confirm(info, form, lambda: speed_in_use(cls(info, form)))
         return runtime
 
     def __repr__(self) -> str:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from ssgi_cl.frame.graph_record import GraphRecord, mebibytes
+from typing import TYPE_CHECKING
+
+from ssgi_cl.frame.graph_layout import mebibytes
+
+if TYPE_CHECKING:
+    from ssgi_cl.frame.graph_record import GraphRecord
 
 _STYLES = {
     "ran": "filled", "reused": "filled", "planned": "filled", "idle": "dashed",

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ssgi_cl.frame.graph_record import GraphRecord
+if TYPE_CHECKING:
+    from ssgi_cl.frame.graph_record import GraphRecord
 
 LANE = 16.0
 """Width that a line takes in a layer that it passes, px."""
@@ -127,3 +129,8 @@ def _place(
 
 def _mean(values: list[float], default: float) -> float:
     return sum(values) / len(values) if values else default
+
+
+def mebibytes(size: int) -> str:
+    """Return a number of bytes in MiB, or KiB where that is less than a tenth."""
+    return f"{size / 2**20:.1f} MiB" if size >= 2**20 / 10 else f"{size / 2**10:.1f} KiB"

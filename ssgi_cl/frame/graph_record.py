@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.frame.graph_dot import dot
+from ssgi_cl.frame.graph_svg import svg
 
 STATES = {
     "ran": "ran",
@@ -136,14 +138,10 @@ class GraphRecord:
 
     def to_dot(self) -> str:
         """Return the graph in the language of Graphviz: stages are boxes, resources ellipses."""
-        from ssgi_cl.frame.graph_dot import dot
-
         return dot(self)
 
     def to_svg(self) -> str:
         """Return a picture of the graph, and of how long each resource is needed."""
-        from ssgi_cl.frame.graph_svg import svg
-
         return svg(self)
 
 
@@ -241,8 +239,3 @@ def device_bytes(value: Any) -> int:
 
     visit(value, True)
     return sum(buffers.values())
-
-
-def mebibytes(size: int) -> str:
-    """Return a number of bytes in MiB, or KiB where that is less than a tenth."""
-    return f"{size / 2**20:.1f} MiB" if size >= 2**20 / 10 else f"{size / 2**10:.1f} KiB"

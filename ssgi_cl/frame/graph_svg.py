@@ -5,9 +5,12 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
-from ssgi_cl.frame.graph_layout import Layout, layout, readers
-from ssgi_cl.frame.graph_record import GraphRecord, ResourceRecord, StageRecord, mebibytes
+from ssgi_cl.frame.graph_layout import Layout, layout, mebibytes, readers
+
+if TYPE_CHECKING:
+    from ssgi_cl.frame.graph_record import GraphRecord, ResourceRecord, StageRecord
 
 BOX = 244.0
 LINE = 14.0

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
+from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import (
@@ -31,7 +32,6 @@ from ssgi_cl.techniques.ao.occlusion import (
     OcclusionParams,
     OcclusionTechnique,
 )
-from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
@@ -309,7 +309,7 @@ class SliceScan(Prepared[SliceParams]):
             kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
                 name, self.sorted_size, window=over,
-                images=part, sorted=array, first=first, **self._places(part),
+                images=part, sorted=array, first_image=first, **self._places(part),
             )
             del part  # its memory is the next one's
         return array

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
+from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -40,12 +41,6 @@ SSAO = Struct(
         ),
     ),
 )
-
-DEPTH_BIAS = 2e-6
-"""Bias relative to depth: some roundings of a float32 position (2^-24 each)."""
-
-TILE_ORDER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
-"""Bayer's order of the pixels of a tile: those close in number lie far apart."""
 
 FALLOFFS = ("exponential", "ramp")
 

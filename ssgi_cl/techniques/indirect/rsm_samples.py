@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import look_at_matrix
+from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.arrays import DeviceArray, Size
 from ssgi_cl.device.constants import RSM_RECORD
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
-from ssgi_cl.techniques.ao.ssao import TILE_ORDER
 
 Doubles = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.sampling import r_points
-from ssgi_cl.techniques.ao.ssao import TILE_ORDER
+from ssgi_cl.core.sampling import TILE_ORDER, r_points
 
 Doubles = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.sampling import DEPTH_BIAS
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.ssao import DEPTH_BIAS
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.indirect.ssdo_directions import DirectionSets, direction_sets
 from ssgi_cl.techniques.shading.layer_shading import SenderRecords

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
 from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.ssao import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.techniques.shading.light_data import (
     LIGHT,
     Lamp,

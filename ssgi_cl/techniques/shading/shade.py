@@ -37,7 +37,7 @@ class ShadeParams(Params):
 
     multi_bounce: bool = param(False, "brighten A by the surface's albedo, see `multi_bounce`")
     indirect_ao: bool = param(
-        False, "A dims indirect light too, a stand-in for walls that it does not know of"
+        False, "A dims indirect light too, which has no visibility of its own"
     )
 
 

@@ -149,7 +149,7 @@ class LitLayers:
             return None
         return ImageParts(
             3 * self.layers * len(self._sides), self.whole, self.attributes == self.layers,
-            self._parts(gbuffer, lights, shadows, openness, step),
+            self._parts(self.lamps, gbuffer, lights, shadows, openness, step),
         )
 
     def records(
@@ -188,10 +188,10 @@ class LitLayers:
         return lit
 
     def _parts(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        self, lamps: Plane | None, gbuffer: DeviceGBuffer, lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None, openness: Plane | None, step: int,
     ) -> Iterator[tuple[int, Plane]]:
-        lamps = self.lamps
+        """Give the parts of `images`, given what `lamps` was when it was called."""
         for back, number in product(self._sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             if back or number:

@@ -635,7 +635,7 @@ def test_lists_that_are_too_short_grow(runtime: Runtime, rng: np.random.Generato
     kept = DeviceScene(runtime, scene)
     camera = ahead(96, 64)
     small, large = (Rasterizer(runtime, camera.size, layers=2) for _ in range(2))
-    large._grow(1 << 17, 1 << 20)
+    large._room, large._pair_room = 1 << 17, 1 << 20
     pictures = []
     for rasterizer in (small, large):
         with runtime.frame():

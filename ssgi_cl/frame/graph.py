@@ -248,7 +248,8 @@ class Graph:
             if writer is not None and writer.reuse == "on demand" and writer.name not in log:
                 self._bring(writer, values, log)
         # Should it fail, nothing is taken for made.
-        self._made.pop(name, None)
+        for each in (name, *stage.releases):
+            self._made.pop(each, None)
         self._versions[name] += 1
         first, start = self.runtime.noted, perf_counter()
         why = next(filter(None, (self._absent(each, values) for each in stage.reads)), "")

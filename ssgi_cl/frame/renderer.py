@@ -167,7 +167,7 @@ class Renderer:
                 self._indirect = "bounce", self._bounce
                 light.append(INDIRECT)
         stages = [
-            gbuffer_stage(self.rasterizer, self._release, look),
+            gbuffer_stage(self.rasterizer, look),
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
@@ -212,10 +212,6 @@ class Renderer:
                 multi_bounce=multi_bounce, outputs=outputs,
             )
         )
-
-    def _release(self) -> None:
-        """Let memory that the latest frame's SSDO holds go to others."""
-        self._graph.forget("ssdo")
 
     def _keep_world(self) -> None:
         """See that the G-buffer has its normals in world space, drawn anew if it did not."""

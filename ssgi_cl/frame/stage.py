@@ -31,6 +31,7 @@ class Stage:
             resources asked for; returns why the stage is idle, or None. An idle stage leaves None.
         reuse: "kept": results stay until what the stage reads changes. "on demand": it runs anew
             when a stage that reads it runs, and keeps by itself what it can. "every frame".
+        releases: stages whose results go before it runs: what is drawn next needs their memory.
         label: the name under which `PassTime` reports an idle stage; by default `name`.
         culled: why it is not run where no output needs it, if passes are to tell that.
         silent: whether passes tell nothing of it when it is idle.
@@ -43,6 +44,7 @@ class Stage:
     hints: tuple[str, ...] = ()
     condition: Callable[[Values], str | None] | None = None
     reuse: str = "kept"
+    releases: tuple[str, ...] = ()
     label: str = ""
     culled: str = ""
     silent: bool = False

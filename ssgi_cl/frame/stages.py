@@ -48,20 +48,17 @@ RESOURCES = (
 
 
 def gbuffer_stage(
-    rasterizer: Rasterizer, release: Callable[[], None],
-    look: Callable[[DeviceGBuffer], None] | None,
+    rasterizer: Rasterizer, look: Callable[[DeviceGBuffer], None] | None
 ) -> Stage:
     """Return the stage that draws the G-buffer.
 
     Args:
         rasterizer: draws it.
-        release: is called first: lets memory of the frame before go to this stage.
         look: queues what needs normals in world space, whose memory goes to others then; or None.
     """
     runtime = rasterizer.runtime
 
     def run(r: Values) -> DeviceGBuffer:
-        release()
         seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
         if seen.window is not None:
             rows, columns = seen.window.rows, seen.window.columns
@@ -73,7 +70,9 @@ def gbuffer_stage(
         seen.release_world()
         return seen
 
-    return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run)
+    return Stage(
+        name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run, releases=("ssdo",)
+    )
 
 
 def tiles_stage(tiles: Tiles, condition: Callable[[Values], str | None]) -> Stage:

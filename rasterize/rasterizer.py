@@ -12,7 +12,7 @@ from ssgi_cl.device.active_region import Window
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.kernel import Kernel
+from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
 
@@ -21,7 +21,8 @@ from .device_scene import BOXED, DeviceScene
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
 WIDE = 256
-"""Columns of which a window has a multiple, so that no work-group goes beyond."""
+"""Columns of which a window has a multiple at least; work-groups on CPUs may be wider, and none may
+go beyond."""
 WORTH = 0.75
 """Share of an image up to which a window is one."""
 PEEL = 1e-5
@@ -237,7 +238,8 @@ class Rasterizer:
 
     def _widened(self, window: Window) -> Window:
         """Return a window with columns for whole work-groups, within the image."""
-        wide = -(-window.columns // WIDE) * WIDE
+        group = max(WIDE, CPU_WIDTH * self.runtime.form.lanes)
+        wide = -(-window.columns // group) * group
         end = window.end[0], window.column + wide
         return Window.between(window.first, end).inside(self.target.whole)
 

@@ -22,7 +22,8 @@ from .device_scene import BOXED, DeviceScene
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
 WIDE = 256
-"""Columns of which a window has a multiple, at least, so that no work-group goes beyond."""
+"""Columns of which a window has a multiple at least; work-groups on CPUs may be wider, and none may
+go beyond."""
 WORTH = 0.75
 """Share of an image up to which a window is one."""
 LEAST_VERTICES = 1 << 20

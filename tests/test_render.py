@@ -309,15 +309,15 @@ def test_near_light_is_that_of_ssdo_by_hand(
     np.testing.assert_array_equal(frame.radiance[~there], sky[~there])
 
 
-def test_extra_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
+def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
     few, more = (
-        box(runtime, indirect="ssdo", ao_radius=0.5, extra_cameras=count) for count in (0, 2)
+        box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2)
     )
     assert few.indirect is not None
     assert more.indirect is not None
     assert more.indirect.mean() > 1.005 * few.indirect.mean()
     assert names(more).count("ssdo view") == 2
-    again = box(runtime, indirect="ssdo", ao_radius=0.5, extra_cameras=2)
+    again = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
     np.testing.assert_array_equal(more.radiance, again.radiance)
 
 
@@ -553,8 +553,8 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
         ({"ao": None}, TypeError, r"ao is None: expected True, False or the name"),
         ({"indirect": "rays"}, ValueError, r"indirect is 'rays': expected one of 'multires', "),
         ({"indirect": 1}, TypeError, r"indirect is 1: expected True, False, None or the name"),
-        ({"extra_cameras": 4}, ValueError, r"extra_cameras is 4: expected 0 with indirect=None"),
-        ({"extra_cameras": -1}, ValueError, r"extra_cameras is -1"),
+        ({"auxiliary_cameras": 4}, ValueError, r"auxiliary_cameras is 4: expected 0 with "),
+        ({"auxiliary_cameras": -1}, ValueError, r"auxiliary_cameras is -1"),
         ({"indirect": "vpl", "vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
         ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
         (
@@ -578,3 +578,10 @@ def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small
     renderer = Renderer(runtime, (6, 8))
     with pytest.raises(ValueError, match=r"\(6, 8\)"):
         renderer(small, viewer(9, 6), [SKY])
+
+
+def test_the_former_name_of_auxiliary_cameras_serves_and_warns(runtime: Runtime) -> None:
+    with pytest.warns(DeprecationWarning, match="is now render\\(auxiliary_cameras="):
+        former = box(runtime, indirect="ssdo", ao_radius=0.5, extra_cameras=2)
+    now = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
+    np.testing.assert_array_equal(former.radiance, now.radiance)

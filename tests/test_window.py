@@ -148,7 +148,7 @@ def test_a_rasteriser_with_windows_draws_the_same_bits(runtime: Runtime) -> None
         {"indirect": "multires"},
         {"indirect": "vpl", "vpls": 64},
         {"indirect": "gather"},
-        {"indirect": "ssdo", "layers": 2, "overscan": 0.1, "extra_cameras": 1},
+        {"indirect": "ssdo", "layers": 2, "overscan": 0.1, "auxiliary_cameras": 1},
     ],
     ids=str,
 )

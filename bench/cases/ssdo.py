@@ -38,8 +38,8 @@ overscan add to the Cornell box is lost between them (an RMSE of .39 of the mean
 """
 
 FAR_VIEWS = 1.0
-"""Size of further cameras there, in parts of the first one's: what they are to find in the hall is
-light from next door, less than a pixel of smaller ones away.
+"""Size of auxiliary cameras there, in parts of the first one's: what they are to find in the hall
+is light from next door, less than a pixel of smaller ones away.
 """
 
 EVEN_SKY = (0.2, 0.2, 0.2)

@@ -31,7 +31,7 @@ __kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, 
         ssgi_sorted(size.x, x, y, fine_size, columns, lead, step, first_x, first_y);
     for (int image = 0; image < SORTED_COUNT; ++image) {
         const vfloat value = ssgi_load_sorted(images, &from, image);
-        ssgi_store(v_select(v_splat(0.0f), value, from.inside), sorted, size, first_image + image, x, y,
-                   0.0f);
+        ssgi_store(v_select(v_splat(0.0f), value, from.inside), sorted, size, first_image + image,
+                   x, y, 0.0f);
     }
 }

@@ -22,7 +22,7 @@ class BuiltinScene:
         yfov: vertical field of view in radians.
         lights: what lights it, in W and metres.
         ao_radius: a reach of ambient occlusion that suits the scene, metres.
-        more_views: (eye, target) of further views, with the same `up` and `yfov`.
+        more_views: (eye, target) of auxiliary views, with the same `up` and `yfov`.
         closed: whether every surface bounds a volume, so that each edge has a triangle on either
             side; False where that is not known.
     """

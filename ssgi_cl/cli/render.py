@@ -73,7 +73,7 @@ if TYPE_CHECKING:
               help="Let --ao dim the light of --indirect multires, vpl and gather too.")
 @click.option("--layers", type=int, default=1, show_default=True,
               help="Depth layers.")
-@click.option("--extra-cameras", type=int, default=0, show_default=True,
+@click.option("--auxiliary-cameras", "--extra-cameras", type=int, default=0, show_default=True,
               help="Cameras that show --indirect ssdo what the camera misses.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True,
               help="Texels along a shadow map's side.")
@@ -151,7 +151,7 @@ def frame_arguments(
         "glossy_vpls": options["glossy_vpls"],
         "indirect_ao": options["indirect_ao"],
         "layers": options["layers"],
-        "extra_cameras": options["extra_cameras"],
+        "auxiliary_cameras": options["auxiliary_cameras"],
         "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
         "ao_samples": options["ao_samples"],
         "shadow_size": options["shadow_size"],

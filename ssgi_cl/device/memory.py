@@ -84,7 +84,7 @@ class DeviceMemory:
         Raises:
             DeviceMemoryError: they don't fit.
         """
-        self._check_one(size)
+        self.check_piece(size)
         self.require(size)
         held = self._held.get(owner)
         self._held[owner] = _Held(size + (held.size if held else 0), self._keeping)
@@ -109,7 +109,8 @@ class DeviceMemory:
                 f"{max(spare, 0) / _MEBI:.1f} MiB"
             )
 
-    def _check_one(self, size: int) -> None:
+    def check_piece(self, size: int) -> None:
+        """Raise DeviceMemoryError if the device has no memory of `size` bytes in one piece."""
         if size > self.largest:
             raise DeviceMemoryError(
                 f"{self.label}: no room for {size / _MEBI:.1f} MiB in one piece, which has at most "

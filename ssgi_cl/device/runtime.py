@@ -306,6 +306,7 @@ class Runtime:
 
     def take(self, size: int, owner: object) -> None:
         """Count `size` bytes as taken while `owner` lives; DeviceMemoryError if they don't fit."""
+        self.memory.check_piece(size)  # which nothing that is let go changes
         self._with_room(lambda: self.memory.take(size, owner))
         self.allocated_bytes += size
 

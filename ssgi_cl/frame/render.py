@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -44,7 +45,7 @@ def render(
     indirect_ao: bool = False,
     layers: int = 1,
     overscan: float = 0.0,
-    extra_cameras: int = 0,
+    auxiliary_cameras: int = 0,
     shadow_size: int = 1024,
     rsm_size: int = 512,
     exposure: float | None = None,
@@ -53,6 +54,7 @@ def render(
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
     runtime: Runtime | None = None,
+    extra_cameras: int | None = None,
 ) -> Frame:
     """Render a scene: direct light with shadows, ambient light with occlusion, emission, a bounce.
 
@@ -81,9 +83,9 @@ def render(
             want of knowing what blocks it; `Frame.indirect` stays as it was gathered.
         layers: depth layers of the G-buffer, 1 to 16.
         overscan: share of the image by which the G-buffer exceeds it on every side, in [0, 1].
-        extra_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to 64,
-            up to half of them at spot and directional lights, the others where
-            `extra_cameras` says.
+        auxiliary_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to
+            64, up to half of them at spot and directional lights, the others where
+            `auxiliary_cameras` says.
         shadow_size: texels along the side of each shadow map, 16 to 8192.
         rsm_size: at most so many of them along a side, 16 to 8192, are what reflected light is
             chosen from: all, or every second, third and so on.
@@ -96,6 +98,7 @@ def render(
         skips: what may be left out where the scene shows that it is idle: True for all, False for
             none, or names from `ssgi_cl.frame.plan.SKIPS`. None changes a bit of any output.
         runtime: the device; by default the fastest found.
+        extra_cameras: the former name of `auxiliary_cameras`, for one release.
 
     Returns:
         The picture, its radiance, AO, indirect light and G-buffer if asked for, and the table of
@@ -134,11 +137,17 @@ def render(
             f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of "
             "'vpl'"
         )
-    extra_cameras = checks.integer("extra_cameras", extra_cameras, low=0, high=64)
-    if extra_cameras and indirect != "ssdo":
+    if extra_cameras is not None:
+        warnings.warn(
+            "render(extra_cameras=...) is now render(auxiliary_cameras=...)", DeprecationWarning,
+            stacklevel=2,
+        )
+        auxiliary_cameras = extra_cameras
+    auxiliary_cameras = checks.integer("auxiliary_cameras", auxiliary_cameras, low=0, high=64)
+    if auxiliary_cameras and indirect != "ssdo":
         raise ValueError(
-            f"extra_cameras is {extra_cameras}: expected 0 with indirect={indirect!r}, they are of "
-            "'ssdo'"
+            f"auxiliary_cameras is {auxiliary_cameras}: expected 0 with indirect={indirect!r}, "
+            "they apply to 'ssdo' only"
         )
     if exposure is not None:
         exposure = checks.number("exposure", exposure, low=0.0, above=True)
@@ -154,14 +163,14 @@ def render(
         samples = {} if ao_samples is None else {"samples": ao_samples}
         params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
     key = (
-        Renderer, camera.size, shape_of(params), shape_of(bounce), layers, margin, extra_cameras,
-        shadow_size, rsm_size, curve, indirect_ao, skips,
+        Renderer, camera.size, shape_of(params), shape_of(bounce), layers, margin,
+        auxiliary_cameras, shadow_size, rsm_size, curve, indirect_ao, skips,
     )
     renderer: Renderer = runtime.prepared(
         key,
         lambda: Renderer(
             runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
-            views=extra_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
+            views=auxiliary_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
             curve=curve, indirect_ao=indirect_ao, skips=skips,
         ),
     )

@@ -75,7 +75,7 @@ class Renderer:
         indirect: parameters of one bounce of light, likewise, or None for none. SSDO hides ambient
             light too: then `ao` is not looked at.
         layers, margin: of the G-buffer.
-        views: further cameras of SSDO, which `extra_cameras` places.
+        views: auxiliary cameras of SSDO, which `auxiliary_cameras` places.
         shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
             which each may reflect light.
         curve: see `tonemap`.

@@ -1,4 +1,4 @@
-"""Further cameras of SSDO in float64, as defined in `ssgi_cl.techniques.indirect.ssdo_views`."""
+"""Auxiliary cameras of SSDO in float64, as defined in `ssgi_cl.techniques.indirect.ssdo_views`."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def test_five_hundred_real_interrupts(runtime: Runtime) -> None:
     """By a timer at random times of a frame, through the public functions."""
     rng = np.random.default_rng(3)
     modes: list[dict[str, Any]] = [
-        {"indirect": "multires", "vpls": 64}, {"indirect": "ssdo", "extra_cameras": 2},
+        {"indirect": "multires", "vpls": 64}, {"indirect": "ssdo", "auxiliary_cameras": 2},
         {"ao": "ssao"}, {"indirect": "gather", "skips": False},
     ]
 

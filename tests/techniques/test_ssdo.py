@@ -200,7 +200,7 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
     np.testing.assert_allclose(bounce, expected, rtol=1e-5, atol=1e-6)
 
 
-# ---- further cameras
+# ---- auxiliary cameras
 
 
 def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer, list[GBuffer]]:

@@ -1,4 +1,4 @@
-"""Further cameras of SSDO from taps: against the numpy twin, and what they must leave alone."""
+"""Auxiliary cameras of SSDO from taps: against the numpy twin, and what they must leave alone."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def records_of(runtime: Runtime, device: DeviceGBuffer, sent: Doubles) -> Sender
 
 
 class Case:
-    """A G-buffer and further cameras on the device, and what is gathered."""
+    """A G-buffer and auxiliary cameras on the device, and what is gathered."""
 
     def __init__(
         self, runtime: Runtime, gbuffer: GBuffer, *, params: PointsParams = PARAMS, step: int = 1,

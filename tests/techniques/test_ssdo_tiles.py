@@ -226,7 +226,7 @@ def drawn(
         ("flat_floor", {}),
         ("flat_floor", {"overscan": 0.2}),
         ("flat_floor", {"lights": (IMAGE,)}),
-        ("flat_floor", {"extra_cameras": 1}),
+        ("flat_floor", {"auxiliary_cameras": 1}),
         ("many_lamps", {"overscan": 0.1}),
         ("lone_object", {}),
     ],

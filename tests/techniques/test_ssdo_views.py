@@ -1,4 +1,4 @@
-"""Further cameras of SSDO: against the numpy twin, the bitmask, and what they must leave alone."""
+"""Auxiliary cameras of SSDO: against numpy, the bitmask, and what they must leave alone."""
 
 from __future__ import annotations
 

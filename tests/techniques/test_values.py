@@ -160,7 +160,7 @@ MODES: dict[str, dict[str, Any]] = {
     "multires": {"indirect": "multires", "vpls": 64},
     "vpl": {"indirect": "vpl", "vpls": 64, "glossy_vpls": 16},
     "gather": {"indirect": "gather", "ao": False},
-    "ssdo": {"indirect": "ssdo", "layers": 2, "extra_cameras": 2},
+    "ssdo": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
     "ssdo as published": {"indirect": "ssdo", "method": "published"},
 }
 

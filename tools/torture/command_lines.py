@@ -31,7 +31,8 @@ NEVER = ("clear", "rebuild", "refresh", "help", "html", "markdown", "views")
 """Options left out: they delete or measure what belongs to the user, or write many files."""
 SMALL = {"width": ("1", "7", "33"), "height": ("1", "5", "24"), "shadow_size": ("2", "16", "64"),
          "rsm_size": ("2", "16"), "vpls": ("1", "64"), "layers": ("1", "2"),
-         "glossy_vpls": ("0", "8"), "extra_cameras": ("0", "1"), "sizes": ("16x12", "0x0", "axb"),
+         "glossy_vpls": ("0", "8"), "auxiliary_cameras": ("0", "1"),
+         "sizes": ("16x12", "0x0", "axb"),
          "seconds": ("0.01", "0"), "lanes": ("1", "8", "16", "3")}
 """Values that keep a run short, taken more often than hostile ones."""
 

@@ -26,7 +26,7 @@ MODES: tuple[dict[str, Any], ...] = (
     {"indirect": "multires", "vpls": 64},
     {"indirect": "vpl", "vpls": 64},
     {"indirect": "gather", "skips": False},
-    {"indirect": "ssdo", "layers": 2, "extra_cameras": 2},
+    {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
     {"ao": "ssao"},
     {"ao": "bitmask_ao", "layers": 2},
 )

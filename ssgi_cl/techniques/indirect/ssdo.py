@@ -53,7 +53,7 @@ class SsdoPlanes:
         bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
         openness: A, the first image of it, or None if no pass needed it.
         bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
-            where nothing is. None without `bent_normals`. Further cameras change A alone.
+            where nothing is. None without `bent_normals`. Auxiliary cameras change A alone.
     """
 
     direct: Plane
@@ -150,8 +150,8 @@ class Ssdo(Prepared[SsdoParams]):
             radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
                 channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
                 "bitmask" as many more may follow for the sides that the camera doesn't see.
-            views: what further cameras see, of any size, margin and layers; surfaces that they see
-                hide and send light where the G-buffer shows none. Each is done with before the
+            views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
+                see hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for.
             tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
                 in these.
@@ -235,7 +235,7 @@ class Ssdo(Prepared[SsdoParams]):
         views: Iterable[DeviceGBuffer],
         tiles: OpenTiles | None,
     ) -> Plane:
-        """Queue the back end, and what further cameras add to it."""
+        """Queue the back end, and what auxiliary cameras add to it."""
         views = iter(views)
         first = next(views, None)
         if first is None:
@@ -333,8 +333,8 @@ def ssdo(
         radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
             size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
             albedo and emission.
-        views: what further cameras see under the same lights (see `extra_cameras`): surfaces that
-            only they see hide and send light too.
+        views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
+            that only they see hide and send light too.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
 

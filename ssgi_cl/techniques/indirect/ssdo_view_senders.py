@@ -1,4 +1,4 @@
-"""What further cameras add to directional occlusion: light of surfaces that only they see."""
+"""What auxiliary cameras add to directional occlusion: light of surfaces that only they see."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from ssgi_cl.techniques.shading.light_data import ShadowMap
 from ssgi_cl.techniques.source import Source
 
 COARSER = 4
-"""How many times fewer slices and taps find A of the surfaces that further cameras see."""
+"""How many times fewer slices and taps find A of the surfaces that auxiliary cameras see."""
 
 
 class ViewSenders:
-    """Lights what further cameras see and adds it, one camera after the other.
+    """Lights what auxiliary cameras see and adds it, one camera after the other.
 
     Attributes:
         views: how their depths are read, as `SsdoParams.view_taps` says.

@@ -43,7 +43,7 @@ DEPTH_BIAS = 4e-6
 
 @dataclass(frozen=True, kw_only=True)
 class ViewsParams(Params):
-    """Parameters of further cameras."""
+    """Parameters of auxiliary cameras."""
 
     strata: int = param(2, "directions that are tried in each slice", low=1, high=16)
     taps: int = param(4, "depths read on the way in each direction", low=1, high=64)
@@ -54,7 +54,7 @@ class ViewsParams(Params):
 
 
 class SsdoViews:
-    """Adds what further cameras see to the result of `SsdoBitmask`, prepared for its parameters.
+    """Adds what auxiliary cameras see to the result of `SsdoBitmask`, prepared for its parameters.
 
     Args:
         runtime: the device.

@@ -1,4 +1,4 @@
-"""Further cameras: half of them at lamps, the others where `extra_cameras` says, placed once."""
+"""Auxiliary cameras: half of them at lights, the others where `auxiliary_cameras` says."""
 
 from __future__ import annotations
 

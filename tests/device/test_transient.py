@@ -134,7 +134,7 @@ def test_memory_that_is_free_gives_way(
 MODES = {
     "ao": {},
     "ao at half size": {"ao": "hbao", "layers": 2, "overscan": 0.1, "gbuffer": True},
-    "ssdo": {"indirect": "ssdo", "layers": 2, "extra_cameras": 2},
+    "ssdo": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
     "ssdo published": {"indirect": "ssdo", "method": "published"},
     "multires": {"indirect": "multires"},
 }
@@ -186,7 +186,7 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
 
 LIMITS = {
     "direct light and AO": ({}, 200.0),
-    "ssdo": ({"indirect": "ssdo", "layers": 2, "extra_cameras": 4}, 450.0),
+    "ssdo": ({"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 4}, 450.0),
 }
 """Arguments of a frame, and how much of the device's memory it may keep, MiB."""
 
@@ -224,7 +224,7 @@ def test_a_second_frame_takes_no_memory_though_everything_is_drawn_anew(runtime:
     def frame() -> None:
         render(
             built.scene, built.camera(160, 120), lights, indirect="ssdo", layers=2,
-            extra_cameras=2, shadow_size=64, skips=False, runtime=runtime,
+            auxiliary_cameras=2, shadow_size=64, skips=False, runtime=runtime,
         )
 
     frame()

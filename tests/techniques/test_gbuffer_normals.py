@@ -252,7 +252,7 @@ def test_a_layer_is_an_image_of_its_own_size(runtime: Runtime) -> None:
     assert (device.size, device.front) == ((8, 6), 0)
     with pytest.raises(ValueError, match="number is 2: expected 0 to 1"):
         device.layer(2)
-    with pytest.raises(ValueError, match="attributes is 3: expected 1 or 2, all layers"):
+    with pytest.raises(ValueError, match="attributes is 3: expected 0, 1 or 2, all layers"):
         DeviceGBuffer(runtime, (8, 6), layers=2, attributes=3)
 
 

@@ -13,8 +13,8 @@
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    36 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
-//          those would find, 40 elsewhere
+// Cost:    16 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
+//          those would find, 20 elsewhere
 
 #include "shade/lamp.clh"
 #include "shade/shadow.clh"

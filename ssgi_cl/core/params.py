@@ -74,7 +74,6 @@ class Params:
                 )
             object.__setattr__(self, field.name, value)
 
-
     def shape(self) -> Hashable:
         """Return all of the parameters that programs and allocations depend on.
 

@@ -50,28 +50,9 @@ def choice_for(
     runtime: Runtime | None = None,
     **given: Any,
 ) -> Choice:
-    """Choose among a technique's recorded settings by name, by error or by time.
+    """Choose among the recorded settings of a technique, given by its class.
 
-    Errors are those on the scenes that the settings were tuned on; how they carry over to others
-    depends on the scene. Times are predicted: the recorded one, by how fast this device is at the
-    technique, which is measured once (half a second) and kept.
-
-    Args:
-        technique: its class.
-        size: (rows, columns) of the picture.
-        preset: "low", "medium", "high" or "ultra".
-        error: the fastest setting is chosen that is expected to reach this RMSE against cast rays.
-        budget_ms: the best setting is chosen that is expected to take at most this device time.
-        layers: depth layers of the G-buffers; more give less error, and take longer.
-        margin: (rows, columns) by which they exceed the picture; it gives less error.
-        runtime: the device whose time counts; by default the fastest found.
-        **given: parameters that keep these values whatever is chosen; the radius, which is the
-            scene's and in no setting, is one. What is expected does not know of them.
-
-    Raises:
-        TypeError, ValueError: not exactly one of `preset`, `error` and `budget_ms` is given, an
-            argument is wrong, the technique has no presets, or no recorded setting does what is
-            asked for; the message says what the best or fastest one does.
+    The rest is as in `ssgi_cl.choose`, which takes its name.
     """
     name = technique.name
     for index in (0, 1):

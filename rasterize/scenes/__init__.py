@@ -40,13 +40,10 @@ TUNING_SEEDS, VALIDATION_SEEDS = (0, 1), (100, 101)
 """Of each kind: the scenes on which constants are tuned, and those that tell whether what was tuned
 holds elsewhere; nothing is fitted to the latter."""
 
-_PRESET_KINDS = tuple(kind for kind in KINDS if kind != "chambers")
-"""Kinds on which presets were recorded."""
-
-TUNED_ON = tuple(f"{kind}-{seed}" for kind in _PRESET_KINDS for seed in TUNING_SEEDS)
+TUNED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in TUNING_SEEDS)
 """Scenes on which parameters are tuned."""
 
-VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in _PRESET_KINDS for seed in VALIDATION_SEEDS)
+VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in VALIDATION_SEEDS)
 """Scenes that tell whether what was tuned holds elsewhere; nothing is fitted to them."""
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.params import Params
 
 _VALUES = (Camera, SpotLight, PointLight, DirectionalLight, Environment)
 _PLAIN = (bool, int, float, str, frozenset, type(None))
@@ -108,8 +109,8 @@ class Needs:
 
 
 def same(a: object, b: object) -> bool:
-    """Return whether two inputs are the same: cameras, lights and plain values by their values, all
-    else, such as a scene, as objects."""
+    """Return whether two inputs are the same: cameras, lights, parameters and plain values by their
+    values, all else, such as a scene, as objects."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -120,4 +121,4 @@ def same(a: object, b: object) -> bool:
         return np.array_equal(a, np.asarray(b))
     if isinstance(a, _VALUES):
         return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
-    return isinstance(a, _PLAIN) and bool(a == b)
+    return isinstance(a, (*_PLAIN, Params)) and bool(a == b)

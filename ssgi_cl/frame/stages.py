@@ -31,6 +31,7 @@ from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
+AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect light"
 GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
 SHADOWS, RSM = "shadow maps", "reflective shadow map"
@@ -41,6 +42,8 @@ RESOURCES = (
     Resource(CAMERA, given=True),
     Resource(LIGHTS, given=True),
     Resource(MULTI_BOUNCE, given=True),
+    Resource(AO_PARAMS, given=True),
+    Resource(INDIRECT_PARAMS, given=True),
     Resource(EXPOSURE, given=True, by_value=True),
     Resource(RSM, absent="no light that a map could be made of"),
 )
@@ -114,7 +117,7 @@ def occlusion_stage(
 
     hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
-        name=ao.name, reads=(GBUFFER,), hints=hints, writes=(AO,), condition=condition,
+        name=ao.name, reads=(GBUFFER, AO_PARAMS), hints=hints, writes=(AO,), condition=condition,
         run=lambda r: ao.run(r[GBUFFER], tiles, r.get(TILES)), culled="no output that it changes",
     )
 
@@ -193,7 +196,8 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
         return bounce.run(r[GBUFFER], r[RSM], scene)
 
     return Stage(
-        name="bounce", reads=(GBUFFER, RSM, *((SCENE,) if bounce.blocked else ())),
+        name="bounce",
+        reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((SCENE,) if bounce.blocked else ())),
         writes=(INDIRECT,), run=run, label=bounce.name,
     )
 
@@ -222,7 +226,7 @@ def ssdo_stages(
         condition=lambda facts: "ssdo hides ambient light by itself",
     )
     return [replaced, Stage(
-        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS),
+        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
         hints=(AO,) if tiles is None else (AO, TILES), writes=(DIRECT, INDIRECT), run=run,
     )]
 

@@ -118,18 +118,20 @@ class SightGrid:
         self.lift = LIFT if scene is None else MESH_LIFT
         self._measure_distances()
 
-    def fill_scene(self, scene: DeviceScene, view: NDArray[np.float64], unit: float) -> None:
+    def fill_scene(
+        self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float
+    ) -> None:
         """Queue what marks the triangles of a scene in a grid round the origin of a space.
 
         Args:
-            scene: of which what lies within `unit` of the origin along each axis is marked.
+            scene: of which what lies within `half` of the origin along each axis is marked.
             view: [4, 4] from world space to that space.
             unit: scene units; kernels count in such lengths.
+            half: scene units.
         """
-        if self._whole is None:
-            box = np.zeros(VPL_BOX, np.float32)
-            box[:6] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0]
-            self._whole = self.runtime.array(box)
+        box = np.zeros(VPL_BOX, np.float32)
+        box[:3], box[3:6] = -half / unit, half / unit
+        self._whole = self.runtime.array(box)
         packed = VPL.pack(dict.fromkeys((name for name, _ in VPL.members), 0))
         self._clear.run(
             "vpl grid", (1, 1), grid=(self.cells, self.cells),

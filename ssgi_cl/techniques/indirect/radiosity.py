@@ -119,10 +119,11 @@ class Radiosity(Prepared[RadiosityParams]):
     def _prepare(self, scene: Scene) -> None:
         low, high = scene.bounds
         middle = 0.5 * (low + high)
-        self.unit = max(0.5 * float((high - low).max()), 1e-30)
+        half = max(0.5 * float((high - low).max()), 1e-30)
+        self.unit = 2.0 ** round(math.log2(half))
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, 1.0], width=1, height=1)
         self._walls.fill_scene(
-            device_scene(scene, self.runtime), self.camera.view, self.unit
+            device_scene(scene, self.runtime), self.camera.view, self.unit, half
         )
         self._shift = np.asarray(scene.origin) - middle
         pilot = self._seeing(scene_surfels(scene, PILOT))

@@ -105,6 +105,8 @@ VPL_LIGHT = 12
 """Floats of a light: position, area, minus the normal, 0, flux, 0."""
 VPL_BOUNDS = 7
 """Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
+SURFEL_RECORD = VPL_LIGHT
+"""Floats of a surfel as a light: those of a virtual point light."""
 VPL_LOBE_LIGHT = 16
 """Floats of a light with a Phong lobe."""
 VPL_LOBE_BOUNDS = 12

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.core.vpls import Vpls
+from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
@@ -41,6 +41,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
 )
 from ssgi_cl.techniques.indirect.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES, VplTree
+from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 from ssgi_cl.techniques.technique import Technique
 
 
@@ -76,6 +77,10 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     )
 
     importance: bool = importance_param()
+    surfels: int = param(
+        0, "room for lights in world space besides those from maps, see `MultiresSplat.run`",
+        low=0, high=MOST_VPLS,
+    )
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
@@ -130,8 +135,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self.size = size
         self._params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
-        self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
-        self._chooser = VplChooser(runtime, (self._lights,))
+        most = -(-params.vpls // 16) * 16 + params.surfels if params.surfels else params.vpls
+        self._lights = DeviceVpls(runtime, most, parts=params.refine > 0.0)
+        self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
         self._walls = (
             SightGrid(runtime, params.grid, size) if params.visibility else None
         )
@@ -150,7 +156,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
 
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
-        scene: DeviceScene | None = None,
+        scene: DeviceScene | None = None, surfels: WorldVpls | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -161,25 +167,32 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 device, where nothing is done again as long as the maps stay the same.
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
             scene: with `visibility`, the triangles that block light in place of what is seen.
+            surfels: lights besides those that are chosen from `rsms`, such as `Radiosity` returns;
+                at most as many as the parameter `surfels` says, and `vpls` is None.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
         """
         camera = camera_of(gbuffer, self.size)
-        if not (rsms if vpls is None else vpls):
+        if not (rsms if vpls is None else vpls) and surfels is None:
             return self._no_light.skipped()
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights
-        if vpls is None:
-            curve = self._chooser.place(rsms, camera, kinds=1)
-        else:
+        curve = None
+        if vpls is not None:
             self._lights.upload(vpls, camera)
+        elif rsms:
+            curve = self._chooser.place(rsms, camera, kinds=1, more=surfels)
+        else:
+            self._lights.place(None, camera, more=surfels)
         if self._walls is not None:
             packed = self._block(gbuffer, rsms, self._walls, scene)
-            if vpls is None and params.importance:
+            if curve is not None and params.importance:
                 importance = self._importance.run(gbuffer, curve, self._walls, packed)
-                self._chooser.place(rsms, camera, kinds=1, importance=importance)
+                self._chooser.place(
+                    rsms, camera, kinds=1, importance=importance, more=surfels
+                )
         tree.update()
         values = {"cut": params.cut(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)

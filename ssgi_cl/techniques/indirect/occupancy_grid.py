@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import DeviceArray, Size
-from ssgi_cl.device.constants import VPL_CELLS
+from ssgi_cl.device.constants import VPL_BOX, VPL_CELLS
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
@@ -86,6 +86,7 @@ class SightGrid:
         self.grid = runtime.empty(cells**3 // 16, np.int32)
         self.box = runtime.empty(4, np.float32)
         self.lift = LIFT
+        self._whole: DeviceArray | None = None
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
     def fill(
@@ -111,10 +112,38 @@ class SightGrid:
             params=packed,
         )
         if scene is not None:
-            self._voxelize(scene, camera, lights.values["per_unit"])
+            self._voxelize(scene, camera.view, lights.values["per_unit"])
         else:
             self._mark_seen(gbuffer, rsms, camera, packed)
         self.lift = LIFT if scene is None else MESH_LIFT
+        self._measure_distances()
+
+    def fill_scene(
+        self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float
+    ) -> None:
+        """Queue what marks the triangles of a scene in a grid round the origin of a space.
+
+        Args:
+            scene: of which what lies within `half` of the origin along each axis is marked.
+            view: [4, 4] from world space to that space.
+            unit: scene units; kernels count in such lengths.
+            half: scene units.
+        """
+        box = np.zeros(VPL_BOX, np.float32)
+        box[:3], box[3:6] = -half / unit, half / unit
+        self._whole = self.runtime.array(box)
+        packed = VPL.pack(dict.fromkeys((name for name, _ in VPL.members), 0))
+        self._clear.run(
+            "vpl grid", (1, 1), grid=(self.cells, self.cells),
+            boxes=self._whole, bounds=self._whole, occupancy=self.grid, grid_box=self.box,
+            params=packed,
+        )
+        self._voxelize(scene, view, 1.0 / unit)
+        self.lift = MESH_LIFT
+        self._measure_distances()
+
+    def _measure_distances(self) -> None:
+        """Queue the passes that find each block's nearest occupied one."""
         blocks = self.cells // BLOCK
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
@@ -124,10 +153,12 @@ class SightGrid:
                 occupancy=self.grid,
             )
 
-    def _voxelize(self, scene: DeviceScene, camera: Camera, per_unit: float) -> None:
+    def _voxelize(
+        self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float
+    ) -> None:
         """Queue the pass that marks the triangles of a scene."""
         # In float64: origin and camera may be far from the world's and near each other.
-        turn, shift = camera.view[:3, :3], camera.view[:3, 3]
+        turn, shift = view[:3, :3], view[:3, 3]
         from_scene = per_unit * np.column_stack([turn, turn @ scene.origin + shift])
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1

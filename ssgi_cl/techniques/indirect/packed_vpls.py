@@ -17,6 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.indirect.flux_curve import FluxCurve, curve_key
 from ssgi_cl.techniques.indirect.vpl_choice import ChosenVpls
+from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 
 Doubles = NDArray[np.float64]
 
@@ -148,29 +149,51 @@ class DeviceVpls:
         self.lights.send(lights)
         self.bounds.send(bounds.transpose(0, 2, 1))
 
-    def place(self, chosen: ChosenVpls, camera: Camera, unit: float | None = None) -> None:
-        """Queue the passes that replace the contents by chosen lights as a camera sees them.
+    def place(
+        self, chosen: ChosenVpls | None, camera: Camera, unit: float | None = None,
+        more: WorldVpls | None = None,
+    ) -> None:
+        """Queue the passes that replace the contents by lights as a camera sees them.
 
         Nothing is read back: lengths and powers are counted in what the maps say that theirs are
         at most, or lengths in a given unit.
+
+        Args:
+            chosen: from maps, or None for none.
+            camera: whose view space kernels count in.
+            unit: as the attribute; by default it suits the lights.
+            more: lights that come behind the chosen ones, whose number is rounded up to a multiple
+                of 16 by lights without flux.
         """
-        if chosen.count > self.most:
-            raise ValueError(f"vpls has {chosen.count} lights: expected at most {self.most}")
-        maps = chosen.curve.maps
+        own, others = 0 if chosen is None else chosen.count, 0 if more is None else more.count
+        first = -(-own // 16) * 16 if more is not None else own
+        if first + others > self.most:
+            raise ValueError(f"vpls has {first + others} lights: expected at most {self.most}")
+        maps = () if chosen is None else chosen.curve.maps
         for rsm in maps:
             rsm.check_scale("light from VPLs", LEAST_REACH, MOST_REACH)
-        self.count = chosen.count
-        self.parted = chosen.part_places is not None and self.span > self.stride
-        to_view = maps[0].to_view(camera)
+        self.count = first + others
+        parted = (chosen is None or chosen.part_places is not None) and self.count > 0
+        self.parted = parted and self.span > self.stride
         away = [float(np.abs(rsm.to_view(camera)[:, 3]).max()) + rsm.reach for rsm in maps]
-        furthest = max(away) if unit is None else unit
-        unit, brightest = self._scale(furthest, max(rsm.brightest for rsm in maps))
+        brightest = [rsm.brightest for rsm in maps]
+        if more is not None:
+            away.append(float(np.abs(more.to_view(camera)[:, 3]).max()) + more.reach)
+            brightest.append(more.brightest)
+        unit, power = self._scale(
+            max(away, default=1.0) if unit is None else unit, max(brightest, default=1.0)
+        )
+        if chosen is not None:
+            self._place_chosen(chosen, camera, unit, power)
+        if more is not None:
+            self._place_more(more, camera, unit, power, first)
+
+    def _place_chosen(
+        self, chosen: ChosenVpls, camera: Camera, unit: float, power: float
+    ) -> None:
         values = {
-            **rotation_values(to_view[:, :3]),
-            **dict(zip("xyz", to_view[:, 3].tolist(), strict=True)),
-            "per_unit": 1.0 / unit, "per_brightest": 1.0 / brightest, "lights": chosen.count,
-            "split": chosen.split, "batch": self.batch, "subsets": self.subsets,
-            "stride": self.stride, "span": self.span, "edge_stride": chosen.edges.stride,
+            **self._space(chosen.curve.maps[0].to_view(camera), unit), "per_brightest": 1.0 / power,
+            "lights": chosen.count, "split": chosen.split, "edge_stride": chosen.edges.stride,
         }
         wanted = [chosen.places]
         if chosen.part_places is not None and self.parted:
@@ -183,6 +206,31 @@ class DeviceVpls:
                 edges=chosen.edges.array, places=places.array, lights=self.lights,
                 bounds=self.bounds, params=PLACE.pack({**values, "place_stride": places.stride}),
             )
+
+    def _place_more(
+        self, more: WorldVpls, camera: Camera, unit: float, power: float, first: int
+    ) -> None:
+        values = {
+            **self._space(more.to_view(camera), unit), "per_brightest": more.brightest / power,
+            "lights": more.count, "split": 1, "edge_stride": 0,
+        }
+        wanted = [(more.lights, more.stride), (more.parts, more.part_stride)]
+        for part, (world, stride) in enumerate(wanted[: 1 + int(self.parted)]):
+            kernel = self.runtime.kernel("vpl/vpl_to_view.cl", {"VPL_PART": part}, (PLACE,))
+            kernel.run(
+                "vpl place", (self.segments, self.stride * (PARTS if part else 1)),
+                world=world, lights=self.lights, bounds=self.bounds, first=first,
+                params=PLACE.pack({**values, "place_stride": stride}),
+            )
+
+    def _space(self, to_view: Doubles, unit: float) -> dict[str, float]:
+        """Return members of the struct `PLACE` that say where lights are placed."""
+        return {
+            **rotation_values(to_view[:, :3]),
+            **dict(zip("xyz", to_view[:, 3].tolist(), strict=True)),
+            "per_unit": 1.0 / unit, "batch": self.batch, "subsets": self.subsets,
+            "stride": self.stride, "span": self.span,
+        }
 
     def _scale(self, furthest: float, brightest: float) -> tuple[float, float]:
         """Set and return the units of length and of power; see `values`."""
@@ -212,16 +260,20 @@ class VplChooser:
     Args:
         runtime: the device.
         lights: what is filled, all with lobes or all without.
+        most: lights that are chosen, at most; by default as many as there is room for.
     """
 
-    def __init__(self, runtime: Runtime, lights: Sequence[DeviceVpls]) -> None:
+    def __init__(
+        self, runtime: Runtime, lights: Sequence[DeviceVpls], most: int | None = None
+    ) -> None:
         self.runtime = runtime
         self._lights = tuple(lights)
+        self._most = most
         self._chosen: dict[bool, tuple[ChosenVpls, ...]] = {}
 
     def place(
         self, rsms: Sequence[DeviceRsm], camera: Camera, *, kinds: int, unit: float | None = None,
-        importance: DeviceArray | None = None,
+        importance: DeviceArray | None = None, more: WorldVpls | None = None,
     ) -> FluxCurve:
         """Queue the passes that fill the first `kinds` of the lights from at least one map.
 
@@ -229,7 +281,7 @@ class VplChooser:
         `importance` is given. Nothing is allocated while the maps' sizes stay the same.
 
         Args:
-            rsms, camera, unit: see `DeviceVpls.place`.
+            rsms, camera, unit, more: see `DeviceVpls.place`.
             kinds: how many of the lights are wanted.
             importance: of the maps' runs; see `FluxCurve.update`.
 
@@ -241,13 +293,15 @@ class VplChooser:
         if made is None or made[0].curve.key != curve_key(rsms):
             curve = FluxCurve(self.runtime, curve_key(rsms), glossy=self._lights[0].glossy)
             made = self._chosen[weighted] = tuple(
-                ChosenVpls(curve, min(own.most, curve.texels), parts=own.span > own.stride)
+                ChosenVpls(
+                    curve, min(self._most or own.most, curve.texels), parts=own.span > own.stride
+                )
                 for own in self._lights
             )
         made[0].curve.update(rsms, importance)
         for chosen, own in zip(made[:kinds], self._lights, strict=False):
             chosen.update()
-            own.place(chosen, camera, unit)
+            own.place(chosen, camera, unit, more)
         return made[0].curve
 
 

@@ -1,0 +1,247 @@
+"""Surfels: pieces of a scene's surfaces, each with area, albedo and emission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.sampling import r_points
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.rasterize.textures import srgb_to_linear
+
+Doubles = NDArray[np.float64]
+
+CURVE_BITS = 10
+"""Of each coordinate along the Hilbert curve."""
+
+_DECODE = srgb_to_linear(np.arange(256) / 255.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """One-sided pieces of surfaces, each of which consists of `PARTS` points.
+
+    Consecutive surfels are neighbours that face alike: they are sorted by the axis nearest to
+    their normal and along a Hilbert curve. Values of a surfel are means over its parts by area; its
+    position is that of the part nearest to their mean. Parts of no area fill up a surfel.
+
+    Attributes:
+        origin: [3] float64, world space: positions count from here.
+        position, normal: [count, 3] float64, scene units and unit vectors on the surfel's side.
+        area: [count] float64, squared scene units, > 0.
+        albedo: [count, 3] float64 in [0, 1].
+        emission: [count, 3] float64, W m^-2 sr^-1.
+        part_position, part_normal, part_area, part_albedo, part_emission: [PARTS count, ...] of
+            the parts, those of a surfel one after the other, nearest to its position first.
+    """
+
+    origin: Doubles
+    position: Doubles
+    normal: Doubles
+    area: Doubles
+    albedo: Doubles
+    emission: Doubles
+    part_position: Doubles
+    part_normal: Doubles
+    part_area: Doubles
+    part_albedo: Doubles
+    part_emission: Doubles
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+    def chosen(self, kept: NDArray[np.bool_]) -> Surfels:
+        """Return those surfels of which `kept` [count] is True."""
+        parts = np.repeat(kept, PARTS)
+        own = {name: getattr(self, name)[kept] for name in _OWN}
+        of_parts = {f"part_{name}": getattr(self, f"part_{name}")[parts] for name in _OWN}
+        return Surfels(origin=self.origin, **own, **of_parts)
+
+
+_OWN = ("position", "normal", "area", "albedo", "emission")
+
+
+def scene_surfels(scene: Scene, count: int) -> Surfels:
+    """Return surfels of equal area on both sides of all triangles.
+
+    Points are drawn in proportion to area, stratified over the list of triangles and, within one,
+    by the R sequence (Roberts 2018). Sorted along a curve, each `PARTS` of them are a surfel.
+    Points in holes that a texture's alpha cuts out are left out, with their area.
+
+    Args:
+        scene: any.
+        count: of surfels of both sides together, about; >= 2.
+
+    Returns:
+        An even number of surfels, at most count + 12; none if all triangles have no area.
+    """
+    points = _points(scene, PARTS * max(count // 2, 1))
+    if not len(points[2]):
+        none = np.zeros((0, 3))
+        lines = [none, none, np.zeros(0), none, none]
+        return Surfels(np.asarray(scene.origin), *lines, *lines)
+    low, high = scene.bounds - scene.origin
+    key = _axis(points[1]) * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
+    order = np.argsort(key, kind="stable")
+    first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
+    both = [first, _flipped(first)]
+    joined = {
+        name: np.concatenate([getattr(one, name) for one in both])
+        for name in (*_OWN, *(f"part_{name}" for name in _OWN))
+    }
+    whole = Surfels(origin=first.origin, **joined)
+    # Neighbours come together, whichever side of their triangles they are on.
+    places = curve_numbers(whole.position, low, high)
+    key = _axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
+    return _reordered(whole, np.argsort(key, kind="stable"))
+
+
+def _points(scene: Scene, count: int) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+    """Return position, normal, area, albedo and emission of points on one side of the triangles."""
+    a, b, c = (scene.positions[scene.triangles[:, k]].astype(np.float64) for k in range(3))
+    cross = np.cross(b - a, c - a)
+    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
+    ends = np.cumsum(double)
+    total = float(ends[-1])
+    if not total > 0.0:
+        none = np.zeros((0, 3))
+        return none, none, np.zeros(0), none, none
+    wanted = (np.arange(count) + 0.5) * (total / count)
+    triangle = np.minimum(np.searchsorted(ends, wanted, "right"), len(ends) - 1)
+    u, v = r_points(0, count, 2).T
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
+    weights = np.stack([1.0 - u - v, u, v], axis=1)
+    corners = scene.triangles[triangle]
+
+    def mixed(values: NDArray[np.float32]) -> Doubles:
+        result: Doubles = np.einsum("nk,nkc->nc", weights, values[corners].astype(np.float64))
+        return result
+
+    ids = scene.material_ids[triangle]
+    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(
+        mixed(scene.colors), 0.0, None
+    )
+    there = np.ones(count, np.bool_)
+    uvs = mixed(scene.uvs)
+    for index in np.unique(ids):
+        material, own = scene.materials[index], ids == index
+        if material.texture >= 0:
+            texels = _nearest(scene.textures[material.texture], uvs[own])
+            albedo[own] *= _DECODE[texels[:, :3]]
+            if material.alpha_cutoff > 0.0:
+                there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
+    emission = np.array([m.emission for m in scene.materials])[ids]
+    values = (
+        mixed(scene.positions), cross[triangle] / np.maximum(double[triangle], 1e-300)[:, None],
+        np.full(count, 0.5 * total / count), np.clip(albedo, 0.0, 1.0), emission,
+    )  # fmt: skip
+    return tuple(value[there] for value in values)  # type: ignore[return-value]
+
+
+def _nearest(texels: NDArray[np.uint8], uvs: Doubles) -> NDArray[np.uint8]:
+    """Return [n, 4] the texels of a repeated texture at [n, 2] coordinates, v = 0 at the bottom."""
+    rows, columns = texels.shape[:2]
+    column = np.minimum((np.mod(uvs[:, 0], 1.0) * columns).astype(np.intp), columns - 1)
+    row = np.minimum((np.mod(1.0 - uvs[:, 1], 1.0) * rows).astype(np.intp), rows - 1)
+    return texels[row, column]
+
+
+def _axis(normal: Doubles) -> NDArray[np.int64]:
+    """Return [n] 0 to 5: the axis nearest to a direction, and its sign."""
+    axis = np.abs(normal).argmax(axis=1)
+    return 2 * axis + (np.take_along_axis(normal, axis[:, None], 1)[:, 0] < 0.0)
+
+
+def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.int64]:
+    """Return [n] the numbers of points [n, 3] along a Hilbert curve through a box's cube.
+
+    After Skilling 2004, "Programming the Hilbert curve".
+    """
+    side = max(float((high - low).max()), 1e-30)
+    most = (1 << CURVE_BITS) - 1
+    x, y, z = np.clip((points - low) / side * most, 0, most).astype(np.int32).T
+    coordinates = [x, y, z]
+    bit = 1 << (CURVE_BITS - 1)
+    while bit > 1:
+        below = bit - 1
+        for i in range(3):
+            one = (coordinates[i] & bit) != 0
+            exchange = (coordinates[0] ^ coordinates[i]) & below
+            coordinates[0] = coordinates[0] ^ np.where(one, below, exchange)
+            if i:
+                coordinates[i] = coordinates[i] ^ np.where(one, 0, exchange)
+        bit >>= 1
+    for i in (1, 2):
+        coordinates[i] = coordinates[i] ^ coordinates[i - 1]
+    turn = np.zeros_like(x)
+    bit = 1 << (CURVE_BITS - 1)
+    while bit > 1:
+        turn ^= np.where(coordinates[2] & bit, bit - 1, 0).astype(np.int32)
+        bit >>= 1
+    number = np.zeros(len(x), np.int64)
+    for bit in range(CURVE_BITS - 1, -1, -1):
+        for value in coordinates:
+            number = (number << 1) | (((value ^ turn) >> bit) & 1)
+    return number
+
+
+def _surfels(
+    origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp],
+    axis: NDArray[np.int64],
+) -> Surfels:
+    """Return surfels of each `PARTS` consecutive points; those of different axes do not mix."""
+    counts = np.bincount(axis, minlength=6)
+    firsts = np.cumsum(counts) - counts
+    index, real = [], []
+    for first, own in zip(firsts, counts, strict=True):
+        rounded = -(-own // PARTS) * PARTS
+        number = np.arange(rounded)
+        index.append(order[first + np.minimum(number, max(own - 1, 0))])
+        real.append(number < own)
+    chosen = np.concatenate(index)
+    position, normal, area, albedo, emission = (
+        values[chosen].reshape(-1, PARTS, *values.shape[1:]) for values in points
+    )
+    area = area * np.concatenate(real).reshape(-1, PARTS)
+    whole = area.sum(axis=1)
+
+    def mean(values: Doubles) -> Doubles:
+        result: Doubles = np.einsum("np,npc->nc", area, values) / whole[:, None]
+        return result
+
+    away = np.sum((position - mean(position)[:, None]) ** 2, axis=2)
+    # A padding part is as near as the last real one, and comes behind it.
+    nearest = np.argsort(away, axis=1, kind="stable")
+    position, normal, albedo, emission = (
+        np.take_along_axis(values, nearest[..., None], 1)
+        for values in (position, normal, albedo, emission)
+    )
+    area = np.take_along_axis(area, nearest, 1)
+    facing = mean(normal)
+    length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
+    # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
+    facing /= length[:, None]
+    return Surfels(
+        origin, position[:, 0], facing, whole, mean(albedo), mean(emission),
+        *(
+            values.reshape(-1, *values.shape[2:])
+            for values in (position, normal, area, albedo, emission)
+        ),
+    )
+
+
+def _flipped(surfels: Surfels) -> Surfels:
+    own = {name: getattr(surfels, name) for name in (*_OWN, *(f"part_{name}" for name in _OWN))}
+    own["normal"], own["part_normal"] = -surfels.normal, -surfels.part_normal
+    return Surfels(origin=surfels.origin, **own)
+
+
+def _reordered(surfels: Surfels, order: NDArray[np.intp]) -> Surfels:
+    parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
+    own = {name: getattr(surfels, name)[order] for name in _OWN}
+    of_parts = {f"part_{name}": getattr(surfels, f"part_{name}")[parts] for name in _OWN}
+    return Surfels(origin=surfels.origin, **own, **of_parts)

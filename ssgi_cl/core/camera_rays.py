@@ -1,4 +1,4 @@
-"""Lines of sight through pixel centres, in float64: where rays of truths start and end."""
+"""Lines of sight through pixels, in float64: where rays of truths start and end."""
 
 from __future__ import annotations
 
@@ -11,15 +11,19 @@ Doubles = NDArray[np.float64]
 
 
 def lines_of_sight(
-    camera: Camera, rows: slice, origin: Doubles, scale: float = 1.0
+    camera: Camera, rows: slice, origin: Doubles, scale: float = 1.0,
+    offset: Doubles | None = None,
 ) -> tuple[Doubles, Doubles]:
     """Return [n, 3] where lines of sight start, and [n, 3] by what they advance per unit depth.
 
     World space relative to `origin`, times `scale`; pixel centres of some rows, row by row.
+    `offset` [2, n] moves each from its centre, to the right and down, in pixels.
     """
     sx, sy, ox, oy = camera.pixel_to_view
     column, row = np.arange(camera.width) + 0.5, np.arange(rows.start, rows.stop) + 0.5
     x, y = np.meshgrid(sx * column + ox, sy * row + oy)
+    if offset is not None:
+        x, y = x.ravel() + sx * offset[0], y.ravel() + sy * offset[1]
     across = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=-1)
     ahead = np.array([0.0, 0.0, -1.0])
     turn = camera.view[:3, :3]

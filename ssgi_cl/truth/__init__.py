@@ -7,9 +7,10 @@ from ssgi_cl.truth.bent_normals import bent_normals
 from ssgi_cl.truth.layers import layered_occlusion
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.occlusion import ambient_occlusion
+from ssgi_cl.truth.radiance import radiance
 from ssgi_cl.truth.store import Truth
 
 __all__ = [
     "Truth", "TruthError", "ambient_occlusion", "bent_normals", "direct_light",
-    "layered_occlusion", "one_bounce",
+    "layered_occlusion", "one_bounce", "radiance",
 ]

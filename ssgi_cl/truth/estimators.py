@@ -11,6 +11,7 @@ VERSIONS = {
     "ssao": 1,
     "slices": 1,
     "light": 1,
+    "radiance": 1,
 }
 """Name of an estimator -> version. Raise it with every change that alters a result: truths that
 were stored before are then computed anew. `tests/truth/test_estimators.py` holds the result of each

@@ -115,22 +115,11 @@ def _truth(
     rebuild: bool,
     progress: Callable[[float], object] | None,
 ) -> Truth:
-    if not isinstance(scene, Scene):
-        raise TypeError(
-            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
-        )
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
-    lights = tuple(lights)
+    lights = checked_lights(scene, camera, lights)
     if not lights:
         raise ValueError("lights is empty: expected at least one light")
-    for index, light in enumerate(lights):
-        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
-            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
-    paths = checks.integer("paths", paths, low=1, high=MOST_PATHS, unit="paths per pixel")
     exact = tracer is DirectLight and not any(isinstance(light, Environment) for light in lights)
-    passes = max(min(PASSES, math.isqrt(paths)), min(paths, 2), math.ceil(paths / _LONGEST))
-    per_pass = math.ceil(paths / passes)
+    passes, per_pass = passes_of(paths)
     if exact:
         passes = per_pass = 1
     variant = mitsuba_scene.best_variant()
@@ -155,3 +144,25 @@ def _truth(
     return accumulated(
         description, passes, make, exact=exact, rebuild=rebuild, progress=progress
     )
+
+
+def checked_lights(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tuple[Light, ...]:
+    """Return the lights, after a look at the types of all three."""
+    if not isinstance(scene, Scene):
+        raise TypeError(
+            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
+        )
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    lights = tuple(lights)
+    for index, light in enumerate(lights):
+        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
+            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    return lights
+
+
+def passes_of(paths: int) -> tuple[int, int]:
+    """Return the number of independent passes for `paths` per pixel, and the paths of each."""
+    paths = checks.integer("paths", paths, low=1, high=MOST_PATHS, unit="paths per pixel")
+    passes = max(min(PASSES, math.isqrt(paths)), min(paths, 2), math.ceil(paths / _LONGEST))
+    return passes, math.ceil(paths / passes)

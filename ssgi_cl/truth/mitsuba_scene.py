@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.textures import srgb_to_linear
 from ssgi_cl.techniques.shading.light_data import power
+from ssgi_cl.truth.emitters import Emitters
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -36,6 +38,15 @@ HOLE = 0.5
 SIZE = "face_size"
 """Mesh attribute: largest coordinate of a triangle plus its largest extent, scene units."""
 
+BEHIND = 2.0**-16
+"""Distance between a triangle that emits and the one turned round behind it, in sizes of both."""
+
+EMISSION = "face_emission"
+"""Mesh attribute: radiance of a triangle, W m^-2 sr^-1."""
+
+DENSITY = "face_emission_density"
+"""Mesh attribute: density of a sample at a point of an emissive triangle, per area."""
+
 _FOLDERS = (
     "/usr/lib", "/usr/lib64", "/usr/lib/*-linux-gnu", "/usr/lib/llvm-*/lib", "/usr/local/lib",
     "/opt/homebrew/opt/llvm*/lib",
@@ -47,7 +58,7 @@ class MitsubaScene:
     """A scene with its lights in Mitsuba.
 
     Mitsuba's own integrators take it too, but for cut-outs, where they make opacity a probability.
-    Emission of surfaces is left out: light comes from lights alone.
+    Emission of surfaces is left out unless asked for: light comes from lights alone.
 
     Attributes:
         variant: of Mitsuba; the scene is of use only `within` it.
@@ -64,12 +75,29 @@ class MitsubaScene:
     has_sky_image: bool
 
     @classmethod
-    def of(cls, scene: Scene, lights: Sequence[Light], variant: str) -> MitsubaScene:
-        """Bring a scene and those lights that shine into a variant of Mitsuba."""
+    def of(
+        cls, scene: Scene, lights: Sequence[Light], variant: str, *, emission: str = "none"
+    ) -> MitsubaScene:
+        """Bring a scene and those lights that shine into a variant of Mitsuba.
+
+        Args:
+            emission: what becomes of that of materials: "none", "attributes" for the attributes
+                `EMISSION` and `DENSITY` of shapes, or "emitters" for emitters of Mitsuba's own,
+                which shine to the front of a triangle only: so there is a second triangle behind
+                each, turned round.
+        """
+        emitters = Emitters.of(scene) if emission == "attributes" else None
         with within(variant) as mi:
             parts: dict[str, Any] = {"type": "scene"}
             for index in np.unique(scene.material_ids):
-                parts[f"material_{index}"] = _mesh(mi, scene, int(index))
+                emits = emission == "emitters" and any(scene.materials[index].emission)
+                if emits:
+                    back = _turned_round(scene, int(index))
+                    parts[f"back_{index}"] = _mesh(mi, back, int(index), emits=True)
+                mesh = _mesh(mi, scene, int(index), emits=emits)
+                if emitters is not None:
+                    _add_emission(mesh, scene, int(index), emitters)
+                parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
                     parts[f"light_{index}"] = _lamp(mi, light, scene.origin)
@@ -82,6 +110,37 @@ class MitsubaScene:
                 any(_is_cut_out(scene.materials[i]) for i in np.unique(scene.material_ids)),
                 any(sky.ndim == 3 for sky in skies),
             )
+
+
+def sensor(mi: Any, world: MitsubaScene, camera: Camera) -> dict[str, Any]:
+    """Return what makes Mitsuba's sensor of a perspective camera that looks along its axis.
+
+    Pixels are box-filtered.
+
+    Raises:
+        ValueError: the camera is orthographic or off-centre.
+    """
+    matrix = camera.projection
+    if camera.is_orthographic or matrix[0, 2] or matrix[1, 2]:
+        raise ValueError("camera is orthographic or off-centre: expected a centred perspective")
+    eye = camera.position - world.origin
+    rotation = camera.view[:3, :3]
+    # Mitsuba's clip planes are a ratio apart that float32 can hold.
+    near = max(camera.near, 1e-6)
+    return {
+        "type": "perspective",
+        "fov_axis": "y",
+        "fov": float(2.0 * np.degrees(np.arctan(1.0 / matrix[1, 1]))),
+        "near_clip": near,
+        "far_clip": min(camera.far, 1e8 * near),
+        "to_world": mi.ScalarTransform4f().look_at(
+            eye.tolist(), (eye - rotation[2]).tolist(), rotation[1].tolist()
+        ),
+        "film": {
+            "type": "hdrfilm", "width": camera.width, "height": camera.height,
+            "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32",
+        },
+    }
 
 
 @contextmanager
@@ -138,8 +197,8 @@ def libllvm() -> str | None:
     return max(found)[1] if found else None
 
 
-def _mesh(mi: Any, scene: Scene, index: int) -> Any:
-    """Return the triangles of one material."""
+def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool) -> Any:
+    """Return the triangles of one material, as an emitter if it is to emit."""
     material = scene.materials[index]
     chosen = scene.triangles[scene.material_ids == index]
     used, numbers = np.unique(chosen, return_inverse=True)
@@ -150,6 +209,10 @@ def _mesh(mi: Any, scene: Scene, index: int) -> Any:
     properties["bsdf"] = mi.load_dict(
         _surface(mi, scene, material, colors[0] if uniform else None)
     )
+    if emits:
+        properties["emitter"] = mi.load_dict({
+            "type": "area", "radiance": {"type": "rgb", "value": list(material.emission)},
+        })
     normals = scene.normals[used]
     mesh = mi.Mesh(
         f"material {index}", len(used), len(chosen), properties,
@@ -169,6 +232,31 @@ def _mesh(mi: Any, scene: Scene, index: int) -> Any:
     if not uniform:
         mesh.add_attribute("vertex_color", 3, colors.ravel())
     return mesh
+
+
+def _turned_round(scene: Scene, index: int) -> Scene:
+    """Return the triangles of one material turned round, behind where they were."""
+    chosen = scene.triangles[scene.material_ids == index]
+    corners = scene.positions[chosen].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-300)
+    size = np.abs(corners).max(axis=(1, 2)) + np.ptp(corners, axis=1).max(axis=1)
+    corners -= (normal * (BEHIND * size)[:, None])[:, None]
+    vertices = chosen.ravel()
+    return replace(
+        scene,
+        positions=corners.reshape(-1, 3).astype(np.float32), normals=-scene.normals[vertices],
+        uvs=scene.uvs[vertices], colors=scene.colors[vertices],
+        triangles=np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)[:, ::-1],
+        material_ids=np.full(len(chosen), index, np.int32),
+    )
+
+
+def _add_emission(mesh: Any, scene: Scene, index: int, emitters: Emitters) -> None:
+    count = int(np.count_nonzero(scene.material_ids == index))
+    radiance = np.tile(np.float32(scene.materials[index].emission), count)
+    mesh.add_attribute(EMISSION, 3, radiance)
+    mesh.add_attribute(DENSITY, 1, np.full(count, emitters.material_density[index], np.float32))
 
 
 def _surface(mi: Any, scene: Scene, material: Material, color: Floats | None) -> dict[str, Any]:

@@ -67,13 +67,17 @@ class PathTracer(ABC):
     numbers = 0
     """Random numbers of a path, beside those of `irradiance`."""
 
-    def __init__(self, scene: Scene, lights: Sequence[Light], variant: str) -> None:
+    def __init__(
+        self, scene: Scene, lights: Sequence[Light], variant: str, *, emission: bool = False
+    ) -> None:
         import drjit
         import mitsuba
 
         self.dr: Any = drjit
         self.mi: Any = mitsuba
-        self._world = MitsubaScene.of(scene, lights, variant)
+        self._world = MitsubaScene.of(
+            scene, lights, variant, emission="attributes" if emission else "none"
+        )
         emitters = self._world.scene.emitters()
         self._lamps = [emitter for emitter in emitters if not emitter.is_environment()]
         self._sky = self._world.scene.environment()
@@ -108,13 +112,15 @@ class PathTracer(ABC):
             image[rows].reshape(-1, 3)[pixels] = (sums / paths).T
         return image
 
-    def sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
+    def sight(
+        self, camera: Camera, rows: slice, offset: Doubles | None = None
+    ) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
 
-        They start and end near the sphere round the scene; those that can't meet it have a negative
+        `offset` [2, n] moves them from the pixels' centres, in pixels. They start and end near the sphere round the scene; those that can't meet it have a negative
         length.
         """
-        start, along = lines_of_sight(camera, rows, self._world.origin)
+        start, along = lines_of_sight(camera, rows, self._world.origin, offset=offset)
         near, far, _ = depths_in_sphere(camera, start, along, self._middle, self._reach)
         speed = np.linalg.norm(along, axis=-1)
         way, length = along / speed[:, None], (far - near) * speed
@@ -148,6 +154,10 @@ class PathTracer(ABC):
 
     def surface(self, ray: Any, active: Any) -> Surface:
         """Return what a ray meets first, holes aside."""
+        return self.hit(ray, active)[0]
+
+    def hit(self, ray: Any, active: Any) -> tuple[Surface, Any]:
+        """Return the same with Mitsuba's record of it, a `SurfaceInteraction3f`."""
         mi, dr = self.mi, self.dr
         ray = self._past_holes(ray, active)
         si = self._world.scene.ray_intersect(ray, active)
@@ -161,7 +171,7 @@ class PathTracer(ABC):
         # Without a normal of the mesh's own: that of the triangle.
         axis = dr.select(dr.isfinite(dr.squared_norm(axis)), axis, normal)
         axis = dr.select(dr.squared_norm(axis) > 0.0, dr.normalize(axis), normal)
-        return Surface(there, si.p, normal, _turned(dr, axis, normal), OFFSET * size, albedo)
+        return Surface(there, si.p, normal, _turned(dr, axis, normal), OFFSET * size, albedo), si
 
     def _past_holes(self, ray: Any, active: Any) -> Any:
         """Return the ray, started behind all holes that it meets first."""
@@ -198,29 +208,16 @@ class PathTracer(ABC):
     def irradiance(self, at: Surface, numbers: Sequence[Any]) -> Any:
         """Return the direct irradiance of surfaces, on the side of their normals."""
         mi, dr = self.mi, self.dr
-        here = dr.zeros(mi.SurfaceInteraction3f)
-        here.p = at.point
-
-        def arriving(way: Any, distance: Any) -> Any:
-            """Return the cosine, or 0 where light from there does not arrive."""
-            cosine = dr.dot(at.axis, way)
-            faces = at.there & (cosine > 0.0) & (dr.dot(at.normal, way) > 0.0)
-            cosine = dr.select(faces, cosine, 0.0)
-            return dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
-
-        total = mi.Color3f(0.0)
-        for lamp in self._lamps:
-            to, strength = lamp.sample_direction(here, mi.Point2f(0.5), at.there)
-            cosine = arriving(to.d, to.dist)
-            # At the lamp itself the strength is infinite, and the cosine 0.
-            total += dr.select(cosine > 0.0, strength * cosine, 0.0)
+        total = self.lamp_irradiance(at)
         if self._sky is None:
             return total
         # Cosine-distributed directions, and for an image also such as are bright (Veach and Guibas
         # 1995: both weighted by the balance heuristic).
         both = self._world.has_sky_image
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p = at.point
         way = self._cosine_distributed(at, numbers)
-        cosine = arriving(way, math.inf)
+        cosine = self.arriving(at, way, math.inf)
         here.wi = -way
         density = cosine / math.pi
         if both:
@@ -232,10 +229,31 @@ class PathTracer(ABC):
         total += self._sky.eval(here, at.there) * share
         if both:
             to, strength = self._sky.sample_direction(here, mi.Point2f(*numbers[2:4]), at.there)
-            cosine = arriving(to.d, math.inf)
+            cosine = self.arriving(at, to.d, math.inf)
             share = to.pdf / dr.maximum(to.pdf + cosine / math.pi, 1e-20)
             total += strength * cosine * share
         return total
+
+    def lamp_irradiance(self, at: Surface) -> Any:
+        """Return the direct irradiance by punctual lights, which is exact."""
+        mi, dr = self.mi, self.dr
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p = at.point
+        total = mi.Color3f(0.0)
+        for lamp in self._lamps:
+            to, strength = lamp.sample_direction(here, mi.Point2f(0.5), at.there)
+            cosine = self.arriving(at, to.d, to.dist)
+            # At the lamp itself the strength is infinite, and the cosine 0.
+            total += dr.select(cosine > 0.0, strength * cosine, 0.0)
+        return total
+
+    def arriving(self, at: Surface, way: Any, distance: Any) -> Any:
+        """Return the cosine of a direction, or 0 where light from there does not arrive."""
+        dr = self.dr
+        cosine = dr.dot(at.axis, way)
+        faces = at.there & (cosine > 0.0) & (dr.dot(at.normal, way) > 0.0)
+        cosine = dr.select(faces, cosine, 0.0)
+        return dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
 
     def _cosine_distributed(self, at: Surface, numbers: Sequence[Any]) -> Any:
         local = self.mi.warp.square_to_cosine_hemisphere(self.mi.Point2f(*numbers[:2]))

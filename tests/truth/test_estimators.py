@@ -41,6 +41,7 @@ ESTIMATES: dict[str, Callable[[], Truth]] = {
         HILLS, GtaoParams(radius=0.5), pixels=256, slices=16, rebuild=True
     ),
     "light": lambda: truth.one_bounce(VIEW.scene, CAMERA, VIEW.lights, 16, rebuild=True),
+    "radiance": lambda: truth.radiance(VIEW.scene, CAMERA, VIEW.lights, 16, 2, rebuild=True),
 }
 
 RECORDED: dict[str, tuple[int, float, float]] = {
@@ -50,6 +51,7 @@ RECORDED: dict[str, tuple[int, float, float]] = {
     "ssao": (1, 0.7220457, -0.00263692),
     "slices": (1, 0.5049434, 0.00195346),
     "light": (1, 0.0615814, -4.335898e-05),
+    "radiance": (1, 0.1801964, 0.0004950036),
 }
 """Estimator -> its version, the mean of the result, and its mean weighted by a pattern that no two
 pixels have alike."""

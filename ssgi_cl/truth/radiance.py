@@ -1,0 +1,108 @@
+"""The whole frame as it is in the world: radiance of every pixel, traced through Mitsuba 3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth import digests, mitsuba_scene
+from ssgi_cl.truth.estimators import versioned
+from ssgi_cl.truth.light import checked_lights, passes_of
+from ssgi_cl.truth.radiance_tracer import MOST_BOUNCES, RadianceTracer
+from ssgi_cl.truth.store import Truth, accumulated
+
+
+def radiance(
+    scene: Scene,
+    camera: Camera,
+    lights: Sequence[Light],
+    paths: int = 256,
+    bounces: int | Literal["all"] = "all",
+    *,
+    box_filter: bool = False,
+    rebuild: bool = False,
+    progress: Callable[[float], object] | None = None,
+) -> Truth:
+    """Return the radiance that each pixel sees: all light of a diffuse scene.
+
+    L = albedo / pi (E_direct + E_reflected) + emission at the point of the mesh on the line of
+    sight; the environments' radiance where that meets nothing between the camera's planes. Light
+    comes from `lights` and from emissive materials, which emit on both sides. Surfaces reflect on
+    both sides, by their albedo alone: specular lobes are left out. Holes that a texture's alpha
+    cuts out let sight and light through. Lights' radius and angle are taken for 0.
+
+    Args:
+        scene: what `rasterize.load_scene` returns.
+        camera: whose near and far plane bound what is seen, but not what casts shadows.
+        lights: any number; none leaves the emission of materials.
+        paths: per pixel, 1 to 2^20, split into independent passes as in `direct_light`.
+        bounces: reflections between the light's first surface and the one that is seen: 0 for
+            direct light and emission, at most 1024; "all" for as many as it takes, where Russian
+            roulette ends paths (and 1024 bounces those in a closed scene that absorbs nothing,
+            whose radiance is infinite).
+        box_filter: mean over each pixel's area in place of its centre's radiance.
+        rebuild: make it anew even where it is kept.
+        progress: called with the share that is done, which grows to 1.
+
+    Returns:
+        Radiance in W m^-2 sr^-1 and its standard error, [rows, columns, 3] float32 each. Kept on
+        disk under a hash of all arguments, the estimator's version, and Mitsuba's version and
+        variant.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+        MissingExtraError: mitsuba is not installed; it comes with the extra `truth`.
+        TruthError: what is kept is damaged.
+    """
+    lights = checked_lights(scene, camera, lights)
+    checks.switch("box_filter", box_filter)
+    passes, per_pass = passes_of(paths)
+    most = _most_bounces(bounces)
+    emits = any(any(scene.materials[index].emission) for index in np.unique(scene.material_ids))
+    sampled = box_filter or emits or any(isinstance(light, Environment) for light in lights)
+    exact = most == 0 and not sampled
+    if exact:
+        passes = per_pass = 1
+    variant = mitsuba_scene.best_variant()
+    description = {
+        "kind": "radiance",
+        "scene": digests.scene_digest(scene),
+        "camera": digests.camera_description(camera),
+        "lights": [digests.light_description(light) for light in lights],
+        "paths of a pass": per_pass,
+        "bounces": bounces,
+        "box filter": box_filter,
+        "variant": variant,
+        "mitsuba": mitsuba_scene.mitsuba().__version__,
+        "estimator": versioned("radiance"),
+    }
+    made: list[RadianceTracer] = []  # only if something has to be computed
+
+    def make(number: int) -> NDArray[np.float32]:
+        with mitsuba_scene.within(variant):
+            if not made:
+                made.append(
+                    RadianceTracer(scene, lights, variant, bounces=most, box_filter=box_filter)
+                )
+            return made[0].image(camera, per_pass, number)
+
+    return accumulated(
+        description, passes, make, exact=exact, rebuild=rebuild, progress=progress
+    )
+
+
+def _most_bounces(bounces: int | Literal["all"]) -> int:
+    if isinstance(bounces, str):
+        if bounces != "all":
+            raise ValueError(
+                f"bounces is {bounces!r}: expected 'all' or an integer, 0 to {MOST_BOUNCES}"
+            )
+        return MOST_BOUNCES
+    return checks.integer("bounces", bounces, low=0, high=MOST_BOUNCES)

@@ -1,0 +1,274 @@
+"""Paths of any number of diffuse bounces, from a camera to lights, emission and environments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.sampling import r_points
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth.emitters import Emitters
+from ssgi_cl.truth.mitsuba_scene import DENSITY, EMISSION
+from ssgi_cl.truth.path_tracer import OFFSET, PathTracer, Surface
+
+Floats = NDArray[np.float32]
+
+MOST_BOUNCES = 1024
+"""Of a path, at most: a longer one carries nothing unless surfaces absorb nothing."""
+
+SURE_BOUNCES = 4
+"""Bounces after which Russian roulette may end a path."""
+
+MOST_LASTING = 0.95
+"""Probability that a path goes on, at most."""
+
+_PIXELS = 1 << 20  # traced in one go
+
+
+class RadianceTracer(PathTracer):
+    """Estimates radiance seen through pixels.
+
+    Each vertex takes light of punctual lights, of a point of an emissive triangle, and of an
+    environment image's direction by importance; the path's next direction finds emission and
+    environments too, both weighted by the balance heuristic (Veach and Guibas 1995).
+    """
+
+    def __init__(
+        self, scene: Scene, lights: Sequence[Light], variant: str, *,
+        bounces: int = MOST_BOUNCES, box_filter: bool = False,
+    ) -> None:
+        self._emits = any(any(scene.materials[i].emission) for i in np.unique(scene.material_ids))
+        super().__init__(scene, lights, variant, emission=self._emits)
+        self._bounces = bounces
+        self._box = box_filter
+        self._environments = [light for light in lights if isinstance(light, Environment)]
+        self._emitters = Emitters.of(scene)
+        self._both = self._world.has_sky_image
+        names = ("corner", "first", "second", "radiance", "cumulative", "density")
+        jit = self.dr.is_jit_v(self.mi.Float)
+        self._tables = {
+            name: self.mi.Float(np.float32(getattr(self._emitters, name)).ravel())
+            for name in names if jit
+        }
+        # Continuation, environment image, emission, place in the pixel.
+        self.numbers = 2 + 2 * self._both + 3 * (len(self._emitters) > 0) + 2 * box_filter
+
+    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
+        raise NotImplementedError("radiance is estimated from rays: expected a call of image")
+
+    # ---- images
+
+    def image(self, camera: Camera, paths: int, seed: int) -> Floats:
+        """Return radiance [rows, columns, 3] from `paths` paths a pixel."""
+        image = np.zeros((camera.height, camera.width, 3), np.float32)
+        height = max(1, _PIXELS // camera.width)
+        for first in range(0, camera.height, height):
+            rows = slice(first, min(first + height, camera.height))
+            count = (rows.stop - rows.start) * camera.width
+            shift = np.random.default_rng([seed, first]).random((self.numbers, count))
+            total = np.zeros((3, count))
+            for path, step in enumerate(r_points(0, paths, self.numbers)):
+                numbers = np.mod(shift + step[:, None], 1.0)
+                offset = numbers[-2:] - 0.5 if self._box else None
+                rays = self.sight(camera, rows, offset)
+                labels = np.arange(first * camera.width, first * camera.width + count)
+                total += self._radiance(rays, np.float32(numbers), labels, seed * paths + path)
+            image[rows] = (total / paths).T.reshape(-1, camera.width, 3)
+        return image
+
+    def _radiance(
+        self, rays: tuple[Floats, Floats, Floats], numbers: Floats, labels: NDArray[np.int64],
+        path: int,
+    ) -> Floats:
+        """Return what one path of each pixel finds, [3, n].
+
+        Args:
+            rays: start, direction and length of lines of sight.
+            numbers: [count, n] in [0, 1): of the first vertex.
+            labels: [n] of the pixels, with `path` the seed of all further random numbers.
+        """
+        if self.dr.is_jit_v(self.mi.Float):
+            found, there = self._traced(*rays, numbers, labels, path)
+        else:
+            each = [
+                self._traced(*(a[..., i] for a in rays), numbers[:, i], int(labels[i]), path)
+                for i in range(len(labels))
+            ]
+            found = np.concatenate([one[0] for one in each], axis=1)
+            there = np.concatenate([one[1] for one in each])
+        return np.where(there, found, environment_radiance(self._environments, rays[1]))
+
+    def _traced(
+        self, start: Any, way: Any, length: Any, numbers: Any, label: Any, path: int
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return radiance of surfaces [3, n] and where there are any [n]."""
+        mi, dr = self.mi, self.dr
+        ray = mi.Ray3f(
+            mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
+            mi.Float(length), 0.0, [],
+        )
+        seen, si = self.hit(ray, mi.Bool(length > 0.0))
+        # Not a constant of the code, which would be another for each path.
+        number = dr.opaque(mi.UInt32, path)
+        rng = mi.PCG32()
+        rng.seed(*mi.sample_tea_32(mi.UInt32(label), number))
+        light = self._path(seen, [mi.Float(row) for row in numbers], rng)
+        light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0)
+        there = mi.Bool(seen.there)
+        dr.eval(light, there)
+        return np.array(light, np.float32).reshape(3, -1), np.array(there).reshape(-1)
+
+    # ---- paths
+
+    def _path(self, seen: Surface, numbers: Sequence[Any], rng: Any) -> Any:
+        """Return radiance that surfaces reflect to the eye."""
+        mi, dr = self.mi, self.dr
+        # What still arrives at the last vertex straight from emission and environments is found
+        # by one more direction.
+        onward = self._emits or self._sky is not None
+
+        def step(depth: Any, total: Any, weight: Any, active: Any, rng: Any, *fields: Any) -> Any:
+            at = Surface(active, *fields)
+            own = [dr.select(depth == 0, number, rng.next_float32()) for number in numbers]
+            weight = weight * at.albedo
+            light = self.lamp_irradiance(at) / math.pi
+            pairs = iter(own[2:])
+            if self._both:
+                light += self._by_environment(at, next(pairs), next(pairs))
+            if len(self._emitters):
+                light += self._by_emitters(at, next(pairs), next(pairs), next(pairs))
+            total += dr.select(active, weight * light, 0.0)
+            # Russian roulette by what the path still carries.
+            lasting = dr.minimum(dr.max(weight), MOST_LASTING)
+            lasting = dr.select(depth < SURE_BOUNCES, 1.0, lasting)
+            goes_on = depth < self._bounces
+            lasting = dr.select(goes_on, lasting, 1.0)
+            active &= (dr.max(weight) > 0.0) & (rng.next_float32() < lasting)
+            if not onward:
+                active &= goes_on
+            weight = weight / dr.maximum(lasting, 1e-30)
+            way = self._cosine_distributed(at, own)
+            cosine = dr.dot(at.axis, way)
+            active &= (dr.dot(at.normal, way) > 0.0) & (cosine > 0.0)
+            met, si = self.hit(mi.Ray3f(at.front, way, math.inf, 0.0, []), active)
+            if self._sky is not None:
+                escapes = dr.select(met.there, False, active)
+                total += weight * self._environment(at, way, cosine / math.pi, escapes)
+            if self._emits:
+                total += weight * self._met_emission(at, met, si, way, cosine / math.pi)
+            active &= met.there & goes_on
+            return depth + 1, total, weight, active, rng, *met[1:]
+
+        state = (
+            mi.UInt32(0), mi.Color3f(0.0), mi.Color3f(1.0), mi.Bool(seen.there), rng, *seen[1:]
+        )
+        return dr.while_loop(state, lambda *now: now[3], step)[1]
+
+    def _by_environment(self, at: Surface, u: Any, v: Any) -> Any:
+        """Return radiance / albedo by a direction that an environment image is bright in."""
+        mi, dr = self.mi, self.dr
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p = at.point
+        to, strength = self._sky.sample_direction(here, mi.Point2f(u, v), at.there)
+        density = self.arriving(at, to.d, math.inf) / math.pi
+        share = to.pdf / dr.maximum(to.pdf + density, 1e-20)
+        return strength * density * share
+
+    def _environment(self, at: Surface, way: Any, density: Any, escapes: Any) -> Any:
+        """Return radiance of the environment along a cosine-distributed direction, weighted."""
+        mi, dr = self.mi, self.dr
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p, here.wi = at.point, -way
+        share = mi.Float(1.0)
+        if self._both:
+            to = mi.DirectionSample3f()
+            to.d = way
+            other = self._sky.pdf_direction(here, to, escapes)
+            share = density / dr.maximum(density + other, 1e-20)
+        return dr.select(escapes, self._sky.eval(here, escapes) * share, 0.0)
+
+    def _by_emitters(self, at: Surface, u: Any, v: Any, w: Any) -> Any:
+        """Return radiance / albedo by a point of an emissive triangle."""
+        mi, dr = self.mi, self.dr
+        index = self._emitter_index(w)
+        corner, first, second, radiance = (
+            self._row(name, index) for name in ("corner", "first", "second", "radiance")
+        )
+        place = mi.warp.square_to_uniform_triangle(mi.Point2f(u, v))
+        point = mi.Point3f(corner + place.x * first + place.y * second)
+        normal = dr.normalize(mi.Vector3f(dr.cross(first, second)))
+        size = dr.maximum(dr.max(dr.abs(first)), dr.max(dr.abs(second))) + dr.max(dr.abs(point))
+        side = dr.select(dr.dot(normal, at.point - point) < 0.0, -1.0, 1.0)
+        to = point + normal * (side * OFFSET * size) - at.front
+        squared = dr.maximum(dr.squared_norm(to), 1e-30)
+        distance = dr.sqrt(squared)
+        way = to / distance
+        density = self.arriving(at, way, distance) / math.pi
+        facing = dr.abs(dr.dot(normal, way))
+        own = self._entry("density", index) * squared / dr.maximum(facing, 1e-12)
+        return radiance * (density / dr.maximum(own + density, 1e-30))
+
+    def _met_emission(self, at: Surface, met: Surface, si: Any, way: Any, density: Any) -> Any:
+        """Return emission of a surface met along a cosine-distributed direction, weighted."""
+        dr = self.dr
+        radiance, own = self._emission(met, si)
+        facing = dr.maximum(dr.abs(dr.dot(met.normal, way)), 1e-12)
+        own = own * dr.squared_norm(met.point - at.front) / facing
+        share = density / dr.maximum(density + own, 1e-30)
+        return dr.select(met.there, radiance * share, 0.0)
+
+    def _emission(self, met: Surface, si: Any) -> tuple[Any, Any]:
+        """Return radiance of what a ray meets, and the density of `_by_emitters` there."""
+        mi = self.mi
+        if not self._emits or met.there is False:
+            return mi.Color3f(0.0), mi.Float(0.0)
+        return (
+            mi.Color3f(si.shape.eval_attribute_3(EMISSION, si, met.there)),
+            mi.Float(si.shape.eval_attribute_1(DENSITY, si, met.there)),
+        )
+
+    def _emitter_index(self, number: Any) -> Any:
+        """Return the triangle that a random number falls to."""
+        mi, dr = self.mi, self.dr
+        last = len(self._emitters) - 1
+        if not dr.is_jit_v(mi.Float):
+            return min(int(np.searchsorted(self._emitters.cumulative, number, "right")), last)
+        found = dr.binary_search(
+            0, last, lambda i: self._entry("cumulative", i) <= number
+        )
+        return dr.minimum(found, last)
+
+    def _entry(self, name: str, index: Any) -> Any:
+        """Return a number of the emissive triangle `index`."""
+        if name in self._tables:
+            return self.dr.gather(self.mi.Float, self._tables[name], index)
+        return float(getattr(self._emitters, name)[index])
+
+    def _row(self, name: str, index: Any) -> Any:
+        """Return a vector of the emissive triangle `index`."""
+        if name in self._tables:
+            return self.dr.gather(self.mi.Vector3f, self._tables[name], index)
+        return self.mi.Vector3f(*getattr(self._emitters, name)[index])
+
+
+def environment_radiance(environments: Sequence[Environment], way: Floats) -> Floats:
+    """Return the radiance [3, n] of environments in directions [3, n], texel by texel."""
+    total = np.zeros(way.shape)
+    for environment in environments:
+        image = np.asarray(environment.radiance)
+        if image.ndim == 1:
+            total += image[:, None]
+            continue
+        rows, columns = image.shape[:2]
+        x, y, z = way.astype(np.float64)
+        azimuth, polar = np.arctan2(x, -z), np.arccos(np.clip(y, -1.0, 1.0))
+        column = np.clip((azimuth / (2.0 * np.pi) + 0.5) * columns, 0, columns - 1).astype(int)
+        row = np.clip(polar / np.pi * rows, 0, rows - 1).astype(int)
+        total += image[row, column].T
+    return total.astype(np.float32)

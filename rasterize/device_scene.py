@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.constants import START_BATCH
 from ssgi_cl.device.runtime import Runtime
 
 from .textures import srgb_to_linear
 
-BOXED = 256
+BOXED = START_BATCH
 """Triangles, one after the other, that share a box."""
 
 

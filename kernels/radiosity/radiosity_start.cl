@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: MIT
-// radiosity_start: where the visibility rays of surfels begin: above a part in an empty cell.
+// radiosity_start: where the visibility rays of surfels begin: above a part with nothing in front.
 //
-// A point within a cell of another surface, lifted off its own, lies in an occupied cell, from which
-// rays leave through that surface. So the part nearest to the surfel's middle is taken whose lifted
-// point is in an empty cell; the nearest of all where there is none.
-// Reads:   parts      3 x [16 size.x] positions, nearest to the surfel's first; see surfel.clh
+// Rays begin some cells above their surface. Where another surface is closer than that, or in the cell
+// that they begin in, they would begin behind it, or leave through it. So a part is taken that has
+// no triangle in front (exactly: each batch whose box is near is tried) and whose lifted point is in
+// an empty cell, the nearest to the surfel's middle of the first few.
+// Reads:   parts      6 x [16 size.x] positions and normals, nearest to the surfel's middle first
+//          corners    3 x [size.y triangles, rounded up to 16] vertices
+//          positions  3 x [vertex_stride] scene units, relative to the scene's origin
+//          boxes      [batches of START_BATCH triangles][6] middle and half size, likewise
+//          cutouts    [size.y] >= 0 where a triangle has holes: those block nothing here
 //          occupancy, grid_box  see vpl/grid.clh
 // Writes:  surfels    SURFEL_START
+//          part       [size.x] number of the part, or -1 where there is none
 // Macros:  VPL_GRID
-// Params:  lift       cells above the surface
+// Params:  lift       cells above the surface; shift: of the scene's origin; per_unit: of the surfels
 // Launch:  SSGI_LANES surfels per work-item, one row
-// Cost:    up to 16 reads of the grid per surfel
+// Cost:    20 operations per surfel and batch, 50 per surfel and triangle of a batch nearby
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
@@ -18,11 +24,61 @@
 #ifndef VPL_GRID
 #error "VPL_GRID must be defined"
 #endif
+#ifndef START_BATCH
+#error "ssgi_cl/device/constants.py defines START_BATCH"
+#endif
+
+#define START_TRIES 6     // parts
+#define START_NEAR 0.02f  // of the ray, within which a triangle is the surfel's own
+
+typedef struct {
+    float x, y, z;
+} StartCorner;
+
+static inline StartCorner start_corner(__global const float *restrict positions, const int stride,
+                                       const int vertex, const StartParams params)
+{
+    StartCorner corner;
+    corner.x = (positions[vertex] + params.shift_x) * params.per_unit;
+    corner.y = (positions[stride + vertex] + params.shift_y) * params.per_unit;
+    corner.z = (positions[2 * stride + vertex] + params.shift_z) * params.per_unit;
+    return corner;
+}
+
+// Whether the segment from p along d meets a triangle (Moeller and Trumbore 1997).
+static inline vmask start_meets(const vfloat p[3], const vfloat d[3], const StartCorner a,
+                                const StartCorner b, const StartCorner c)
+{
+    const float e1x = b.x - a.x, e1y = b.y - a.y, e1z = b.z - a.z;
+    const float e2x = c.x - a.x, e2y = c.y - a.y, e2z = c.z - a.z;
+    const vfloat hx = d[1] * e2z - d[2] * e2y;
+    const vfloat hy = d[2] * e2x - d[0] * e2z;
+    const vfloat hz = d[0] * e2y - d[1] * e2x;
+    const vfloat det = hx * e1x + hy * e1y + hz * e1z;
+    const vmask slanted = v_gt(v_abs(det), v_splat(1e-20f));
+    const vfloat per = 1.0f / v_select(v_splat(1.0f), det, slanted);
+    const vfloat sx = p[0] - a.x, sy = p[1] - a.y, sz = p[2] - a.z;
+    const vfloat u = (sx * hx + sy * hy + sz * hz) * per;
+    const vfloat qx = sy * e1z - sz * e1y;
+    const vfloat qy = sz * e1x - sx * e1z;
+    const vfloat qz = sx * e1y - sy * e1x;
+    const vfloat v = (d[0] * qx + d[1] * qy + d[2] * qz) * per;
+    const vfloat t = (qx * e2x + qy * e2y + qz * e2z) * per;
+    const vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
+    return slanted & v_ge(u, zero) & v_ge(v, zero) & v_le(u + v, one) &
+           v_gt(t, v_splat(START_NEAR)) & v_le(t, one);
+}
 
 __kernel void radiosity_start(__global const float *restrict parts,
+                              __global const int *restrict corners,
+                              __global const float *restrict positions,
+                              __global const float *restrict boxes,
+                              __global const int *restrict cutouts,
                               __global const int *restrict occupancy,
                               __global const float *restrict grid_box,
-                              __global float *restrict surfels, const int2 size, const float lift)
+                              __global float *restrict surfels, __global int *restrict part,
+                              const int2 size, // (surfels, triangles)
+                              const StartParams params)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -30,29 +86,67 @@ __kernel void radiosity_start(__global const float *restrict parts,
         return;
     }
     const float most = (float)VPL_GRID - 0.01f;
+    const float length = params.lift / grid_box[3];
+    const int triangle_stride = (size.y + 15) & ~15;
+    const int batches = (size.y + START_BATCH - 1) / START_BATCH;
     vfloat at[3];
-    vmask found = v_splat_int(0);
-    for (int part = 0; part < 16; ++part) {
-        vfloat own[3];
+    vint chosen = v_splat_int(-1);
+    vmask searching = v_gt(v_load(surfels + SURFEL_AREA * stride + first), v_splat(0.0f));
+    for (int number = 0; number < START_TRIES; ++number) {
+        const vint own = (v_iota() + first) * 16 + number;
+        vfloat p[3], d[3], lifted[3];
         vint cell[3];
         for (int j = 0; j < 3; ++j) {
-            const vfloat p = v_gather(parts + j * 16 * stride, (v_iota() + first) * 16 + part);
-            const vfloat n = v_load(surfels + (SURFEL_NORMAL + j) * stride + first);
-            own[j] = v_clamp(v_fma(n, v_splat(lift), (p - grid_box[j]) * grid_box[3]), 0.0f, most);
-            cell[j] = v_to_int(own[j]);
+            p[j] = v_gather(parts + j * 16 * stride, own);
+            d[j] = v_gather(parts + (3 + j) * 16 * stride, own) * length;
+            lifted[j] = v_clamp((p[j] + d[j] - grid_box[j]) * grid_box[3], 0.0f, most);
+            cell[j] = v_to_int(lifted[j]);
+            at[j] = number == 0 ? lifted[j] : at[j];
+        }
+        if (!v_any(searching)) {
+            break;
         }
         const vint block = ((cell[2] >> 2) * VPL_BLOCKS + (cell[1] >> 2)) * VPL_BLOCKS +
                            (cell[0] >> 2);
         const vint word = v_igather(occupancy, block * 2 + ((cell[2] >> 1) & 1));
         const vint bit = ((cell[2] & 1) << 4) | ((cell[1] & 3) << 2) | (cell[0] & 3);
-        const vmask empty = v_ieq(v_shift_right(word, bit) & 1, v_splat_int(0));
-        const vmask take = part == 0 ? v_splat_int(-1) : empty & ~found;
-        for (int j = 0; j < 3; ++j) {
-            at[j] = part == 0 ? own[j] : v_select(at[j], own[j], take);
+        vmask clear = searching & v_ieq(v_shift_right(word, bit) & 1, v_splat_int(0));
+        for (int batch = 0; batch < batches && v_any(clear); ++batch) {
+            __global const float *restrict box = boxes + batch * 6;
+            const float middle[3] = {(box[0] + params.shift_x) * params.per_unit,
+                                     (box[1] + params.shift_y) * params.per_unit,
+                                     (box[2] + params.shift_z) * params.per_unit};
+            vmask near = clear;
+            for (int j = 0; j < 3; ++j) {
+                const vfloat away = v_abs(p[j] + d[j] * 0.5f - middle[j]);
+                near = near & v_le(away, v_fma(v_abs(d[j]), v_splat(0.5f),
+                                               v_splat(box[3 + j] * params.per_unit + 1e-6f)));
+            }
+            if (!v_any(near)) {
+                continue;
+            }
+            const int end = min((batch + 1) * START_BATCH, size.y);
+            for (int i = batch * START_BATCH; i < end; ++i) {
+                if (cutouts[i] >= 0) {
+                    continue;
+                }
+                const StartCorner a = start_corner(positions, params.vertex_stride, corners[i],
+                                                   params);
+                const StartCorner b = start_corner(positions, params.vertex_stride,
+                                                   corners[triangle_stride + i], params);
+                const StartCorner c = start_corner(positions, params.vertex_stride,
+                                                   corners[2 * triangle_stride + i], params);
+                clear = clear & ~start_meets(p, d, a, b, c);
+            }
         }
-        found = found | empty;
+        for (int j = 0; j < 3; ++j) {
+            at[j] = v_select(at[j], lifted[j], clear);
+        }
+        chosen = v_iselect(chosen, v_splat_int(number), clear);
+        searching = searching & ~clear;
     }
     for (int j = 0; j < 3; ++j) {
         v_store(at[j], surfels + (SURFEL_START + j) * stride + first);
     }
+    v_istore(chosen, part + first);
 }

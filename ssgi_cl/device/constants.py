@@ -107,6 +107,8 @@ VPL_BOUNDS = 7
 """Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
 SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
+START_BATCH = 256
+"""Triangles, one after the other, that share a box."""
 VPL_LOBE_LIGHT = 16
 """Floats of a light with a Phong lobe."""
 VPL_LOBE_BOUNDS = 12

@@ -18,7 +18,7 @@ from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import SURFEL_RECORD
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA
+from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.occupancy_grid import GRIDS, SightGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
@@ -28,6 +28,12 @@ from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 
 Doubles = NDArray[np.float64]
 
+START = Struct(
+    "StartParams",
+    (
+        *floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int"),
+    ),
+)
 PILOT = 512
 """Surfels from which it is estimated how many sides of surfaces take part."""
 MOST_ROW = 4.0
@@ -103,7 +109,8 @@ class Radiosity(Prepared[RadiosityParams]):
         def kernel(name: str):  # noqa: ANN202
             return runtime.kernel(f"radiosity/radiosity_{name}.cl", macros, structs)
 
-        self._start, self._see = kernel("start"), kernel("visibility")
+        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (CAMERA, VPL, START))
+        self._see = kernel("visibility")
         self._sky, self._first = kernel("sky"), kernel("first")
         self._gather = runtime.kernel(
             "radiosity/radiosity_gather.cl", self._walls.macros, structs
@@ -122,8 +129,9 @@ class Radiosity(Prepared[RadiosityParams]):
         half = max(0.5 * float((high - low).max()), 1e-30)
         self.unit = 2.0 ** round(math.log2(half))
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, 1.0], width=1, height=1)
+        self._solid = device_scene(scene, self.runtime)
         self._walls.fill_scene(
-            device_scene(scene, self.runtime), self.camera.view, self.unit, half
+            self._solid, self.camera.view, self.unit, half
         )
         self._shift = np.asarray(scene.origin) - middle
         pilot = self._seeing(scene_surfels(scene, PILOT))
@@ -147,7 +155,8 @@ class Radiosity(Prepared[RadiosityParams]):
         self._upload(surfels)
         self._look_up([])
         open_part = self._seen.download().reshape(4, -1)[3, : len(surfels)]
-        return surfels.chosen(open_part < 0.9999)
+        part = self._chosen.download()[: len(surfels)]
+        return surfels.centred(np.maximum(part, 0)).chosen((open_part < 0.9999) & (part >= 0))
 
     def _upload(self, surfels: Surfels) -> None:
         """Bring surfels to the device, and find where their rays start."""
@@ -165,14 +174,25 @@ class Radiosity(Prepared[RadiosityParams]):
         self._records = records
         self._surfels = self.runtime.array(rows)
         self._flux = [self.runtime.array(records) for _ in range(2)]
-        parts = np.zeros((3, PARTS * stride), np.float32)
-        parts[:, : PARTS * count] = ((surfels.part_position + self._shift) / self.unit).T
-        on_device = self.runtime.array(parts)
+        parts = np.zeros((6, PARTS * stride), np.float32)
+        parts[:3, : PARTS * count] = ((surfels.part_position + self._shift) / self.unit).T
+        parts[3:, : PARTS * count] = surfels.part_normal.T
+        solid, shift = self._solid, self._shift
+        chosen = self.runtime.empty(stride, np.int32)
         self._start.run(
-            "surfel starts", (1, stride),
-            parts=on_device, occupancy=self._walls.grid, grid_box=self._walls.box,
-            surfels=self._surfels, lift=self._walls.lift,
+            "surfel starts", (solid.triangles, stride), grid=(1, stride // self.runtime.form.lanes),
+            parts=self.runtime.array(parts), corners=solid.corners, positions=solid.positions,
+            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=self._walls.grid,
+            grid_box=self._walls.box, surfels=self._surfels, part=chosen,
+            params=START.pack(
+                {
+                    "lift": self._walls.lift, "per_unit": 1.0 / self.unit, "shift_x": shift[0],
+                    "shift_y": shift[1], "shift_z": shift[2],
+                    "vertex_stride": solid.vertex_stride,
+                }
+            ),
         )
+        self._chosen = chosen
         self._seen = self.runtime.empty(4 * stride, np.float32)
         self._source = self.runtime.empty(3 * stride, np.float32)
         self._received = self.runtime.empty(3 * stride, np.float32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,17 @@ class Surfels:
 
     def __len__(self) -> int:
         return len(self.area)
+
+    def centred(self, part: NDArray[np.intp]) -> Surfels:
+        """Return the surfels with the positions of their parts of numbers `part` [count].
+
+        That part is then the first.
+        """
+        first = np.arange(len(self)) * PARTS
+        order = np.arange(PARTS * len(self))
+        order[first], order[first + part] = first + part, first
+        moved = {f"part_{name}": getattr(self, f"part_{name}")[order] for name in _OWN}
+        return replace(self, position=moved["part_position"][::PARTS], **moved)
 
     def chosen(self, kept: NDArray[np.bool_]) -> Surfels:
         """Return those surfels of which `kept` [count] is True."""

@@ -9,11 +9,12 @@
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          openness  [rows, columns] A (SHADE_AO 1)
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1; 2: times A, which it reads too)
+//          sky_light 3 x [rows, columns] W/m^2 (SHADE_SKY_LIGHT 1; 2: times A, as above)
 //          ambient   W/m^2 (SHADE_AMBIENT 1), see shade/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any
-//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too; AMBIENT_SIZE, see `ambient`
+//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT and SHADE_SKY_LIGHT 2 too; AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -23,7 +24,7 @@
 
 #if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_BOUNCES) ||                     \
     !defined(SHADE_INDIRECT) || !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) ||             \
-    !defined(SHADE_SKY) || !defined(AMBIENT_SIZE)
+    !defined(SHADE_SKY) || !defined(SHADE_SKY_LIGHT) || !defined(AMBIENT_SIZE)
 #error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT, _SKY, AMBIENT_SIZE: undefined"
 #endif
 
@@ -58,6 +59,9 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
 #endif
 #if SHADE_INDIRECT
                             ssgi_plane indirect,
+#endif
+#if SHADE_SKY_LIGHT
+                            ssgi_plane sky_light,
 #endif
 #if SHADE_AMBIENT
                             __global const float *restrict ambient,
@@ -139,6 +143,14 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         light[c] = v_fma(bounced, ssgi_load(openness, size, 0, x, y), light[c]);
 #else
         light[c] = light[c] + bounced;
+#endif
+#endif
+#if SHADE_SKY_LIGHT
+        const vfloat shone = ssgi_load(sky_light, size, c, x, y);
+#if SHADE_SKY_LIGHT == 2
+        light[c] = v_fma(shone, ssgi_load(openness, size, 0, x, y), light[c]);
+#else
+        light[c] = light[c] + shone;
 #endif
 #endif
         vfloat sum = ssgi_load(albedo, whole, c, at_x, at_y) * light[c] * M_1_PI_F;

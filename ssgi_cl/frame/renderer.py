@@ -38,6 +38,7 @@ from ssgi_cl.frame.stages import (
     RADIANCE,
     RESOURCES,
     SCENE,
+    SKY_LIGHT,
     TILES,
     combine_stage,
     direct_stage,
@@ -52,6 +53,7 @@ from ssgi_cl.frame.stages import (
     ssdo_tiles_condition,
     tiles_stage,
 )
+from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import downloaded
@@ -82,6 +84,7 @@ class Renderer:
             which each may reflect light.
         curve: see `tonemap`.
         indirect_ao: whether ambient occlusion dims the bounce of lamps too.
+        whole: all bounces of all light, with the sky's visibility, in place of `indirect`; or None.
         skips: what may be left out: True for all of `plan.SKIPS`, False for none, or their names.
     """
 
@@ -99,6 +102,7 @@ class Renderer:
         rsm_size: int = 512,
         curve: str = "filmic",
         indirect_ao: bool = False,
+        whole: WholeParams | None = None,
         skips: bool | Iterable[str] = True,
     ) -> None:
         self.runtime = runtime
@@ -111,7 +115,7 @@ class Renderer:
             windows="window" in self.skips, keeps_world=False,
         )
         maps = LightMaps(
-            runtime, shadow_size, flux=indirect is not None and not ssdo,
+            runtime, shadow_size, flux=whole is not None or (indirect is not None and not ssdo),
             glossy=getattr(indirect, "glossy_vpls", 0) > 0, rsm_size=rsm_size,
         )
         keep = "maps" in self.skips
@@ -147,8 +151,8 @@ class Renderer:
         else:
             if indirect is not None:
                 self._bounce = one_bounce(runtime, size, indirect, margin)
-            reflects = self._bounce is not None
-            indirect_ao = indirect_ao and reflects
+            reflects = self._bounce is not None or whole is not None
+            indirect_ao = (indirect_ao or whole is not None) and reflects
             if ao is not None:
                 occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
                 self._openers.append(occluder)
@@ -164,7 +168,10 @@ class Renderer:
                 maps_stage(maps, keep=keep, reflects=reflects, all_lights=reflects),
                 direct_stage(shade),
             ]
-            if self._bounce is not None:
+            if whole is not None:
+                near += whole.stages(runtime, size)
+                light += [INDIRECT, SKY_LIGHT]
+            elif self._bounce is not None:
                 near.append(one_bounce_stage(self._bounce, runtime))
                 self._indirect = self._bounce
                 light.append(INDIRECT)
@@ -172,7 +179,7 @@ class Renderer:
             gbuffer_stage(self.rasterizer, look),
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
-            combine_stage(shade, light, ambient=not ssdo, indirect_ao=indirect_ao),
+            combine_stage(shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
         self._graph = Graph(

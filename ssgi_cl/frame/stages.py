@@ -6,6 +6,7 @@ Each function returns the record of one stage; a new one is added to the list th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,15 @@ from ssgi_cl.frame.stage import Resource, Stage, Values
 from ssgi_cl.frame.tile_classifier import Occluder, Opener
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
+from ssgi_cl.techniques.indirect.radiosity import Radiosity
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.shading.sky_light import SkyLight
 from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 
@@ -35,6 +40,7 @@ AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect 
 GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
 SHADOWS, RSM = "shadow maps", "reflective shadow map"
+SCENE_LIGHT, SKY_LIGHT = "light of surfaces", "irradiance by environments"
 RADIANCE, PIXELS, EXPOSURE, IMAGE = "radiance", "radiance on the host", "exposure", "image"
 
 RESOURCES = (
@@ -48,6 +54,19 @@ RESOURCES = (
     Resource(RSM, absent="no light that a map could be made of"),
 )
 """Of which more than the name is to be known."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneLight:
+    """What surfaces send, and the space in which light was carried.
+
+    Attributes:
+        surfels: light of all surfaces, but what punctual lights have them reflect at once; or None.
+        radiosity: whose occupancy grid holds the scene.
+    """
+
+    surfels: WorldVpls | None
+    radiosity: Radiosity
 
 
 def gbuffer_stage(
@@ -189,6 +208,52 @@ def direct_stage(shade: Shade) -> Stage:
     )
 
 
+def radiosity_stage(radiosity: Radiosity) -> Stage:
+    """Return the stage that carries light from surface to surface, seen or not.
+
+    It depends on scene and lights alone, so that a moving camera does not run it again.
+    """
+    def run(r: Values) -> SceneLight:
+        maps = r.get(RSM)
+        surfels = radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
+        return SceneLight(surfels, radiosity)
+
+    return Stage(
+        name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
+    )
+
+
+def sky_light_stage(sky: SkyLight) -> Stage:
+    """Return the stage of the light of environments, which all triangles block."""
+    def run(r: Values) -> Plane | None:
+        space = r[SCENE_LIGHT].radiosity
+        return sky.run(
+            r[GBUFFER], r[LIGHTS], grid=space.grid, space=space.camera, unit=space.unit
+        )
+
+    return Stage(
+        name="sky light", reads=(GBUFFER, LIGHTS, SCENE_LIGHT), writes=(SKY_LIGHT,), run=run,
+        condition=lambda facts: None if any(map(_is_ambient, facts[LIGHTS]))
+        else "no environment shines",
+    )
+
+
+def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
+    """Return the stage of the light that surfaces reflect and emit: of punctual lights once by
+    virtual point lights of their maps, all else by surfels."""
+    def run(r: Values) -> Plane:
+        maps = r.get(RSM)
+        return splat.run(
+            r[GBUFFER], None, [] if maps is None else [maps],
+            scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT].surfels,
+        )
+
+    return Stage(
+        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT), hints=(RSM,),
+        writes=(INDIRECT,), run=run, label=splat.name,
+    )
+
+
 def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect once."""
     def run(r: Values) -> Plane:
@@ -246,6 +311,7 @@ def combine_stage(
         return shade.combine(
             r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, openness=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
+            sky_light=r.get(SKY_LIGHT),
         )
 
     return Stage(

@@ -118,6 +118,11 @@ class Radiosity(Prepared[RadiosityParams]):
         self.surfels: Surfels | None = None
         self.bounces = 0
 
+    @property
+    def grid(self) -> SightGrid:
+        """The occupancy grid of the latest scene, in the view space of `camera`."""
+        return self._walls
+
     def _set(self, params: RadiosityParams) -> None:
         pass
 

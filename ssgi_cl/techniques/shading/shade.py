@@ -112,10 +112,12 @@ class Shade(Prepared[ShadeParams]):
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         indirect_ao: bool | None = None,
+        sky_light: Plane | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
+        `sky_light` is the irradiance by environments where it is known by itself, which A dims as
+        it does `indirect`; `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
         is as in `run`.
         """
         if multi_bounce is None:
@@ -136,6 +138,9 @@ class Shade(Prepared[ShadeParams]):
                     0 if indirect is None else 2 if indirect_ao and openness is not None else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
+                "SHADE_SKY_LIGHT": (
+                    0 if sky_light is None else 2 if indirect_ao and openness is not None else 1
+                ),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
                 **self._ambient.macros,
@@ -157,7 +162,7 @@ class Shade(Prepared[ShadeParams]):
                 "combine", self.size, window=over,
                 linear=gbuffer.linear, normal=gbuffer.normal, albedo=gbuffer.albedo,
                 emission=gbuffer.emission if gbuffer.emits else None, direct=lit,
-                openness=openness, indirect=indirect,
+                openness=openness, indirect=indirect, sky_light=sky_light,
                 ambient=self._ambient.irradiance if shines else None, sky=self._sky,
                 radiance=self._radiance, camera=gbuffer.camera_struct,
                 params=COMBINE.pack(values),
@@ -275,7 +280,7 @@ DESCRIPTOR = Technique(
     kernels={
         "shade/shade_combine.cl": (
             "SHADE_DIRECT", "SHADE_AO", "SHADE_BOUNCES", "SHADE_INDIRECT", "SHADE_EMISSION",
-            "SHADE_AMBIENT", "SHADE_SKY", "AMBIENT_SIZE",
+            "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "AMBIENT_SIZE",
         ),
         "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS"),
         "shade/shadow_blocks.cl": (),

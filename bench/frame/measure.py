@@ -166,8 +166,10 @@ class _Path:
 
     def frame(self, camera: Camera) -> Floats:
         if self._made is None:
-            self._made = PathFrames(self._view.scene, self._view.lights)
-        return self._made.frame(camera, self._samples, denoised=self._denoised)
+            self._made = PathFrames(
+                self._view.scene, self._view.lights, self._samples, denoised=self._denoised
+            )
+        return self._made.frame(camera)
 
 
 def _row(
@@ -179,7 +181,8 @@ def _row(
         image = maker.frame(camera)
         return 1e3 * (time.perf_counter() - start), image
 
-    timed(0)  # compiles
+    for step in range(2):  # compiles
+        timed(step)
     maker.forget()
     first, image = timed(0)
     kept = statistics.median(timed(step)[0] for step in range(1, frames + 1))

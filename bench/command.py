@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.io.console import is_expected, one_line, printable
 from ssgi_cl.rasterize.scenes import REPORTED
 from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
@@ -25,39 +19,24 @@ from ssgi_cl.tuning.measured_scenes import views_of
 
 from . import compare, document, front, report, suite, summary, table
 from .cases import FAMILIES, OWN
+from .frame.command import frame_command
+from .options import (
+    PixelSize,
+    check_output,
+    device_option,
+    human_errors,
+    meshes_option,
+    progress_bar,
+)
 
 SIZE = "800x600"
 
 
-class PixelSize(click.ParamType[Size]):
-    """COLUMNSxROWS on the command line, (rows, columns) within."""
-
-    name = "COLUMNSxROWS"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Size:
-        """Return (rows, columns)."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", value)
-        sides = [int(side) for side in match.groups()] if match else [0]
-        if not all(1 <= side <= 16384 for side in sides):
-            self.fail(f"{value!r}: expected COLUMNSxROWS, 1 to 16384 pixels each", param, ctx)
-        return sides[1], sides[0]
-
-
 _patterns = click.argument("patterns", nargs=-1, metavar="[CASE...]")
-_device = click.option(
-    "--device", metavar="WORDS", help="Words of the device's label; by default SSGI_CL_DEVICE, "
-    "else the fastest found.",
-)
 _scenes = click.option(
     "--scene", "scenes", multiple=True, metavar="NAME|FILE", default=REPORTED, show_default=True,
     help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
     "--camera`) and ao_radius; several times.",
-)
-_meshes = click.option(
-    "--meshes", type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="The folder of the views' meshes; by default each view's own.",
 )
 _sizes = click.option(
     "--size", "sizes", multiple=True, type=PixelSize(), default=(SIZE,), show_default=True,
@@ -77,12 +56,27 @@ _attenuation = click.option(
 )
 
 
-@click.command("bench")
+class _BenchCommand(click.Command):
+    """`ssgi bench`, whose first word may be `frame`: then `ssgi bench frame`."""
+
+    def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
+        """Return the context of the command that is meant."""
+        if args and args[0] == frame_command.name:
+            name = f"{info_name} {frame_command.name}"
+            return frame_command.make_context(name, args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command of the context."""
+        return ctx.command.invoke(ctx) if ctx.command is not self else super().invoke(ctx)
+
+
+@click.command("bench", cls=_BenchCommand)
 @_patterns
 @_scenes
-@_meshes
+@meshes_option
 @_sizes
-@_device
+@device_option
 @click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
 @click.option("--storage", type=click.Choice(["buffer", "image"]), help="Force what kernels read.")
 @click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 600.0),
@@ -113,15 +107,16 @@ def bench_command(
 
     A CASE is family.setting.scene.COLUMNSxROWS, such as ssao.16.hall.800x600; * and ? stand for
     any characters, and later parts may be left out: `ssao`, `'ssao*.16'`. Without any, all are
-    measured. Truths are made once and kept (see `ssgi truth`).
+    measured. Truths are made once and kept (see `ssgi truth`). `ssgi bench frame` measures whole
+    frames, with options of its own.
     """
     if compared:
         _compare(*compared)
         return
     for path, suffix in ((output, ".json"), (html, ".html"), (markdown, ".md")):
-        _check_output(path, suffix)
+        check_output(path, suffix)
     families = OWN if own else FAMILIES
-    with _human_errors():
+    with human_errors():
         runtime = Runtime.open(device, lanes=lanes, storage=storage)
         views = views_of(scenes, runtime, meshes)
         cases = suite.select(patterns, list(views), sizes, families)
@@ -130,7 +125,7 @@ def bench_command(
                 click.echo(case.name)
             return
         settings = _truth_settings(truths)
-        with _progress() as step:
+        with progress_bar() as step:
             found = suite.measure(
                 cases, views, runtime, truths=settings, seconds=seconds, errors=not no_errors,
                 families=families, report=step,
@@ -159,9 +154,9 @@ def bench_command(
 @click.command("truth")
 @_patterns
 @_scenes
-@_meshes
+@meshes_option
 @_sizes
-@_device
+@device_option
 @_rays
 @_paths
 @_points
@@ -180,7 +175,7 @@ def truth_command(
     Takes cases as `ssgi bench` does. A run that is interrupted goes on where it stopped. Exit
     status 1 if any could not be made.
     """
-    with _human_errors():
+    with human_errors():
         if clear:
             click.echo(f"freed {store.clear() / 2**20:.1f} MiB in {store.truth_folder()}")
             return
@@ -188,7 +183,7 @@ def truth_command(
             runtime = Runtime.open(device)
             views = views_of(scenes, runtime, meshes)
             settings = _truth_settings(truths, rebuild=rebuild)
-            with _progress() as step:
+            with progress_bar() as step:
                 wrong = suite.make_truths(
                     suite.select(patterns, list(views), sizes), views, runtime, settings,
                     report=step,
@@ -231,52 +226,8 @@ def _truth_settings(options: dict[str, Any], *, rebuild: bool = False) -> TruthS
 
 
 def _compare(before: Path, after: Path) -> None:
-    with _human_errors():
+    with human_errors():
         comparison = compare.compare(document.read(before), document.read(after))
     compare.show(comparison, Console())
     if comparison.failed:
         sys.exit(1)
-
-
-def _check_output(path: Path | None, suffix: str) -> None:
-    if path is None:
-        return
-    if path.suffix.lower() != suffix:
-        raise click.UsageError(f"the file is {path}: expected a name that ends in {suffix}")
-    if not path.parent.is_dir():
-        raise click.ClickException(f"the file is {path}: there is no folder {path.parent}")
-
-
-@contextmanager
-def _human_errors() -> Iterator[None]:
-    """Show errors and warnings as a line each, without the place in the code."""
-
-    def show(message: Warning | str, *_: object, **__: object) -> None:
-        click.echo(f"warning: {' '.join(str(message).split())}", err=True)
-
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = show
-            yield
-    except (click.exceptions.Exit, click.Abort, click.ClickException):
-        raise
-    except Exception as error:
-        if not is_expected(error):
-            raise
-        raise click.ClickException(printable(" ".join(one_line(error).split()))) from error
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Give a function that shows what is under way, how much is done and how long the rest takes.
-
-    On a terminal, on standard error.
-    """
-    console = Console(stderr=True)
-    with Progress(
-        BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.description}"),
-        console=console, transient=True, disable=not console.is_terminal,
-    ) as progress:
-        task = progress.add_task("", total=1.0)
-        yield lambda text, share: progress.update(task, description=text, completed=share)

@@ -117,8 +117,8 @@ class PathTracer(ABC):
     ) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
 
-        `offset` [2, n] moves them from the pixels' centres, in pixels. They start and end near the sphere round the scene; those that can't meet it have a negative
-        length.
+        `offset` [2, n] moves them from the pixels' centres, in pixels. They start and end near the
+        sphere round the scene; those that can't meet it have a negative length.
         """
         start, along = lines_of_sight(camera, rows, self._world.origin, offset=offset)
         near, far, _ = depths_in_sphere(camera, start, along, self._middle, self._reach)

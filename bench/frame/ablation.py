@@ -1,0 +1,135 @@
+"""Where a frame's error comes from: its terms replaced by those of the reference, one by one.
+
+Light adds up, so that the frame is the sum of frames by part of the light, and the reference the
+sum of references by the same parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl import truth
+from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
+from ssgi_cl.rasterize.scenes import BuiltinScene
+
+from .error import FrameError, frame_error
+from .measure import Progress, reference, without_emission
+from .modes import Mode
+
+Floats = NDArray[np.float32]
+Terms = dict[str, NDArray[np.float64]]
+
+NOTHING, EDGES = "nothing", "edges (pixel filter)"
+DIRECT, SKY, EMISSION, FIRST, LATER = (
+    "direct light and its shadows", "sky", "emission", "bounce 1", "later bounces"
+)
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """A term of a frame.
+
+    Attributes:
+        term: which.
+        alone: errors of the frame with this term from the reference.
+        kept: errors of the reference with this term from the frame; None where that says nothing.
+        share: the term's part of the reference's light.
+    """
+
+    term: str
+    alone: FrameError
+    kept: FrameError | None
+    share: float
+
+
+def ablation(
+    view: BuiltinScene,
+    size: Size,
+    runtime: Runtime,
+    mode: Mode,
+    *,
+    paths: int = 256,
+    progress: Progress = lambda text, share: None,
+) -> list[Replaced]:
+    """Return the errors of a frame as it is, and with each term replaced."""
+    expected = reference(view, size, paths, progress).mean.astype(np.float64)
+    true = _true_terms(view, size, paths, progress)
+    ours = _own_terms(view, size, runtime, mode)
+    frame = sum(ours.values(), np.zeros_like(expected))
+    light = float(expected.mean()) or 1.0
+    found = [Replaced(NOTHING, _errors(frame, expected), None, 1.0)]
+    for term, value in true.items():
+        found.append(Replaced(
+            term, _errors(frame - ours[term] + value, expected),
+            _errors(expected - value + ours[term], expected), float(value.mean()) / light,
+        ))  # fmt: skip
+    both = true[FIRST] + true[LATER] - ours[FIRST] - ours[LATER]
+    found.append(Replaced(
+        "all bounces", _errors(frame + both, expected), _errors(expected - both, expected),
+        float((true[FIRST] + true[LATER]).mean()) / light,
+    ))  # fmt: skip
+    return found
+
+
+def _errors(image: NDArray[np.float64], expected: NDArray[np.float64]) -> FrameError:
+    return frame_error(image.astype(np.float32), expected.astype(np.float32))
+
+
+def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
+    """Return scene and lights of each part of the direct light; what shines nowhere is left out."""
+    dark = without_emission(view.scene)
+    skies = tuple(light for light in view.lights if isinstance(light, Environment))
+    lamps = tuple(light for light in view.lights if not isinstance(light, Environment))
+    parts = {DIRECT: (dark, lamps), SKY: (dark, skies)}
+    found = {term: part for term, part in parts.items() if part[1]}
+    if any(any(material.emission) for material in view.scene.materials):
+        found[EMISSION] = (view.scene, ())
+    return found
+
+
+def _true_terms(view: BuiltinScene, size: Size, paths: int, progress: Progress) -> Terms:
+    camera = view.camera(size[1], size[0])
+
+    def made(scene: Scene, lights: tuple[Light, ...], bounces: Any) -> NDArray[np.float64]:
+        title = f"{bounces} bounces of {len(lights)} lights, {view.name}"
+        return truth.radiance(
+            scene, camera, lights, paths, bounces,
+            progress=lambda share: progress(title, share),
+        ).mean.astype(np.float64)
+
+    direct = {term: made(*part, 0) for term, part in _parts(view).items()}
+    once, every = (made(view.scene, view.lights, bounces) for bounces in (1, "all"))
+    straight = sum(direct.values(), np.zeros_like(every))
+    box = reference(view, size, paths, progress).mean.astype(np.float64)
+    return {**direct, FIRST: once - straight, LATER: every - once, EDGES: box - every}
+
+
+def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> Terms:
+    camera = view.camera(size[1], size[0])
+
+    def made(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
+        found = render(
+            scene, camera, lights, outputs=("radiance",), runtime=runtime, **options
+        )
+        return found.radiance.astype(np.float64)
+
+    whole = dict(mode.options)
+    direct = {
+        term: made(*part, {**whole, **mode.direct}) for term, part in _parts(view).items()
+    }
+    every = made(view.scene, view.lights, whole)
+    straight = sum(direct.values(), np.zeros_like(every))
+    once = every
+    if mode.one_bounce is not None:
+        once = made(view.scene, view.lights, {**whole, **mode.one_bounce})
+    return {
+        **direct, FIRST: once - straight, LATER: every - once, EDGES: np.zeros_like(every),
+    }

@@ -1,0 +1,80 @@
+"""Whole frames by Mitsuba 3's integrator `path`, by samples a pixel, denoised or not.
+
+Diffuse surfaces, box filter, 12 bounces at most. The denoiser's guides are albedo and normals from
+the same samples. Emission counts on both sides, as in the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth.mitsuba_scene import MitsubaScene, sensor, within
+
+from .mitsuba_rays import VARIANT, missing
+from .oidn import QUALITY
+
+Floats = NDArray[np.float32]
+
+MAX_DEPTH = 12
+SAMPLES = (1, 4, 16, 64)
+"""Per pixel."""
+
+__all__ = ["MAX_DEPTH", "SAMPLES", "VARIANT", "PathFrames", "missing"]
+
+
+class PathFrames:
+    """A scene with its lights in Mitsuba, of which frames are made.
+
+    Args:
+        scene, lights: what is seen.
+        samples: paths per pixel.
+        denoised: whether Intel's denoiser follows.
+    """
+
+    def __init__(
+        self, scene: Scene, lights: Sequence[Light], samples: int, *, denoised: bool
+    ) -> None:
+        self._samples, self._denoised = samples, denoised
+        path: dict[str, Any] = {"type": "path", "max_depth": MAX_DEPTH}
+        if denoised:
+            path = {"type": "aov", "aovs": "albedo:albedo,nn:sh_normal", "image": path}
+        with within(VARIANT) as mi:
+            self._world = MitsubaScene.of(scene, lights, VARIANT, emission="emitters")
+            self._integrator = mi.load_dict(path)
+        self._sensor: Any = None
+        self._size = (0, 0)
+        self._seed = 0
+
+    def frame(self, camera: Camera) -> Floats:
+        """Return radiance [rows, columns, 3]; each call takes other random numbers."""
+        self._seed += 1
+        with within(VARIANT) as mi:
+            wanted = sensor(mi, self._world, camera)
+            if camera.size != self._size:
+                self._sensor, self._size = mi.load_dict(wanted), camera.size
+            # A sensor that is moved needs no other kernel, as a new one does. Without the first
+            # move a value that happens to be 0 would become a part of the code.
+            values = mi.traverse(self._sensor)
+            values["to_world"] = mi.Transform4f(wanted["to_world"].matrix)
+            values.update()
+            found = np.array(mi.render(
+                self._world.scene, sensor=self._sensor, integrator=self._integrator,
+                spp=self._samples, seed=self._seed,
+            ), np.float32)  # fmt: skip
+        if not self._denoised:
+            return found
+        color, albedo, normal = (
+            np.ascontiguousarray(np.nan_to_num(found[..., 3 * i : 3 * i + 3])) for i in range(3)
+        )
+        clean: Floats = import_module("pyoidn").denoise(
+            color, albedo, normal, hdr=True, quality=QUALITY
+        )
+        return clean

@@ -99,7 +99,9 @@ def measured(
         like = frames[SSDO[0] if column in SSDO else "none"]
         if not np.array_equal(frames[column].radiance, like.radiance):
             raise RuntimeError(f"{view.name}: skipping {column} changes the picture")
-    seen = render(view.scene, cameras[0], (), ao=False, gbuffer=True, runtime=runtime).gbuffer
+    seen = render(
+        view.scene, cameras[0], (), bounces=0, ao=False, gbuffer=True, runtime=runtime
+    ).gbuffer
     assert seen is not None  # noqa: S101  it was asked for
     reasons = tuple(f"{p.name}: {p.skipped}" for p in frames[ALL].passes if p.skipped)
     return Row(

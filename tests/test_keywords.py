@@ -89,7 +89,7 @@ def test_messages() -> None:
     ):
         gi.SsaoParams(sample=4)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"^render\(\) .*'exposur': did you mean 'exposure'\?"):
-        gi.render(None, camera, [], exposur=1.0)  # type: ignore[call-arg, arg-type]
+        gi.render(None, camera, [], bounces=0, exposur=1.0)  # type: ignore[call-arg, arg-type]
     with pytest.raises(
         TypeError, match=r"^choose\(\) of 'hbao' .*'attenuate': did you mean 'attenuation'\?"
     ):

@@ -70,4 +70,4 @@ def test_a_former_module_leaves_the_function_of_its_name_callable() -> None:
     with pytest.warns(DeprecationWarning, match="ssgi_cl.render is now"):
         importlib.import_module("ssgi_cl.render")
     with pytest.raises(TypeError, match="camera is None"):
-        gi.render(None, None, ())  # type: ignore[arg-type]
+        gi.render(None, None, (), bounces=0)  # type: ignore[arg-type]

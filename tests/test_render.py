@@ -77,7 +77,9 @@ def skipped(frame: Frame) -> dict[str, str]:
 def test_frame_holds_arrays_of_the_documented_shape_and_type(
     runtime: Runtime, small: Scene
 ) -> None:
-    frame = render(small, viewer(), LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+    frame = render(
+        small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime
+    )
     assert (frame.image.shape, frame.image.dtype) == ((48, 64, 3), np.uint8)
     assert (frame.radiance.shape, frame.radiance.dtype) == ((48, 64, 3), np.float32)
     assert frame.ao is not None
@@ -95,7 +97,7 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(
 
 
 def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     ran = names(frame)
     wanted = [
         "view normals", "gtao", "light directional", "light point", "light spot", "combine",
@@ -112,7 +114,7 @@ def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, smal
 def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> None:
     built = BUILTIN_SCENES[name]()
     frame = render(
-        built.scene, built.camera(80, 60), built.lights, ao_radius=built.ao_radius,
+        built.scene, built.camera(80, 60), built.lights, bounces=0, ao_radius=built.ao_radius,
         shadow_size=256, runtime=runtime,
     )
     assert np.isfinite(frame.radiance).all()
@@ -127,7 +129,7 @@ def test_radiance_is_that_of_the_float64_twins_of_the_frames_own_inputs(
     runtime: Runtime, small: Scene
 ) -> None:
     camera = viewer()
-    frame = render(small, camera, LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
     assert frame.gbuffer is not None
     assert frame.ao is not None
     rsms = [
@@ -145,7 +147,7 @@ def test_radiance_is_that_of_the_float64_twins_of_the_frames_own_inputs(
 
 def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> None:
     frame = render(
-        small, viewer(), [SKY], gbuffer=True, layers=2, overscan=0.1, runtime=runtime
+        small, viewer(), [SKY], bounces=0, gbuffer=True, layers=2, overscan=0.1, runtime=runtime
     )
     expected = gi.rasterize.gbuffer(small, viewer(), layers=2, overscan=0.1, runtime=runtime)
     assert frame.gbuffer is not None
@@ -158,9 +160,10 @@ def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> No
 def test_layers_and_overscan_do_not_change_what_they_do_not_concern(
     runtime: Runtime, small: Scene
 ) -> None:
-    plain = render(small, viewer(), [SUN, LAMP], shadow_size=128, runtime=runtime)
+    plain = render(small, viewer(), [SUN, LAMP], bounces=0, shadow_size=128, runtime=runtime)
     more = render(
-        small, viewer(), [SUN, LAMP], shadow_size=128, layers=2, overscan=0.2, runtime=runtime
+        small, viewer(), [SUN, LAMP],
+        bounces=0, shadow_size=128, layers=2, overscan=0.2, runtime=runtime
     )
     # The margin moves the origin of pixel positions, which round by 2^-24.
     wrong = np.abs(plain.radiance - more.radiance) > 1e-5 * plain.radiance.max()
@@ -174,37 +177,37 @@ def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(
     runtime: Runtime, small: Scene
 ) -> None:
     for lights in ([SUN], [SUN, Environment(0.0)], []):
-        frame = render(small, viewer(), lights, shadow_size=64, runtime=runtime)
+        frame = render(small, viewer(), lights, bounces=0, shadow_size=64, runtime=runtime)
         assert frame.ao is None
         assert skipped(frame)["gtao"] == "no ambient light for it to dim"
         assert "gtao" not in names(frame)
 
 
 def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), [SKY], ao=False, runtime=runtime)
+    frame = render(small, viewer(), [SKY], bounces=0, ao=False, runtime=runtime)
     assert frame.ao is None
     assert frame.gbuffer is None
     assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
 
 
 def test_skipped_ao_gives_the_same_bits_as_none(runtime: Runtime, small: Scene) -> None:
-    a = render(small, viewer(), [SUN], shadow_size=64, runtime=runtime)
-    b = render(small, viewer(), [SUN], ao=False, shadow_size=64, runtime=runtime)
+    a = render(small, viewer(), [SUN], bounces=0, shadow_size=64, runtime=runtime)
+    b = render(small, viewer(), [SUN], bounces=0, ao=False, shadow_size=64, runtime=runtime)
     np.testing.assert_array_equal(a.radiance, b.radiance)
 
 
 def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: Scene) -> None:
     dark = PointLight((0, 1, 0), 0.0)
     options: dict[str, Any] = {"shadow_size": 64, "skips": ("dark", "maps"), "runtime": runtime}
-    none = render(small, viewer(), [SKY], **options)
-    frame = render(small, viewer(), [dark, SKY], **options)
+    none = render(small, viewer(), [SKY], bounces=0, **options)
+    frame = render(small, viewer(), [dark, SKY], bounces=0, **options)
     assert skipped(frame) == {"light point": "it emits nothing"}
     assert names(frame) == names(none)
     np.testing.assert_array_equal(frame.radiance, none.radiance)
 
 
 def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), [], gbuffer=True, runtime=runtime)
+    frame = render(small, viewer(), [], bounces=0, gbuffer=True, runtime=runtime)
     assert frame.gbuffer is not None
     np.testing.assert_array_equal(frame.radiance, np.asarray(frame.gbuffer.emission))
     assert frame.radiance.any()
@@ -218,7 +221,8 @@ def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
     runtime: Runtime, small: Scene, name: str
 ) -> None:
     frame = render(
-        small, viewer(), [SKY], ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True,
+        small, viewer(), [SKY],
+        bounces=0, ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True,
         runtime=runtime,
     )
     assert frame.gbuffer is not None
@@ -233,7 +237,7 @@ def box(runtime: Runtime, **options: Any) -> Frame:
     """Return a small picture of the Cornell box, lit by its lamp alone."""
     built = BUILTIN_SCENES["cornell_box"]()
     given = {"shadow_size": 128, "exposure": 1.0, "runtime": runtime, **options}
-    return render(built.scene, built.camera(64, 48), built.lights, **given)
+    return render(built.scene, built.camera(64, 48), built.lights, bounces=0, **given)
 
 
 @pytest.mark.parametrize(
@@ -339,7 +343,7 @@ def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
 
 
 def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -> None:
-    plain = render(small, viewer(), [SKY], runtime=runtime)
+    plain = render(small, viewer(), [SKY], bounces=0, runtime=runtime)
     ways = {"multires": "multires splat", "vpl": "vpl splat", "gather": "rsm gather"}
     for way, name in ways.items():
         frame = render(small, viewer(), [SKY], indirect=way, runtime=runtime)
@@ -377,13 +381,13 @@ def test_a_lamp_that_lights_nothing_leaves_the_light_of_the_others(
 ) -> None:
     away = SpotLight((0.2, 1.5, 0.3), (0.0, 1.0, 0.0), 0.3, 1.0)
     options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "runtime": runtime}
-    alone = render(small, viewer(), [LAMP], **options)
-    both = render(small, viewer(), [LAMP, away], **options)
+    alone = render(small, viewer(), [LAMP], bounces=0, **options)
+    both = render(small, viewer(), [LAMP, away], bounces=0, **options)
     assert alone.indirect is not None
     assert both.indirect is not None
     assert skipped(both)["bounce spot"] == "it lights nothing that reflects"
     np.testing.assert_array_equal(alone.indirect, both.indirect)
-    nothing = render(small, viewer(), [away], **options)
+    nothing = render(small, viewer(), [away], bounces=0, **options)
     assert nothing.indirect is None
     assert not any(name.startswith(("vpl", "multires", "rsm gather")) for name in names(nothing))
 
@@ -396,9 +400,9 @@ def test_frames_with_indirect_light_repeat_and_allocate_nothing(
     runtime: Runtime, small: Scene, options: dict[str, Any]
 ) -> None:
     given = {"shadow_size": 64, "runtime": runtime, **options}
-    first = render(small, viewer(), LIGHTS, **given)
+    first = render(small, viewer(), LIGHTS, bounces=0, **given)
     before = runtime.allocated_bytes, runtime.builds
-    again = render(small, viewer(), LIGHTS, **given)
+    again = render(small, viewer(), LIGHTS, bounces=0, **given)
     assert (runtime.allocated_bytes, runtime.builds) == before
     assert first.indirect is not None
     assert again.indirect is not None
@@ -411,7 +415,7 @@ def test_frames_with_indirect_light_repeat_and_allocate_nothing(
 
 def test_two_frames_have_the_same_bits(runtime: Runtime, small: Scene) -> None:
     a, b = (
-        render(small, viewer(), LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
+        render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
         for _ in range(2)
     )
     assert a.ao is not None
@@ -441,9 +445,9 @@ def test_steady_frames_allocate_no_device_memory_and_compile_nothing(
 def test_render_prepares_once_for_the_same_size_and_settings(
     runtime: Runtime, small: Scene
 ) -> None:
-    render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     before = runtime.allocated_bytes, runtime.builds
-    render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
+    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     assert (runtime.allocated_bytes, runtime.builds) == before
 
 
@@ -460,7 +464,7 @@ def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: S
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
 def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
     frame = render(
-        small, viewer(size[1], size[0]), LIGHTS, shadow_size=64, overscan=0.3,
+        small, viewer(size[1], size[0]), LIGHTS, bounces=0, shadow_size=64, overscan=0.3,
         runtime=form_runtime,
     )
     assert frame.image.shape == (*size, 3)
@@ -471,8 +475,8 @@ def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -
 def test_every_kernel_form_draws_the_same_picture(
     runtime: Runtime, form_runtime: Runtime, small: Scene
 ) -> None:
-    a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
-    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=form_runtime)
+    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    b = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=form_runtime)
     off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
     # A value may round to the next; where a device's division is not exact an edge may move.
     assert np.mean(off > 1) < 2e-3
@@ -492,8 +496,8 @@ def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Sc
     camera = Camera.look_at(
         np.add(shift, (1.2, 1.0, 1.8)), np.add(shift, (0, 0.3, 0)), width=64, height=48
     )
-    a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
-    b = render(moved, camera, lights, shadow_size=128, runtime=runtime)
+    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    b = render(moved, camera, lights, bounces=0, shadow_size=128, runtime=runtime)
     # Positions of 1e6 in float64 round by 1e-10: edges may fall to the next pixel or texel.
     assert np.mean(np.abs(a.image.astype(int) - b.image).max(axis=-1) > 1) < 5e-3
 
@@ -504,7 +508,8 @@ def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Sc
 def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> None:
     for curve in ("clip", "filmic"):
         frame = render(
-            small, viewer(), [SUN], exposure=0.5, curve=curve, shadow_size=64, runtime=runtime
+            small, viewer(), [SUN],
+            bounces=0, exposure=0.5, curve=curve, shadow_size=64, runtime=runtime
         )
         assert frame.exposure == 0.5
         expected = encoded_reference(frame.radiance, 0.5, curve)
@@ -519,8 +524,10 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
         positions=small.positions, normals=small.normals, uvs=small.uvs, colors=small.colors,
         triangles=small.triangles, material_ids=np.zeros(4, np.int32),
     )
-    a = render(dull, viewer(), [SKY], runtime=runtime)
-    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], runtime=runtime)
+    a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
+    b = render(
+        dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime
+    )
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
 
 
@@ -571,7 +578,7 @@ def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
         "scene": small, "camera": viewer(8, 6), "lights": [SKY], "runtime": runtime, **arguments
     }
     with pytest.raises(error, match=message):
-        render(given.pop("scene"), given.pop("camera"), given.pop("lights"), **given)
+        render(given.pop("scene"), given.pop("camera"), given.pop("lights"), bounces=0, **given)
 
 
 def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small: Scene) -> None:

@@ -25,7 +25,8 @@ MAP = {"shadow_size": 64, "rsm_size": 64}
 def rendered(runtime: Runtime, **options: Any) -> gi.Frame:
     made = BUILTIN_SCENES["cornell_box"]()
     return gi.render(
-        made.scene, made.camera(48, 36), made.lights, runtime=runtime, ao=False, skips=False,
+        made.scene, made.camera(48, 36), made.lights,
+        bounces=0, runtime=runtime, ao=False, skips=False,
         outputs=("image", "indirect", "gbuffer"), **MAP, **options,
     )
 

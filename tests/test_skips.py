@@ -34,6 +34,7 @@ def drawn(
     }
     return render(
         built.scene, built.camera(*SIZE), (*built.lights, GLOW) if lights is None else lights,
+        bounces=0,
         skips=skips, runtime=runtime, **given,
     )
 

@@ -69,7 +69,8 @@ class WholeFrame(Own):
         view = context.view
         return Subject(
             run=lambda: render(
-                view.scene, context.camera, view.lights, ao="ssao", ao_radius=context.radius,
+                view.scene, context.camera, view.lights,
+                bounces=0, ao="ssao", ao_radius=context.radius,
                 ao_samples=samples, skips=DRAWN, runtime=context.runtime,
             ),
             counted="the whole frame, light maps drawn",

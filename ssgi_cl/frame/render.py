@@ -17,8 +17,10 @@ from ssgi_cl.frame.plan import Needs, chosen_skips
 from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params, shape_of
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
+from ssgi_cl.frame.whole import cell_size, whole_params
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
 from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.shading.sky_light import CONTACT
 from ssgi_cl.techniques.shading.tonemap import CURVES
 
 __all__ = ["Frame", "Renderer", "render"]
@@ -34,6 +36,8 @@ def render(
     camera: Camera,
     lights: Sequence[Light],
     *,
+    bounces: int | str | None = None,
+    preset: str | None = None,
     ao: bool | str = True,
     ao_radius: float | None = None,
     ao_samples: int | None = None,
@@ -56,24 +60,35 @@ def render(
     runtime: Runtime | None = None,
     extra_cameras: int | None = None,
 ) -> Frame:
-    """Render a scene: direct light with shadows, ambient light with occlusion, emission, a bounce.
+    """Render the whole picture: direct light with shadows, sky, all bounces, emission.
+
+    Punctual lights have shadow maps. Environments are blocked by the scene's triangles at any
+    distance (`SkyLight`); surfaces that emit light the scene. Reflected light is carried between
+    surfels until it changes no more (`Radiosity`), and gathered by `multires_splat`; what lies
+    within two cells of the occupancy grid blocks sky and reflected light as ambient occlusion.
+    What depends on scene and lights alone is kept from frame to frame.
 
     Args:
         scene: what `rasterize.load_scene` returns, or one of your own making.
         camera: gives the size of the picture too.
         lights: any number of lights.
+        bounces: reflections on the way from a light to a pixel: 1 or more, or "all". 0: direct
+            light only, and that of environments as ambient light, dimmed by ambient occlusion
+            within `ao_radius`. By default "all" without `indirect`, 0 with it.
+        preset: how exactly the whole picture is computed: "low", "medium", "high" or "ultra"; by
+            default "high". Of no use with `bounces` 0.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
             for none. All but "ssao" look into all `layers`, all four into the overscan.
         ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the diagonal of
-            the scene's box.
+            the scene's box, and two cells of the occupancy grid for the whole picture.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
-        indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
+        indirect: one technique that reflects light once, in place of all bounces. That of all lamps: "multires" (`multires_splat`,
             the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); all
             triangles of the scene, seen or not, block that of the first two. That of
             lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
             light of environments too, so `ao` is not needed). What surfaces emit is
-            seen and lights nothing. True for "multires", None or False for none.
+            seen and lights nothing. True for "multires", False for none; None: as `bounces` says.
         method: how `indirect` computes it, out of the methods of its technique: those of
             `multires_splat`, `rsm_gather` and `ssdo`, "published" among them; None for the default.
             "multires" as published lets no wall block light.
@@ -123,11 +138,12 @@ def render(
         checks.switch(name, switch)
     outputs, skips = outputs if outputs is None else tuple(outputs), chosen_skips(skips)
     Needs.of(outputs, skips)
+    whole = whole_params(bounces, preset, indirect)
     dims, indirect = ao_name(ao, ao_samples), bounce_name(indirect)
     method = bounce_method(indirect, method)
     if multi_bounce and indirect == "ssdo":
         raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
-    if indirect_ao and (dims is None or indirect in (None, "ssdo")):
+    if indirect_ao and whole is None and (dims is None or indirect in (None, "ssdo")):
         raise ValueError(
             f"indirect_ao is True: expected False with ao={ao!r} and indirect={indirect!r}, it "
             "needs ambient occlusion and the bounce of lamps"
@@ -154,7 +170,9 @@ def render(
     margin = margin_of(camera, overscan)
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
-    if ao_radius is None:
+    if ao_radius is None and whole is not None:
+        ao_radius = CONTACT * cell_size(scene)
+    elif ao_radius is None:
         extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
         ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
     bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
@@ -164,14 +182,14 @@ def render(
         params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
     key = (
         Renderer, camera.size, shape_of(params), shape_of(bounce), layers, margin,
-        auxiliary_cameras, shadow_size, rsm_size, curve, indirect_ao, skips,
+        auxiliary_cameras, shadow_size, rsm_size, curve, indirect_ao, whole, skips,
     )
     renderer: Renderer = runtime.prepared(
         key,
         lambda: Renderer(
             runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
             views=auxiliary_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
-            curve=curve, indirect_ao=indirect_ao, skips=skips,
+            curve=curve, indirect_ao=indirect_ao, whole=whole, skips=skips,
         ),
     )
     renderer.set_params(params, bounce)

@@ -53,8 +53,8 @@ from ssgi_cl.frame.stages import (
     ssdo_tiles_condition,
     tiles_stage,
 )
-from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
+from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import downloaded
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.stage import Stage
@@ -13,6 +16,11 @@ from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSp
 from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.shading.sky_light import SkyLight, SkyLightParams
+
+MOST_BOUNCES = 1000
+
+MARGIN_CELLS = 6
+"""Cells of the occupancy grid beside a scene along each axis."""
 
 SURFEL_ROOM = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
@@ -62,12 +70,36 @@ PRESETS = {
 DEFAULT_PRESET = "high"
 
 
-def checked_bounces(bounces: object) -> int | str:
-    """Return `bounces` of `render`.
+def whole_params(bounces: object, preset: object, indirect: object) -> WholeParams | None:
+    """Return what `render` is asked for by these arguments; None without the whole picture.
 
     Raises:
-        TypeError, ValueError: neither an integer from 0 on nor "all".
+        TypeError, ValueError: a wrong one, or two that exclude each other.
     """
     if isinstance(bounces, str):
-        return checks.choice("bounces", bounces, ("all",))
-    return checks.integer("bounces", bounces, low=0, high=1000, unit="reflections")
+        checks.choice("bounces", bounces, ("all",))
+    elif bounces is not None:
+        bounces = checks.integer("bounces", bounces, low=0, high=MOST_BOUNCES, unit="reflections")
+    name = DEFAULT_PRESET if preset is None else checks.choice("preset", preset, tuple(PRESETS))
+    technique = indirect is not None and indirect is not False
+    if technique and bounces:
+        raise ValueError(
+            f"bounces is {bounces!r}: expected None or 0 with indirect={indirect!r}, which "
+            "reflects light once by itself"
+        )
+    if bounces is None:
+        bounces = 0 if technique or indirect is False else "all"
+    if bounces == 0:
+        if preset is not None:
+            raise ValueError(
+                f"preset is {preset!r}: expected None without bounces; it applies to the whole "
+                "picture only"
+            )
+        return None
+    assert isinstance(bounces, (int, str))  # noqa: S101  checked above
+    return replace(PRESETS[name], bounces=bounces)
+
+
+def cell_size(scene: Scene) -> float:
+    """Return the side of a cell of the occupancy grid that holds a scene, scene units."""
+    return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - MARGIN_CELLS)

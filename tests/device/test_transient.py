@@ -168,7 +168,8 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
         spoilt.transient._spoiling = sharing
         found.append([
             render(
-                built.scene, camera, lights, shadow_size=64, exposure=1.0, runtime=spoilt,
+                built.scene, camera, lights,
+                bounces=0, shadow_size=64, exposure=1.0, runtime=spoilt,
                 **MODES[mode],  # type: ignore[arg-type]
             )
             for camera in cameras
@@ -209,7 +210,7 @@ def test_a_frame_of_1920_x_1080_keeps_no_more_than(
     before = runtime.memory.used
     for _ in range(2):
         render(
-            built.scene, built.camera(1920, 1080), lights, runtime=runtime,
+            built.scene, built.camera(1920, 1080), lights, bounces=0, runtime=runtime,
             **arguments,  # type: ignore[arg-type]
         )
     kept = (runtime.memory.used - before) / MEBI

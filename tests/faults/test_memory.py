@@ -42,7 +42,7 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
         tight.frame(),
         pytest.raises(DeviceMemoryError, match=r"no room(.|\n)*MiB are needed in all") as refused,
     ):
-        render(BOX.scene, BOX.camera(8192, 8192), BOX.lights, runtime=tight)
+        render(BOX.scene, BOX.camera(8192, 8192), BOX.lights, bounces=0, runtime=tight)
     assert not tight.times()
     needed = float(re.findall(r"([\d.]+) MiB are needed", str(refused.value))[0])
     # 20 floats a pixel at the least: depth, attributes, AO, direct light, radiance; and what is
@@ -56,8 +56,12 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
 
 def test_after_a_refusal_a_smaller_frame_is_rendered(tight: Runtime) -> None:
     with pytest.raises(DeviceMemoryError):
-        render(BOX.scene, BOX.camera(4096, 4096), BOX.lights, runtime=tight, shadow_size=64)
-    frame = render(BOX.scene, BOX.camera(64, 48), BOX.lights, runtime=tight, shadow_size=64)
+        render(
+            BOX.scene, BOX.camera(4096, 4096), BOX.lights, bounces=0, runtime=tight, shadow_size=64
+        )
+    frame = render(
+        BOX.scene, BOX.camera(64, 48), BOX.lights, bounces=0, runtime=tight, shadow_size=64
+    )
     assert np.isfinite(frame.radiance).all()
 
 
@@ -120,7 +124,7 @@ def test_memory_stays_flat_frame_after_frame(runtime: Runtime, frames: int) -> N
         camera = gi.Camera.look_at(
             (0.1 * np.sin(number), 1.0, 3.4), (0, 1, 0), width=48, height=32
         )
-        render(BOX.scene, camera, BOX.lights, shadow_size=64, runtime=runtime)
+        render(BOX.scene, camera, BOX.lights, bounces=0, shadow_size=64, runtime=runtime)
 
     for number in range(20):  # what is made once is made
         draw(number)

@@ -47,7 +47,7 @@ def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: R
 
     def frame(number: int) -> gi.Frame:
         return gi.render(
-            BOX.scene, CAMERAS[number % 2], BOX.lights, shadow_size=32, rsm_size=32,
+            BOX.scene, CAMERAS[number % 2], BOX.lights, bounces=0, shadow_size=32, rsm_size=32,
             skips=False, runtime=runtime, **modes[number % 4],
         )
 
@@ -124,7 +124,7 @@ def test_a_new_radius_a_frame_keeps_memory_within_its_bound(
 
 def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
     gc.collect()
-    gi.render(BOX.scene, CAMERAS[0], BOX.lights, shadow_size=32, runtime=runtime)
+    gi.render(BOX.scene, CAMERAS[0], BOX.lights, bounces=0, shadow_size=32, runtime=runtime)
     # What passes share stays, and may grow in the first frames.
     before = runtime.memory.used - runtime.transient.held
     for _ in range(3):
@@ -132,7 +132,8 @@ def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
         gone = weakref.ref(scene)
         for outputs in ("ao",), ("image",):
             gi.render(
-                scene, CAMERAS[0], BOX.lights, outputs=outputs, shadow_size=32, runtime=runtime
+                scene, CAMERAS[0], BOX.lights,
+                bounces=0, outputs=outputs, shadow_size=32, runtime=runtime
             )
         del scene
         assert gone() is None
@@ -182,7 +183,9 @@ def test_old_techniques_give_way_to_what_a_frame_needs(
     lights = point_lights(3)
 
     def draw() -> None:
-        gi.render(BOX.scene, CAMERAS[0], lights, shadow_size=256, ao=False, runtime=runtime)
+        gi.render(
+            BOX.scene, CAMERAS[0], lights, bounces=0, shadow_size=256, ao=False, runtime=runtime
+        )
 
     base = runtime.memory.used
     draw()
@@ -241,7 +244,8 @@ def test_thirty_modes_of_five_scenes_never_fail_for_memory(
 
     def draw(made: Any, mode: dict[str, Any]) -> gi.Frame:
         return gi.render(
-            made.scene, made.camera(160, 120), made.lights, shadow_size=256, rsm_size=128,
+            made.scene, made.camera(160, 120), made.lights,
+            bounces=0, shadow_size=256, rsm_size=128,
             vpls=256, runtime=runtime, **mode,
         )
 

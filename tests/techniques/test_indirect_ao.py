@@ -22,7 +22,8 @@ from .test_vpl_glossy import SPOT, polished_scene
 def box(runtime: Runtime, **options: Any) -> Frame:
     made = BUILTIN_SCENES["cornell_box"]()
     return render(
-        made.scene, made.camera(48, 36), made.lights, exposure=1.0, shadow_size=64, vpls=64,
+        made.scene, made.camera(48, 36), made.lights,
+        bounces=0, exposure=1.0, shadow_size=64, vpls=64,
         runtime=runtime, **{"ao_radius": made.ao_radius, **options},
     )
 
@@ -69,7 +70,9 @@ def test_lights_with_lobes_are_drawn_chosen_and_shot(runtime: Runtime) -> None:
         "indirect": "vpl", "vpls": 64, "shadow_size": 64, "exposure": 1.0, "runtime": runtime
     }
     matt, glossy = (
-        render(made, view, [SPOT], glossy_vpls=count, **options).indirect for count in (0, 256)
+        render(
+            made, view, [SPOT], bounces=0, glossy_vpls=count, **options
+        ).indirect for count in (0, 256)
     )
     assert matt is not None
     assert glossy is not None

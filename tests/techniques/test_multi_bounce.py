@@ -107,7 +107,7 @@ def test_rendering_with_bounces_is_brighter(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     view = Camera.look_at(made.eye, made.target, made.up, yfov=made.yfov, width=48, height=36)
     plain, bounced = (
-        render(made.scene, view, [Environment(1.0)], ao_radius=made.ao_radius,
+        render(made.scene, view, [Environment(1.0)], bounces=0, ao_radius=made.ao_radius,
                multi_bounce=choice, exposure=1.0, runtime=runtime)
         for choice in (False, True)
     )
@@ -124,4 +124,4 @@ def test_something_else_than_a_switch_is_refused(
         shade(scene("corner", camera(), rng), [], multi_bounce=wrong, runtime=runtime)
     built = BUILTIN_SCENES["cornell_box"]()
     with pytest.raises(TypeError, match=message):
-        render(built.scene, camera(), [], multi_bounce=wrong, runtime=runtime)
+        render(built.scene, camera(), [], bounces=0, multi_bounce=wrong, runtime=runtime)

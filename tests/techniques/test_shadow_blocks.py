@@ -102,7 +102,7 @@ def test_frames_with_blocks_have_the_bits_of_those_without(runtime: Runtime, kin
                 eye, view.target, view.up, yfov=view.yfov, width=80, height=60
             )
             frame = gi.render(
-                view.scene, camera, [light], ao=False, shadow_size=128, skips=skips,
+                view.scene, camera, [light], bounces=0, ao=False, shadow_size=128, skips=skips,
                 outputs=("radiance",), exposure=1.0, runtime=runtime,
             )
         return frame.radiance

@@ -216,7 +216,9 @@ def drawn(
     built = next(make() for make in SKIP_SCENES if make.__name__ == name)
     given = {"indirect": "ssdo", "layers": 2, "shadow_size": 64, "ao_radius": 0.2, **options}
     lights = (*built.lights, *given.pop("lights", ()))
-    return render(built.scene, built.camera(*size), lights, skips=skips, runtime=runtime, **given)
+    return render(
+        built.scene, built.camera(*size), lights, bounces=0, skips=skips, runtime=runtime, **given
+    )
 
 
 @pytest.mark.slow

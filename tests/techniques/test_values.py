@@ -232,6 +232,7 @@ def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: 
         power = own.pop("power", 1.0)
         frame = gi.render(
             given.scene, given.gbuffer.camera, [scaled(light, power) for light in given.lights],
+            bounces=0,
             shadow_size=32, rsm_size=32, runtime=runtime, **own,
         )
         return [bits(plane)[0] for plane in (frame.ao, frame.indirect, frame.image, frame.radiance)

@@ -44,7 +44,8 @@ def _frames() -> tuple[list[tuple[int, int, int]], Callable[[tuple[int, int, int
     def frame(which: tuple[int, int, int]) -> Any:
         mode, camera, lit = which
         return gi.render(
-            box.scene, cameras[camera], lights[lit], shadow_size=64, rsm_size=64, **MODES[mode]
+            box.scene, cameras[camera], lights[lit],
+            bounces=0, shadow_size=64, rsm_size=64, **MODES[mode]
         ).radiance
 
     return [(m, c, lit) for m in range(len(MODES)) for c in (0, 1) for lit in (0, 1)], frame

@@ -25,6 +25,10 @@ from ssgi_cl.techniques.indirect.sky_directions import sky_directions
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: brighter skies count as this, so that float32 holds all sums."""
 
+CONTACT = 2.0
+"""Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
+of that radius stands in for them."""
+
 SKY = Struct(
     "SkyParams",
     (
@@ -54,16 +58,13 @@ class SkyLight(Prepared[SkyLightParams]):
     Interleaved sampling (Wald et al. 2002, "Interactive Global Illumination using Fast Ray
     Tracing"): each pixel of a 4 x 4 square sends visibility rays through the scene's occupancy grid
     along another sixteenth of a stratified set of directions; the edge-aware blur joins them.
-    What blocks within a few cells of a pixel does not count: see `SkyLight.contact`.
+    What blocks within a few cells of a pixel does not count: see `CONTACT`.
 
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
         params: see `SkyLightParams`.
     """
-
-    contact = 2.0
-    """Cells of the grid within which occlusion is left to ambient occlusion."""
 
     def __init__(
         self, runtime: Runtime, size: Size, params: SkyLightParams | None = None

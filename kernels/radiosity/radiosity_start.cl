@@ -106,11 +106,7 @@ __kernel void radiosity_start(__global const float *restrict parts,
         if (!v_any(searching)) {
             break;
         }
-        const vint block = ((cell[2] >> 2) * VPL_BLOCKS + (cell[1] >> 2)) * VPL_BLOCKS +
-                           (cell[0] >> 2);
-        const vint word = v_igather(occupancy, block * 2 + ((cell[2] >> 1) & 1));
-        const vint bit = ((cell[2] & 1) << 4) | ((cell[1] & 3) << 2) | (cell[0] & 3);
-        vmask clear = searching & v_ieq(v_shift_right(word, bit) & 1, v_splat_int(0));
+        vmask clear = searching & ~surfel_occupied(occupancy, cell[0], cell[1], cell[2]);
         for (int batch = 0; batch < batches && v_any(clear); ++batch) {
             __global const float *restrict box = boxes + batch * 6;
             const float middle[3] = {(box[0] + params.shift_x) * params.per_unit,

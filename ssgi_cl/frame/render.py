@@ -83,12 +83,13 @@ def render(
             the scene's box, and two cells of the occupancy grid for the whole picture.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
-        indirect: one technique that reflects light once, in place of all bounces. That of all lamps: "multires" (`multires_splat`,
-            the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); all
-            triangles of the scene, seen or not, block that of the first two. That of
-            lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
-            light of environments too, so `ao` is not needed). What surfaces emit is
-            seen and lights nothing. True for "multires", False for none; None: as `bounces` says.
+        indirect: one technique that reflects light once, in place of all bounces. That of all
+            punctual lights: "multires" (`multires_splat`, the fastest), "vpl" (`vpl_splat`),
+            "gather" (`rsm_gather`; nothing blocks it); all triangles of the scene, seen or not,
+            block that of the first two. That of punctual lights and environments by surfaces
+            within `ao_radius`: "ssdo" (`ssdo`, which hides the light of environments too, so `ao`
+            is not needed). What surfaces emit is then seen and lights nothing. True for
+            "multires", False for none; None: as `bounces` says.
         method: how `indirect` computes it, out of the methods of its technique: those of
             `multires_splat`, `rsm_gather` and `ssdo`, "published" among them; None for the default.
             "multires" as published lets no wall block light.

@@ -179,7 +179,9 @@ class Renderer:
             gbuffer_stage(self.rasterizer, look),
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
-            combine_stage(shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao),
+            combine_stage(
+                shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao
+            ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
         self._graph = Graph(

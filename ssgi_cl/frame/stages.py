@@ -26,6 +26,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
@@ -62,11 +63,11 @@ class SceneLight:
 
     Attributes:
         surfels: light of all surfaces, but what punctual lights have them reflect at once; or None.
-        radiosity: whose occupancy grid holds the scene.
+        space: of the occupancy grid that holds the scene.
     """
 
     surfels: WorldVpls | None
-    radiosity: Radiosity
+    space: DeviceSurfels
 
 
 def gbuffer_stage(
@@ -216,7 +217,7 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
     def run(r: Values) -> SceneLight:
         maps = r.get(RSM)
         surfels = radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
-        return SceneLight(surfels, radiosity)
+        return SceneLight(surfels, radiosity.space)
 
     return Stage(
         name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
@@ -226,7 +227,7 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
 def sky_light_stage(sky: SkyLight) -> Stage:
     """Return the stage of the light of environments, which all triangles block."""
     def run(r: Values) -> Plane | None:
-        space = r[SCENE_LIGHT].radiosity
+        space = r[SCENE_LIGHT].space
         return sky.run(
             r[GBUFFER], r[LIGHTS], grid=space.grid, space=space.camera, unit=space.unit
         )

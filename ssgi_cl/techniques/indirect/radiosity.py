@@ -9,46 +9,38 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
-from ssgi_cl.device.arrays import DeviceArray
-from ssgi_cl.device.constants import SURFEL_RECORD
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.occupancy_grid import GRIDS, SightGrid
-from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
+from ssgi_cl.techniques.indirect.occupancy_grid import GRIDS
+from ssgi_cl.techniques.indirect.packed_vpls import DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
-from ssgi_cl.techniques.indirect.surfels import Surfels, scene_surfels
+from ssgi_cl.techniques.indirect.surfels import Surfels
+from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 
+Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
-START = Struct(
-    "StartParams",
-    (
-        *floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int"),
-    ),
-)
-PILOT = 512
-"""Surfels from which it is estimated how many sides of surfaces take part."""
-MOST_ROW = 4.0
-"""Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
-its hemisphere is visible, the grid is too coarse for the place."""
 CONVERGED = 2e-3
 """Of the flux, that bounces still to come have at most."""
-MOST_BOUNCES = 1000
+MOST_BOUNCES = 2000
+LEAST_ABSORBED = 2e-3
+"""Of the light, at each bounce: with less the sum of all bounces is not computed."""
+SETTLED = 50
+"""Bounces after which the ratio of one to the one before is that of all later ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadiosityParams(Params):
     """Parameters of radiosity."""
 
-    surfels: int = param(4096, "pieces that surfaces are divided into, about", low=16, high=1 << 16)
+    surfels: int = param(
+        4096, "pieces that surfaces are divided into, about", low=16, high=1 << 14
+    )
     bounces: int | str = param(
         "all", "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
         "to come have less than 0.2 % of the flux"
@@ -59,11 +51,9 @@ class RadiosityParams(Params):
     )
     vpls: int = param(
         4096, "virtual point lights that are chosen from maps to light surfels", low=16,
-        high=1 << 20,
+        high=1 << 16,
     )
-    directions: int = param(
-        128, "in which a surfel looks for the sky", low=16, high=4096
-    )
+    directions: int = param(128, "in which a surfel looks for the sky", low=16, high=4096)
     grid: int = param(
         128, "cells along a side of the occupancy grid: 32, 64, 128 or 256", low=32, high=256
     )
@@ -72,227 +62,162 @@ class RadiosityParams(Params):
         super().__post_init__()
         if self.grid not in GRIDS:
             raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
-        good = isinstance(self.bounces, int) and not isinstance(self.bounces, bool)
-        if not (self.bounces == "all" or (good and int(self.bounces) >= 1)):
+        bounces = self.bounces
+        if bounces != "all" and (
+            isinstance(bounces, bool) or not isinstance(bounces, int)
+            or not 1 <= bounces <= MOST_BOUNCES
+        ):
             raise ValueError(
-                f"bounces is {self.bounces!r}: expected 'all' or an integer >= 1 (reflections)"
+                f"bounces is {bounces!r}: expected 'all' or an integer in [1, {MOST_BOUNCES}] "
+                "(reflections)"
             )
 
 
 class Radiosity(Prepared[RadiosityParams]):
-    """Light that surfels send when each has received that of all others.
+    """Virtual point lights that send all light but what lights from maps send.
 
     After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces", with
     surfels for patches, one visibility ray for each pair, and rows of form factors that sum to
     what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
 
-    What depends on the scene alone (surfels, visibility) is kept until another scene comes; the
-    light is kept as long as scene, lights and maps stay the same.
+    Reflective shadow maps give the first bounce of spot, point and directional lights at pixels;
+    surfels carry their later bounces, all bounces of environments, and all light of emissive
+    surfaces. Surfels and what they see are kept until another scene comes; the lights are kept as
+    long as scene, environments and maps stay the same.
 
     Args:
         runtime: the device.
         params: see `RadiosityParams`.
 
     Attributes:
-        surfels: those of the latest scene that see any surface, or None.
-        bounces: reflections that were computed in the latest run.
+        surfels: those of the latest scene that see any surface.
+        irradiance: [surfels, 3] float64, W/m^2: what they receive, surfaces' emission included.
+        vpls: what they send, in host memory, with parts; `run` returns it on the device.
+        bounces: reflections that were computed.
     """
 
     def __init__(self, runtime: Runtime, params: RadiosityParams | None = None) -> None:
         self.runtime = runtime
         self._params = params = params or RadiosityParams()
-        self._walls = SightGrid(runtime, params.grid, (1, 1))
-        self._vpls = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
-        self._chooser = VplChooser(runtime, (self._vpls,))
-        macros, structs = self._walls.macros, (CAMERA, VPL)
-
-        def kernel(name: str):  # noqa: ANN202
-            return runtime.kernel(f"radiosity/radiosity_{name}.cl", macros, structs)
-
-        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (CAMERA, VPL, START))
-        self._see = kernel("visibility")
-        self._sky, self._first = kernel("sky"), kernel("first")
-        self._gather = runtime.kernel(
-            "radiosity/radiosity_gather.cl", self._walls.macros, structs
-        )
-        self.surfels: Surfels | None = None
+        self._device = DeviceSurfels(runtime, params.grid)
+        self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
+        self._chooser = VplChooser(runtime, (self._maps,))
+        self._scene: object = None
+        self._lit: object = None
+        self._result: WorldVpls | None = None
+        self.irradiance: Doubles = np.zeros((0, 3))
+        self.vpls: Vpls | None = None
         self.bounces = 0
 
     @property
-    def grid(self) -> SightGrid:
-        """The occupancy grid of the latest scene, in the view space of `camera`."""
-        return self._walls
+    def surfels(self) -> Surfels:
+        """Those of the latest scene."""
+        return self._device.surfels
 
-    def _set(self, params: RadiosityParams) -> None:
-        pass
-
-    # --- the scene
-
-    def _prepare(self, scene: Scene) -> None:
-        low, high = scene.bounds
-        middle = 0.5 * (low + high)
-        half = max(0.5 * float((high - low).max()), 1e-30)
-        self.unit = 2.0 ** round(math.log2(half))
-        self.camera = Camera.look_at(middle, middle - [0.0, 0.0, 1.0], width=1, height=1)
-        self._solid = device_scene(scene, self.runtime)
-        self._walls.fill_scene(
-            self._solid, self.camera.view, self.unit, half
-        )
-        self._shift = np.asarray(scene.origin) - middle
-        pilot = self._seeing(scene_surfels(scene, PILOT))
-        share = max(len(pilot) / PILOT, 0.25)
-        self.surfels = self._seeing(
-            scene_surfels(scene, max(int(self.params.surfels / share), 2))
-        )
-        self._upload(self.surfels)
-        words = self.stride // 32
-        self._visible = self.runtime.empty(words * self.stride, np.int32)
-        self._see.run(
-            "surfel visibility", (words, self.stride),
-            surfels=self._surfels, records=self._flux[0], occupancy=self._walls.grid,
-            visible=self._visible,
-        )
-
-    def _seeing(self, surfels: Surfels) -> Surfels:
-        """Return those that see any surface; no light reaches the others, nor leaves them."""
-        if not len(surfels):
-            return surfels
-        self._upload(surfels)
-        self._look_up([])
-        open_part = self._seen.download().reshape(4, -1)[3, : len(surfels)]
-        part = self._chosen.download()[: len(surfels)]
-        return surfels.centred(np.maximum(part, 0)).chosen((open_part < 0.9999) & (part >= 0))
-
-    def _upload(self, surfels: Surfels) -> None:
-        """Bring surfels to the device, and find where their rays start."""
-        count = len(surfels)
-        self.stride = stride = max(-(-count // 32) * 32, 32)
-        rows = np.zeros((16, stride), np.float32)
-        rows[0:3, :count] = ((surfels.position + self._shift) / self.unit).T
-        rows[3:6, :count] = surfels.normal.T
-        rows[9, :count] = surfels.area / self.unit**2
-        rows[10:13, :count] = surfels.albedo.T
-        self.scale = 1.0
-        self._rows = rows
-        records = np.zeros((stride, SURFEL_RECORD), np.float32)
-        records[:, 0:3], records[:, 3], records[:, 4:7] = rows[0:3].T, rows[9], -rows[3:6].T
-        self._records = records
-        self._surfels = self.runtime.array(rows)
-        self._flux = [self.runtime.array(records) for _ in range(2)]
-        parts = np.zeros((6, PARTS * stride), np.float32)
-        parts[:3, : PARTS * count] = ((surfels.part_position + self._shift) / self.unit).T
-        parts[3:, : PARTS * count] = surfels.part_normal.T
-        solid, shift = self._solid, self._shift
-        chosen = self.runtime.empty(stride, np.int32)
-        self._start.run(
-            "surfel starts", (solid.triangles, stride), grid=(1, stride // self.runtime.form.lanes),
-            parts=self.runtime.array(parts), corners=solid.corners, positions=solid.positions,
-            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=self._walls.grid,
-            grid_box=self._walls.box, surfels=self._surfels, part=chosen,
-            params=START.pack(
-                {
-                    "lift": self._walls.lift, "per_unit": 1.0 / self.unit, "shift_x": shift[0],
-                    "shift_y": shift[1], "shift_z": shift[2],
-                    "vertex_stride": solid.vertex_stride,
-                }
-            ),
-        )
-        self._chosen = chosen
-        self._seen = self.runtime.empty(4 * stride, np.float32)
-        self._source = self.runtime.empty(3 * stride, np.float32)
-        self._received = self.runtime.empty(3 * stride, np.float32)
-
-    # --- light
-
-    def _look_up(self, environments: Sequence[Environment]) -> None:
-        ways, solid, radiance = sky_directions(environments, self.params.directions)
-        table = np.zeros((len(ways), 8), np.float32)
-        table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance / self.scale
-        self._sky.run(
-            "surfel sky", (len(ways), self.stride),
-            grid=(1, self.stride // self.runtime.form.lanes),
-            surfels=self._surfels, directions=self.runtime.array(table),
-            occupancy=self._walls.grid, sky=self._seen,
-        )
-
-    def solve(
-        self, scene: Scene, lights: Sequence[Light], rsms: Sequence[DeviceRsm]
-    ) -> Doubles:
-        """Return irradiance [surfels, 3]."""
-        self._prepare(scene)
-        surfels = self.surfels
-        assert surfels is not None
-        environments = [light for light in lights if isinstance(light, Environment)]
-        self._look_up(environments)
-        count, stride = len(surfels), self.stride
-        sky = self._seen.download().reshape(4, stride)
-        self.open = sky[3, :count]
-        source = np.zeros((3, stride), np.float32)
-        self._source.send(source)
-        if rsms:
-            self._chooser.place(rsms, self.camera, kinds=1, unit=self.unit)
-            self._first.run(
-                "surfel first light", (self._vpls.count, stride),
-                grid=(1, stride // self.runtime.form.lanes),
-                surfels=self._surfels, lights=self._vpls.lights, occupancy=self._walls.grid,
-                grid_box=self._walls.box, values=self._source, lift=self._walls.lift,
-                gain=self._vpls.values["gain"] / self.scale, number=0,
-            )
-        source = self._source.download().reshape(3, stride)
-        self.punctual = source[:, :count].T.copy()
-        exitance = np.zeros((3, stride), np.float32)
-        exitance[:, :count] = (math.pi * surfels.emission / self.scale).T
-        self._rows[13:16] = exitance
-        starts = self._surfels.download().reshape(16, stride)
-        starts[13:16] = exitance
-        self._surfels.send(starts)
-        records = self._records
-        records[:, 8:11] = exitance.T * records[:, 3:4]
-        self._flux[0].send(records)
-        first, later = sky[:3], sky[:3] + source
-        most = MOST_BOUNCES if self.params.bounces == "all" else int(self.params.bounces)
-        before, delta = None, []
-        for bounce in range(1, most + 1):
-            self._source.send(np.ascontiguousarray(first if bounce == 1 else later))
-            self._gather.run(
-                "surfel bounce", (stride // 32, stride),
-                grid=(1, stride // self.runtime.form.lanes),
-                surfels=self._surfels, before=self._flux[(bounce + 1) % 2], visible=self._visible,
-                sky=self._seen, source=self._source, after=self._flux[bounce % 2],
-                received=self._received, most=MOST_ROW,
-            )
-            now = self._received.download().reshape(3, stride)[:, :count].astype(np.float64)
-            weight = (surfels.area[:, None] * surfels.albedo).T
-            total = float((now * weight).sum())
-            if before is not None:
-                delta.append(float((np.abs(now - before) * weight).sum()) / max(total, 1e-300))
-                if delta[-1] == 0 or (bounce > 3 and delta[-1] < CONVERGED * max(1 - delta[-1]/delta[-2], 0) ):
-                    break
-            before = now
-        self.bounces = bounce
-        self.delta = delta
-        return now.T * self.scale
-
-    def lights(self, irradiance: Doubles) -> Vpls:
-        """Return what surfels send when they receive irradiance [surfels, 3] in W/m^2."""
-        surfels = self.surfels
-        assert surfels is not None
-        origin = surfels.origin
-        received = np.repeat(irradiance, PARTS, axis=0)
-        exitance = surfels.part_albedo * received
-        if self.params.emission:
-            exitance += math.pi * surfels.part_emission
-        parts = Vpls(
-            surfels.part_position + origin, surfels.part_normal,
-            surfels.part_area[:, None] * exitance, surfels.part_area,
-        )
-        flux = parts.flux.reshape(-1, PARTS, 3).sum(axis=1)
-        return Vpls(surfels.position + origin, surfels.normal, flux, surfels.area, parts)
+    @property
+    def space(self) -> DeviceSurfels:
+        """The occupancy grid of the latest scene, and the view space in which it lies."""
+        return self._device
 
     def run(
         self, scene: Scene, lights: Sequence[Light], rsms: Sequence[DeviceRsm]
     ) -> WorldVpls | None:
-        self.vpls = self.lights(self.solve(scene, lights, rsms))
+        """Return the lights, None where they would be black. Waits for the device if it computes.
+
+        Args:
+            scene: what is lit.
+            lights: of which environments count; the others are in `rsms`.
+            rsms: reflective shadow maps of the other lights.
+
+        Raises:
+            ValueError: with bounces="all", surfaces that are closed in absorb too little of the
+                light for its bounces to end.
+        """
+        environments = tuple(light for light in lights if isinstance(light, Environment))
+        lit = (scene.key, environments, tuple(rsms), tuple(rsm.version for rsm in rsms))
+        if lit == self._lit:
+            self.runtime.skip("radiosity", "scene and lights are the same")
+            return self._result
+        self._lit = self._result = None  # should anything fail, nothing is kept
+        if self._scene is not scene.key:
+            self._scene = None
+            self._device.fill(scene, self.params.surfels)
+            self._scene = scene.key
+        self._result = self._solved(environments, rsms)
+        self._lit = lit
+        return self._result
+
+    def _solved(
+        self, environments: Sequence[Environment], rsms: Sequence[DeviceRsm]
+    ) -> WorldVpls | None:
+        device, surfels = self._device, self._device.surfels
+        if not len(surfels):
+            self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
+            return None
+        ways, solid, radiance = sky_directions(environments, self.params.directions)
+        # Kernels count light in that of the brightest source, so that none leaves their range.
+        scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
+        if rsms:
+            self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
+        sky = device.look_up(ways, solid, radiance / scale)
+        first = np.zeros_like(sky)
+        if rsms:
+            gain = self._maps.values["gain"] / scale
+            # What maps send may exceed the sky by any factor: the scale follows it.
+            raised = max(gain, 1.0)
+            first = device.gather_lights(self._maps, gain / raised)
+            scale, sky = scale * raised, sky / np.float32(raised)
+        exitance = math.pi * surfels.emission / scale
+        received = self._bounced(exitance.astype(np.float32), sky, first)
+        self.irradiance = received * scale
+        self.vpls = sent(surfels, self.irradiance, emission=self.params.emission)
         if not self.vpls.flux.any():
             return None
-        return WorldVpls(self.runtime, self.vpls, 0.5 * (scene.bounds[0] + scene.bounds[1]))
+        return WorldVpls(self.runtime, self.vpls, device.camera.position)
+
+    def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
+        """Return irradiance [surfels, 3] after as many bounces as the parameters say.
+
+        Light from maps has been reflected once when it arrives at a surfel, that of the sky and of
+        emissive surfaces not yet.
+        """
+        wanted = self.params.bounces
+        device, surfels = self._device, self._device.surfels
+        weight = surfels.area[:, None] * surfels.albedo
+        device.begin(exitance)
+        before, change = np.zeros((len(surfels), 3)), math.inf
+        for bounce in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
+            received = device.gather(sky if bounce == 1 else sky + first).astype(np.float64)
+            self.bounces = bounce
+            latest, total = float((np.abs(received - before) * weight).sum()), float(
+                (received * weight).sum()
+            )
+            ratio = latest / change if change > 0.0 else 0.0
+            before, change = received, latest
+            if bounce < 3:
+                continue
+            # The bounces to come are a geometric series of this ratio.
+            if latest * ratio <= CONVERGED * total * (1.0 - ratio):
+                break
+            if wanted == "all" and bounce >= SETTLED and ratio > 1.0 - LEAST_ABSORBED:
+                raise ValueError(
+                    f"bounces is 'all', but surfaces that are closed in absorb {1.0 - ratio:.2g} "
+                    f"of the light at each bounce: expected {LEAST_ABSORBED} or more (give bounces "
+                    "as an integer, or surfaces a lower albedo)"
+                )
+        return before
+
+
+def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
+    """Return what surfels send when they receive irradiance [surfels, 3] in W/m^2."""
+    exitance = surfels.part_albedo * np.repeat(irradiance, PARTS, axis=0)
+    if emission:
+        exitance += math.pi * surfels.part_emission
+    flux = surfels.part_area[:, None] * exitance
+    parts = Vpls(
+        surfels.part_position + surfels.origin, surfels.part_normal, flux, surfels.part_area
+    )
+    return Vpls(
+        surfels.position + surfels.origin, surfels.normal,
+        flux.reshape(-1, PARTS, 3).sum(axis=1), surfels.area, parts,
+    )

@@ -116,9 +116,9 @@ class Shade(Prepared[ShadeParams]):
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `sky_light` is the irradiance by environments where it is known by itself, which A dims as
-        it does `indirect`; `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
-        is as in `run`.
+        `lit` is the irradiance of punctual lights, with that of environments in it unless
+        `ambient`. `sky_light` is that of environments where it is known by itself: A dims it as it
+        does `indirect`. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce

@@ -1,0 +1,204 @@
+"""Surfels in device memory: what they see, and the light that they receive."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.device.constants import SURFEL_RECORD
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
+from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
+from ssgi_cl.techniques.indirect.sky_directions import sky_directions
+from ssgi_cl.techniques.indirect.surfels import Surfels, scene_surfels
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+
+START = Struct(
+    "StartParams",
+    (
+        *floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int"),
+    ),
+)
+ROWS = 16
+"""Of kernels/radiosity/surfel.clh."""
+PILOT = 512
+"""Surfels from which it is estimated how many sides of surfaces take part."""
+LEAST_SHARE = 0.25
+"""Of sides that are taken to take part."""
+PILOT_DIRECTIONS = 32
+"""In which a surfel looks for any surface."""
+OPEN = 0.9999
+"""Part of the hemisphere that a surfel has open which sees no surface."""
+MOST_ROW = 1.5
+"""Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
+its hemisphere is visible, the grid is too coarse for the place, and what is visible may be seen
+through a leak."""
+
+
+class DeviceSurfels:
+    """The surfels of a scene, which of them see which, and irradiance.
+
+    Args:
+        runtime: the device.
+        cells: of the occupancy grid, along a side.
+
+    Attributes:
+        surfels: what is in device memory; `fill` sets it.
+        camera: at the middle of the scene, along the world's axes: kernels count from there.
+        unit: scene units of the length in which they count.
+    """
+
+    surfels: Surfels
+    camera: Camera
+    unit: float
+
+    def __init__(self, runtime: Runtime, cells: int) -> None:
+        self.runtime = runtime
+        self._walls = SightGrid(runtime, cells, (1, 1))
+        macros, structs = self._walls.macros, (CAMERA, VPL)
+        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
+        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
+        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
+        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
+        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
+
+    @property
+    def grid(self) -> SightGrid:
+        """The occupancy grid that holds the scene, in the view space of `camera`."""
+        return self._walls
+
+    def fill(self, scene: Scene, count: int) -> None:
+        """Replace the contents by about `count` surfels of a scene; queue what they see."""
+        low, high = scene.bounds
+        middle = 0.5 * (low + high)
+        half = max(0.5 * float((high - low).max()), 1e-30)
+        self.unit = 2.0 ** round(math.log2(half))
+        self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
+        self._shift = np.asarray(scene.origin) - middle
+        solid = device_scene(scene, self.runtime)
+        self._walls.fill_scene(solid, self.camera.view, self.unit, half)
+        pilot = self._seeing(scene_surfels(scene, min(count, PILOT)), solid)
+        share = max(len(pilot) / min(count, PILOT), LEAST_SHARE)
+        self.surfels = self._seeing(scene_surfels(scene, int(count / share)), solid)
+        self._upload(self.surfels, solid)
+        words = self._stride // 32
+        self._visible = self.runtime.empty(words * self._stride, np.int32)
+        self._see.run(
+            "surfel visibility", (words, self._stride),
+            surfels=self._rows, records=self._flux[0], occupancy=self._walls.grid,
+            visible=self._visible,
+        )
+
+    def _seeing(self, surfels: Surfels, solid: DeviceScene) -> Surfels:
+        """Return those that see any surface; no light reaches the others, nor leaves them.
+
+        Those without room in front of them are left out, too.
+        """
+        if not len(surfels):
+            return surfels
+        part = self._upload(surfels, solid)
+        self.look_up(*sky_directions((), PILOT_DIRECTIONS))
+        opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
+        return surfels.centred(np.maximum(part, 0)).chosen((opened < OPEN) & (part >= 0))
+
+    def _upload(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
+        """Bring surfels to the device; return above which part their rays start, or -1."""
+        runtime, walls, shift, count = self.runtime, self._walls, self._shift, len(surfels)
+        self._count = count
+        self._stride = stride = max(-(-count // 32) * 32, 32)
+        rows = np.zeros((ROWS, stride), np.float32)
+        rows[0:3, :count] = ((surfels.position + shift) / self.unit).T
+        rows[3:6, :count] = surfels.normal.T
+        rows[9, :count] = surfels.area / self.unit**2
+        rows[10:13, :count] = surfels.albedo.T
+        self._rows = runtime.array(rows)
+        records = np.zeros((stride, SURFEL_RECORD), np.float32)
+        records[:, 0:3], records[:, 3], records[:, 4:7] = rows[0:3].T, rows[9], -rows[3:6].T
+        self._records = records
+        self._flux = [runtime.array(records), runtime.array(records)]
+        parts = np.zeros((6, PARTS * stride), np.float32)
+        parts[:3, : PARTS * count] = ((surfels.part_position + shift) / self.unit).T
+        parts[3:, : PARTS * count] = surfels.part_normal.T
+        chosen = runtime.empty(stride, np.int32)
+        values = {
+            "lift": walls.lift, "per_unit": 1.0 / self.unit, "vertex_stride": solid.vertex_stride,
+            **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
+        }
+        self._start.run(
+            "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.form.lanes),
+            parts=runtime.array(parts), corners=solid.corners, positions=solid.positions,
+            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=walls.grid, grid_box=walls.box,
+            surfels=self._rows, part=chosen, params=START.pack(values),
+        )
+        self._seen = runtime.empty(4 * stride, np.float32)
+        self._values = runtime.empty(3 * stride, np.float32)
+        self._received = runtime.empty(3 * stride, np.float32)
+        part: NDArray[np.int32] = chosen.download()[:count]
+        return part
+
+    def look_up(self, ways: Doubles, solid: Doubles, radiance: Doubles) -> Floats:
+        """Return irradiance [surfels, 3] by the sky; `gather` needs what is found out.
+
+        Args:
+            ways, solid, radiance: see `sky_directions`.
+        """
+        table = np.zeros((len(ways), 8), np.float32)
+        table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance
+        self._sky.run(
+            "surfel sky", (len(ways), self._stride),
+            grid=(1, self._stride // self.runtime.form.lanes),
+            surfels=self._rows, directions=self.runtime.array(table), occupancy=self._walls.grid,
+            sky=self._seen,
+        )
+        return self._of_surfels(self._seen.download())
+
+    def gather_lights(self, lights: DeviceVpls, gain: float) -> Floats:
+        """Return irradiance [surfels, 3] by lights that `camera` sees, counted in `unit`."""
+        self._first.run(
+            "surfel lights", (lights.count, self._stride),
+            grid=(1, self._stride // self.runtime.form.lanes),
+            surfels=self._rows, lights=lights.lights, occupancy=self._walls.grid,
+            grid_box=self._walls.box, values=self._values, lift=self._walls.lift, gain=gain,
+        )
+        return self._of_surfels(self._values.download())
+
+    def begin(self, exitance: Floats) -> None:
+        """Let surfels send [surfels, 3] what they emit."""
+        own = np.zeros((3, self._stride), np.float32)
+        own[:, : len(exitance)] = exitance.T
+        rows = self._rows.download().reshape(ROWS, -1)
+        rows[13:16] = own
+        self._rows.send(rows)
+        self._records[:, 8:11] = own.T * self._records[:, 3:4]
+        self._flux[0].send(self._records)
+
+    def gather(self, source: Floats) -> Floats:
+        """Return irradiance [surfels, 3] by what surfels send now, and by a source besides.
+
+        They then send what they emit, and what they reflect of it.
+        """
+        values = np.zeros((3, self._stride), np.float32)
+        values[:, : len(source)] = source.T
+        self._values.send(values)
+        self._gather.run(
+            "surfel bounce", (self._stride // 32, self._stride),
+            grid=(1, self._stride // self.runtime.form.lanes),
+            surfels=self._rows, before=self._flux[0], visible=self._visible, sky=self._seen,
+            source=self._values, after=self._flux[1], received=self._received, most=MOST_ROW,
+        )
+        self._flux.reverse()
+        return self._of_surfels(self._received.download())
+
+    def _of_surfels(self, rows: Floats) -> Floats:
+        """Return [surfels, 3] of the first three rows."""
+        return rows.reshape(-1, self._stride)[:3, : self._count].T.copy()

@@ -51,7 +51,7 @@ class WorldVpls:
         turn = camera.view[:3, :3]
         return np.column_stack([turn, turn @ self.origin + camera.view[:3, 3]])
 
-    def _rows(self, vpls: Vpls):  # noqa: ANN202
+    def _rows(self, vpls: Vpls):
         stride = -(-len(vpls) // 16) * 16
         rows = np.zeros((10, stride), np.float32)
         rows[0:3, : len(vpls)] = (vpls.position - self.origin).T

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.errors import shown
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import Frame, render
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from ssgi_cl.core.scene import Scene
     from ssgi_cl.rasterize.scenes import BuiltinScene
 
+_OUTDOORS = (DirectionalLight, Environment)
+"""Lights that --environment replaces."""
+
 
 @click.command("render")
 @click.argument("scene", metavar="SCENE")
@@ -54,6 +58,8 @@ if TYPE_CHECKING:
               "A file named like the scene with .scene.json at its end is found by itself.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
               "W m^-2 sr^-1.")
+@click.option("--environment", metavar="PATH|R,G,B", help="Light from all around in place of a sun "
+              "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.")
 @click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
               show_default=True, help="What dims ambient light.")
 @click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
@@ -133,6 +139,7 @@ def frame_arguments(
     _check_view_options(options)
     if not is_scene(scene):
         _check_file(Path(scene), SCENE_NAMES)
+    around = None if options["environment"] is None else _environment(options["environment"])
     step("opening the device")
     runtime = Runtime.open(options["device"])
     step(f"loading {scene}")
@@ -141,6 +148,8 @@ def frame_arguments(
         if is_scene(scene)
         else _from_file(Path(scene), options, runtime)
     )
+    if around is not None:
+        lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
     if options["ambient"] is not None:
         lights = (*lights, Environment(options["ambient"]))
     return loaded, camera, lights, {
@@ -159,6 +168,18 @@ def frame_arguments(
         "exposure": options["exposure"],
         "runtime": runtime,
     }
+
+
+def _environment(text: str) -> Environment:
+    """Return the environment of an image file, or of one radiance: three numbers with commas."""
+    parts = text.split(",")
+    try:
+        radiance = [float(part) for part in parts]
+    except ValueError:
+        return Environment.load(text)
+    if len(radiance) != 3:
+        raise click.UsageError(f"--environment {shown(text)}: expected a file or R,G,B")
+    return Environment(radiance)
 
 
 def _check_view_options(options: dict[str, Any]) -> None:

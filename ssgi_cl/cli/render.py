@@ -65,8 +65,8 @@ _OUTDOORS = (DirectionalLight, Environment)
               "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.")
 @click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
               show_default=True, help="What dims ambient light.")
-@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
-              "diagonal.")
+@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the "
+              "picture's diagonal where surfaces are seen.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
               "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "

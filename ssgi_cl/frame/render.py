@@ -6,8 +6,6 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -18,13 +16,24 @@ from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bou
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
+from ssgi_cl.rasterize.visible_extent import visible_extent
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.shading.tonemap import CURVES
 
 __all__ = ["Frame", "Renderer", "render"]
 
 AO_RADIUS_SHARE = 0.05
-"""Default radius of ambient occlusion, as a share of the diagonal of the scene's box."""
+"""Default radius of ambient occlusion, as a fraction of the picture's diagonal at what is seen."""
+
+
+def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
+    """Return the radius of ambient occlusion that suits a view, in scene units.
+
+    It is 5 % of the diagonal of the picture where surfaces are seen, and no more than that of the
+    scene's box, or twice that of its subject (see `visible_extent`): neither a backdrop nor a long
+    street enlarges it.
+    """
+    return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
 
 
 
@@ -64,8 +73,9 @@ def render(
         lights: any number of lights.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
             for none. All but "ssao" look into all `layers`, all four into the overscan.
-        ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the diagonal of
-            the scene's box.
+        ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the picture's
+            diagonal where surfaces are seen, at most 5 % of the diagonal of the scene's box (see
+            `default_ao_radius`); for a new camera that takes a depth map of 96 x 72 pixels.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
         indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
@@ -154,9 +164,9 @@ def render(
     margin = margin_of(camera, overscan)
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
-    if ao_radius is None:
-        extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
-        ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
+    if ao_radius is None:  # and unused without either
+        used = dims is not None or indirect == "ssdo"
+        ao_radius = default_ao_radius(scene, camera, runtime) if used else 1.0
     bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
     params: Any = None
     if dims is not None and indirect != "ssdo":

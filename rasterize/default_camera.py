@@ -16,6 +16,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.extent import Extent
 from ssgi_cl.rasterize.shadow_map import light_cameras
 from ssgi_cl.rasterize.view import gbuffer
 
@@ -34,43 +35,17 @@ _ENCLOSED = 0.6
 """Share of all directions in which a room's inner sides are seen, at least. A cube without a lid
 has 5/6, the centre of a closed object 0 (it sees the back of its surface), a yard about 0.4."""
 
+_ROOM = 8.0
+"""Times that a closed scene may be larger than its subject to be taken for a room: beyond, it is a
+dome round an object."""
+
+_LONG = 5.0
+"""Times that a long scene's longer horizontal side is longer than its other sides, at least."""
+
 _PROBE_SIZE = 32  # rows and columns of each of the six faces of a look round
+_CENTRE = slice(_PROBE_SIZE // 2 - 2, _PROBE_SIZE // 2 + 2)
 _UP, _DOWN = 2, 3  # faces
 _HORIZONTAL = {0: (1.0, 0.0, 0.0), 1: (-1.0, 0.0, 0.0), 4: (0.0, 0.0, 1.0), 5: (0.0, 0.0, -1.0)}
-
-
-@dataclass(frozen=True, eq=False)
-class _Extent:
-    """Where a scene is: the vertices that triangles use, and the box round them."""
-
-    points: NDArray[np.float32]  # [vertices, 3], relative to `origin`
-    origin: Vector
-    bounds: Vector  # [2, 3], world space
-
-    @classmethod
-    def of(cls, scene: Scene) -> _Extent:
-        used = np.zeros(len(scene.positions), np.bool_)
-        used[scene.triangles.ravel()] = True
-        points = scene.positions[used]
-        corners = np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
-        return cls(points, scene.origin, corners + scene.origin)
-
-    def thinned(self, most: int) -> _Extent:
-        """Return the extent of at most that many of the points."""
-        step = -(-len(self.points) // most)
-        return _Extent(self.points[::step], self.origin, self.bounds)
-
-    @property
-    def size(self) -> Vector:
-        return np.asarray(self.bounds[1] - self.bounds[0])
-
-    @property
-    def diagonal(self) -> float:
-        return float(np.linalg.norm(self.size)) or 1.0
-
-    def at(self, x: float, y: float, z: float) -> Vector:
-        """World position at shares of the box."""
-        return np.asarray(self.bounds[0] + self.size * (x, y, z))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +70,11 @@ class _Look:
     def is_enclosed(self) -> bool:
         return bool(self.front.mean() >= _ENCLOSED)
 
+    def is_enclosed_by(self, extent: Extent) -> bool:
+        """Whether it is enclosed by what lies in a box, not by a dome round it."""
+        near = self.front & (self.distance <= extent.diagonal)
+        return bool(near.mean() >= _ENCLOSED)
+
     def clearance(self, way: Vector, angle: float) -> float:
         """Distance to the nearest thing within `angle` (radians) of the unit vector `way`."""
         within = self.ways @ way > math.cos(angle)
@@ -102,7 +82,7 @@ class _Look:
 
 
 def _look(
-    scene: Scene, extent: _Extent, eye: Vector, runtime: Runtime,
+    scene: Scene, extent: Extent, eye: Vector, runtime: Runtime,
     faces: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
 ) -> _Look:
     cameras = light_cameras(PointLight(eye, 1.0), extent.bounds, _PROBE_SIZE)
@@ -149,7 +129,8 @@ def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: 
 
     A room, whose surfaces face its middle, is seen from within; one that lacks a wall, through
     the gap; one that lacks the ceiling, from above; anything else from outside, so that it fills
-    the picture.
+    the picture: of a scene with a large ground or backdrop, what stands before it. What is long
+    is seen from one of its ends.
 
     Args:
         scene: y is up.
@@ -157,12 +138,16 @@ def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: 
         yfov: vertical field of view in radians.
         runtime: the device that looks round.
     """
-    extent = _Extent.of(scene)
-    middle = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)
-    if not middle.is_enclosed:  # perhaps amid a piece of furniture
-        middle = _look(scene, extent, extent.at(0.5, 0.35, 0.5), runtime)
-    if not middle.is_enclosed:
-        return _from_outside(extent, _best_side(scene, extent, runtime), width, height, yfov)
+    extent, subject = Extent.of(scene), Extent.of_subject(scene)
+    middle = None
+    if extent.diagonal < _ROOM * subject.diagonal:
+        middle = _middle_of_room(scene, extent, runtime)
+    if middle is None and subject.diagonal < extent.diagonal:
+        extent = subject
+        middle = _middle_of_room(scene, extent, runtime)
+    if middle is None:
+        way = _best_side(scene, subject, width, height, yfov, runtime)
+        return _from_outside(subject, way, width, height, yfov)
     gap = _gap(middle, extent)
     if gap == _UP:
         return _from_outside(extent, np.array([0.45, 1.2, 1.0]), width, height, yfov)
@@ -171,22 +156,55 @@ def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: 
     return _from_within(scene, extent, width, height, yfov, runtime)
 
 
-def _best_side(scene: Scene, extent: _Extent, runtime: Runtime) -> Vector:
+def _middle_of_room(scene: Scene, extent: Extent, runtime: Runtime) -> _Look | None:
+    """Return what is seen from the middle of a room, None if the box of `extent` is no room."""
+    for height in (0.5, 0.35):  # the higher one may be amid a piece of furniture
+        middle = _look(scene, extent, extent.at(0.5, height, 0.5), runtime)
+        # What is long and open straight above is a street, or the gap between two houses.
+        zenith = middle.distance[_UP][_CENTRE, _CENTRE]
+        is_street = _length_of(extent) is not None and not np.isfinite(zenith).all()
+        if middle.is_enclosed_by(extent) and not is_street:
+            return middle
+    return None
+
+
+def _length_of(extent: Extent) -> int | None:
+    """Return the axis, 0 or 2, along which a scene is long; None if it is not."""
+    x, y, z = extent.size
+    if max(x, z) < _LONG * max(y, min(x, z)):
+        return None
+    return 2 if z >= x else 0
+
+
+def _best_side(
+    scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime
+) -> Vector:
     """Return the direction, among eight from somewhat above, from which most detail is seen.
 
-    The first, towards +z, is the front by glTF's convention and has an advantage.
+    The first, towards +z, is the front by glTF's convention and has an advantage. What is long is
+    looked at from beyond its ends, along it, turned so little that its far end is in the picture
+    however long it is.
     """
     thinned = extent.thinned(20_000)
     best, best_score = np.array([0.45, 0.35, 1.0]), -math.inf
-    for turn in range(8):
-        angle = 0.42 + turn * math.pi / 4.0
-        way = np.array([math.sin(angle), 0.32, math.cos(angle)])
-        camera = _from_outside(thinned, way, 64, 64, 0.6)
+    along = _length_of(extent)
+    angles, rise = [0.42 + turn * math.pi / 4.0 for turn in range(8)], 0.32
+    columns, rows, field = 64, 64, 0.6
+    if along is not None:
+        half = math.atan(math.tan(0.5 * yfov) * width / height)
+        turns = [end + share * half for share in (0.9, -0.9, 0.7, -0.7) for end in (0.0, math.pi)]
+        angles = [turn + (0.5 * math.pi if along == 0 else 0.0) for turn in turns]
+        rise = math.tan(0.8 * 0.5 * yfov)
+        columns, rows, field = _thumbnail(width, height), _thumbnail(height, width), yfov
+    for turn, angle in enumerate(angles):
+        way = np.array([math.sin(angle), rise, math.cos(angle)])
+        camera = _from_outside(thinned, way, columns, rows, field)
         seen = gbuffer(scene, camera, runtime=runtime)
         back = np.isfinite(_drawn(seen, "depth")) & (_drawn(seen, "normal") @ way < -0.2)
-        # Detail in scene units: a narrow view of a long object fills the picture too.
-        distance = float(np.linalg.norm(camera.position - extent.at(0.5, 0.5, 0.5)))
-        score = (float(_detail(seen).mean()) - 2.0 * float(back.mean())) * distance**2
+        score = float(_detail(seen).mean()) - 2.0 * float(back.mean())
+        if along is None:
+            # Detail in scene units: a narrow view of a deep object fills the picture too.
+            score *= float(np.linalg.norm(camera.position - extent.at(0.5, 0.5, 0.5))) ** 2
         if turn == 0 and score > 0.0:
             score *= 1.2
         if score > best_score:
@@ -194,7 +212,12 @@ def _best_side(scene: Scene, extent: _Extent, runtime: Runtime) -> Vector:
     return best
 
 
-def _gap(look: _Look, extent: _Extent) -> int | None:
+def _thumbnail(side: int, other: int) -> int:
+    """Return a side of a small picture of the same proportions."""
+    return max(round(96 * side / max(side, other)), 1)
+
+
+def _gap(look: _Look, extent: Extent) -> int | None:
     """Return the face where a room is open: a wall or the ceiling; None if it is closed."""
     # Which side of the scene's box each ray leaves through.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -203,9 +226,10 @@ def _gap(look: _Look, extent: _Extent) -> int | None:
     axis = steps.argmin(axis=-1)
     onward = np.take_along_axis(look.ways, axis[..., None], axis=-1)[..., 0] > 0.0
     side = 2 * axis + ~onward
+    met = look.distance <= steps.min(axis=-1) + 0.01 * extent.diagonal  # not a ground further out
     covered = {}
     for face in (*_HORIZONTAL, _UP):
-        through = np.isfinite(look.distance[side == face])
+        through = met[side == face]
         covered[face] = float(through.mean()) if through.size else 1.0
     face = min(covered, key=covered.__getitem__)
     others = [share for other, share in covered.items() if other != face]
@@ -213,7 +237,7 @@ def _gap(look: _Look, extent: _Extent) -> int | None:
 
 
 def _from_outside(
-    extent: _Extent, way: Vector, width: int, height: int, yfov: float
+    extent: Extent, way: Vector, width: int, height: int, yfov: float
 ) -> Camera:
     """Return the nearest camera in direction `way` of the scene that sees all of it."""
     back = way / np.linalg.norm(way)
@@ -247,7 +271,7 @@ def _wedge(
 
 
 def _from_within(
-    scene: Scene, extent: _Extent, width: int, height: int, yfov: float, runtime: Runtime
+    scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime
 ) -> Camera:
     """Return the camera that sees furthest and most, of some places and directions in a room."""
     xfov = 2.0 * math.atan(math.tan(0.5 * yfov) * width / height)
@@ -301,7 +325,7 @@ def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Ligh
         camera: the view; the sun stands behind its left shoulder.
         runtime: the device that looks round.
     """
-    extent = _Extent.of(scene)
+    extent = Extent.of(scene)
     forward, eye = -camera.view[2, :3], camera.position
     if ((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any():
         look = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)

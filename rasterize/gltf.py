@@ -21,13 +21,14 @@ import trimesh
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import MissingExtraError, SceneError, shown
-from ssgi_cl.core.scene import Material
 
 from .gltf_document import item, read_document
 from .gltf_material import GltfMaterials
-from .gltf_nodes import placed_meshes
+from .gltf_nodes import placed_meshes, placed_nodes
+from .gltf_notes import notes_of
 from .gltf_schema import DRACO, Json
-from .parts import MOST_TRIANGLES, Part, check_triangles
+from .gltf_view import cameras_of, lights_of
+from .parts import MOST_TRIANGLES, Contents, Part, check_triangles
 from .textures import TextureSet
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -48,13 +49,14 @@ _MOST_BYTES = 1 << 32
 """Of all buffer views in use; views may overlap, so that a small file can ask for far more."""
 
 
-def read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
-    """Read a glTF file: every instance of every triangle mesh of its default scene.
+def read_gltf(path: Path, textures: TextureSet) -> Contents:
+    """Read a glTF file: every instance of every triangle mesh of its default scene, and its view.
 
     The albedo is the base colour, also of a metal (its reflection is as coloured, but not
     diffuse). Emission is emissiveFactor times KHR_materials_emissive_strength in W m^-2 sr^-1.
     Blended materials are cut out at one half. COLOR_0 is linear; its alpha is not used. Points,
-    lines, cameras, lights, morph targets and skins are left out. Textures repeat.
+    lines, morph targets and skins are left out. Textures repeat. Lights and cameras are read as
+    gltf_view says. The contents' notes name what of the file is not drawn.
 
     Raises:
         SceneError: damaged, or it needs something that would be lost: meshopt, GPU instancing,
@@ -62,7 +64,8 @@ def read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materi
         MissingExtraError: it is compressed with Draco and DracoPy is not installed.
     """
     document, views = read_document(path)
-    placed = placed_meshes(document)
+    nodes = placed_nodes(document)
+    placed = placed_meshes(document, nodes)
     materials = GltfMaterials(document, views, path.parent, textures)
     geometry = _Geometry(document, views)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused later
@@ -81,7 +84,11 @@ def read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materi
     if sum(len(parts_of[mesh]) for mesh, _ in placed) > _MOST_PARTS:
         raise SceneError(f"the file has more than {_MOST_PARTS} primitives with all instances")
     parts = [part.transformed(matrix) for mesh, matrix in placed for part in parts_of[mesh]]
-    return parts, materials.in_order
+    notes: list[str] = []
+    nodes.sort(key=lambda node: node[0])  # in the file's order
+    lights, cameras = lights_of(document, nodes, notes), cameras_of(document, nodes, notes)
+    notes += notes_of(document, materials.numbers)
+    return Contents(parts, materials.in_order, lights, cameras, tuple(notes))
 
 
 class _Geometry:

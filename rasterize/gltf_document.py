@@ -10,13 +10,10 @@ from typing import Any
 
 from ssgi_cl.core.errors import SceneError, shown
 
-from .gltf_schema import DRACO, Json, check_document
+from .gltf_schema import DRACO, LIGHTS, Json, check_document
 from .textures import read_uri
 
-_UNDERSTOOD = (
-    DRACO, "KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual",
-    "EXT_texture_webp",
-)  # fmt: skip
+UNDERSTOOD = (DRACO, "KHR_mesh_quantization", "KHR_texture_transform", LIGHTS, "EXT_texture_webp")
 """Besides KHR_materials_*, whose base colour and emission are usable whatever else they add."""
 _REFUSED = ("EXT_meshopt_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing")
 
@@ -80,7 +77,7 @@ def _check_extensions(document: Json) -> None:
         if name in used:
             raise SceneError(f"the file uses {name}, which is not supported: export it without")
     for name in document.get("extensionsRequired", []):
-        if name not in _UNDERSTOOD and not name.startswith("KHR_materials_"):
+        if name not in UNDERSTOOD and not name.startswith("KHR_materials_"):
             raise SceneError(f"the file requires {shown(name)}, which is not supported")
 
 

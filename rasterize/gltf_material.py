@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.checks import MOST_LIGHT
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 
@@ -58,6 +59,11 @@ class GltfMaterials:
         self._textures = textures
         self._known: dict[int | None, tuple[int, GltfMaterial]] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
+
+    @property
+    def numbers(self) -> list[int]:
+        """Numbers of the document's materials that were asked for."""
+        return [index for index in self._known if index is not None]
 
     def of(self, index: int | None) -> tuple[int, GltfMaterial]:
         """Return the place in `in_order` and the material of a primitive; None is grey."""
@@ -111,8 +117,11 @@ class GltfMaterials:
         )
         factor = source.get("emissiveFactor", [0.0] * 3)
         emission = np.array(factor, dtype=np.float64) * strength
-        if not np.isfinite(emission).all():
-            raise SceneError(f"material {index} emits {emission.tolist()}: expected finite numbers")
+        if not (emission <= MOST_LIGHT).all():  # false for NaN as well
+            raise SceneError(
+                f"material {index} emits {emission.tolist()}: expected finite numbers up to "
+                f"{MOST_LIGHT:g} (W m^-2 sr^-1)"
+            )
         laid = source.get("emissiveTexture")
         if laid is not None and emission.any():
             emission = emission * mean_color(self._image(laid["index"]))

@@ -1,4 +1,4 @@
-"""The nodes of a glTF document: where each of its meshes stands."""
+"""The nodes of a glTF document: where each of them stands."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from .gltf_schema import Json
 _turned_by: Any = transformations.quaternion_matrix
 
 
-def placed_meshes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return (number of a mesh, its matrix [4, 4] to world space) of each node with a mesh.
+def placed_nodes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return (number of a node, its matrix [4, 4] to world space) of each node.
 
     Those of the default scene; of all nodes where the document has no scene. Walked without
     recursion, so that depth costs nothing.
@@ -49,11 +49,22 @@ def placed_meshes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
         index, above = waiting.pop()
         node = nodes[index]
         matrix = _multiplied(above, _local(node))
-        if "mesh" in node:
-            item(document.get("meshes", []), node["mesh"], "the mesh of a node")
-            placed.append((node["mesh"], matrix))
+        placed.append((index, matrix))
         waiting += [(child, matrix) for child in node.get("children", [])]
     return placed
+
+
+def placed_meshes(
+    document: Json, placed: list[tuple[int, NDArray[np.float64]]]
+) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return (number of a mesh, its matrix) of each placed node with a mesh."""
+    meshes = []
+    for index, matrix in placed:
+        node = document["nodes"][index]
+        if "mesh" in node:
+            item(document.get("meshes", []), node["mesh"], "the mesh of a node")
+            meshes.append((node["mesh"], matrix))
+    return meshes
 
 
 def _local(node: Json) -> NDArray[np.float64]:

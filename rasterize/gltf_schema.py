@@ -14,6 +14,7 @@ from ssgi_cl.core.errors import SceneError, shown
 Json = dict[str, Any]
 
 DRACO = "KHR_draco_mesh_compression"
+LIGHTS = "KHR_lights_punctual"
 
 _Rule = Callable[[Any, str], None]
 _Schema = Any
@@ -142,21 +143,53 @@ _PRIMITIVE = {
     "extensions": {DRACO: {"bufferView!": _integer, "attributes!": _every(_integer)}},
 }
 
+_LIGHT = {
+    "type!": _text,
+    "name": _text,
+    "color": _numbers(3),
+    "intensity": _number,
+    "range": _number,
+    "spot": {"innerConeAngle": _number, "outerConeAngle": _number},
+}
+
+_CAMERA = {
+    "type!": _text,
+    "name": _text,
+    "perspective": {
+        "yfov!": _number, "znear!": _number, "zfar": _number, "aspectRatio": _number
+    },
+    "orthographic": {
+        "xmag!": _number, "ymag!": _number, "znear!": _number, "zfar!": _number
+    },
+}
+
+
+def _node_extensions(value: Any, where: str) -> None:
+    """Check the extensions of a node, those that are read to their values."""
+    _check(value, _every(_object), where)
+    _check(value, {LIGHTS: {"light!": _integer}}, where)
+
+
 _DOCUMENT = {
     "asset!": {"version!": _text},
     "extensionsUsed": [_text],
     "extensionsRequired": [_text],
+    "extensions": {LIGHTS: {"lights": [_LIGHT]}},
+    "cameras": [_CAMERA],
+    "animations": [_object],
     "scene": _integer,
     "scenes": [{"nodes": [_integer]}],
     "nodes": [
         {
+            "name": _text,
             "mesh": _integer,
+            "camera": _integer,
             "children": [_integer],
             "matrix": _numbers(16),
             "translation": _numbers(3),
             "rotation": _numbers(4),
             "scale": _numbers(3),
-            "extensions": _every(_object),
+            "extensions": _node_extensions,
         }
     ],
     "meshes": [{"primitives!": [_PRIMITIVE]}],

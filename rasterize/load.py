@@ -5,42 +5,47 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import SceneError, SsgiError
 from ssgi_cl.core.keywords import checked_keywords
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Scene
 
 from .normals import DEFAULT_CREASE_ANGLE
 from .obj import read_obj
-from .parts import Part, assemble
+from .parts import Contents, assemble
 from .textures import TextureSet
 
 if TYPE_CHECKING:
     import trimesh
 
-_Reader = Callable[[Path, TextureSet], tuple[list[Part], list[Material]]]
+_Reader = Callable[[Path, TextureSet], Contents]
 
 
-def _read_gltf(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+def _read_gltf(path: Path, textures: TextureSet) -> Contents:
     from .gltf import read_gltf
 
     return read_gltf(path, textures)
 
 
-def _read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+def _read_ply(path: Path, textures: TextureSet) -> Contents:
     from .ply import read_ply
 
-    return read_ply(path, textures)
+    return Contents(*read_ply(path, textures))
+
+
+def _read_obj(path: Path, textures: TextureSet) -> Contents:
+    return Contents(*read_obj(path, textures))
 
 
 # trimesh is imported where it is needed: it takes as long as all the rest of the library.
 READERS: dict[str, _Reader] = {
     ".glb": _read_gltf,
     ".gltf": _read_gltf,
-    ".obj": read_obj,
+    ".obj": _read_obj,
     ".ply": _read_ply,
 }
 """Which function reads which kind of file; see each for what it keeps and what it leaves out."""
@@ -64,7 +69,8 @@ def load_scene(
             angle keep an edge between them, others are smoothed. 0 makes every face flat.
 
     Returns:
-        The scene; lights and cameras that a file may describe are not part of it.
+        The scene with the lights and cameras that a glTF file describes, and notes on what of the
+        file is not drawn.
 
     Raises:
         SceneError: the file is missing, of an unknown kind, damaged or without triangles; it
@@ -77,8 +83,7 @@ def load_scene(
     if not isinstance(source, (str, os.PathLike)):
         from .from_trimesh import read_trimesh
 
-        parts, materials = read_trimesh(source, textures)
-        return assemble(parts, materials, textures.textures, crease_angle=angle)
+        return _joined(Contents(*read_trimesh(source, textures)), textures, angle)
     path = Path(source)
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
@@ -87,8 +92,7 @@ def load_scene(
         kinds = ", ".join(READERS)
         raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {kinds}")
     try:
-        parts, materials = reader(path, textures)
-        return assemble(parts, materials, textures.textures, crease_angle=angle)
+        return _joined(reader(path, textures), textures, angle)
     except SsgiError as error:
         if str(path.name) in str(error):
             raise
@@ -97,3 +101,15 @@ def load_scene(
         raise SceneError(f"{path} asks for more memory than there is") from error
     except Exception as error:  # a damaged file can trip any part of a parser
         raise SceneError(f"{path} can't be read: {type(error).__name__}: {error}") from error
+
+
+def _joined(contents: Contents, textures: TextureSet, crease_angle: float) -> Scene:
+    """Return the scene of what a file holds."""
+    scene = assemble(
+        contents.parts, contents.materials, textures.textures, crease_angle=crease_angle
+    )
+    if not (contents.lights or contents.cameras or contents.notes):
+        return scene
+    return replace(
+        scene, lights=contents.lights, cameras=contents.cameras, notes=contents.notes
+    )

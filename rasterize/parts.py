@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene_camera import SceneCamera
 
 from .normals import crease_normals
 
@@ -71,6 +73,23 @@ class Part:
             normals=normals,
             triangles=self.triangles[:, ::-1] if mirrored else self.triangles,
         )
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        parts: with indices of `materials`.
+        materials: in the order of those indices.
+        lights, cameras, notes: as `Scene` has them.
+    """
+
+    parts: Sequence[Part]
+    materials: Sequence[Material]
+    lights: tuple[Light, ...] = ()
+    cameras: Mapping[str, SceneCamera] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def check_triangles(count: int) -> None:

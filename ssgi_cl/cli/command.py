@@ -11,6 +11,7 @@ from ssgi_cl.bench.command import bench_command, truth_command
 from ssgi_cl.cli.apply import apply_command
 from ssgi_cl.cli.graph import graph_command
 from ssgi_cl.cli.render import render_command
+from ssgi_cl.cli.scene_info import info_command
 from ssgi_cl.device import drivers
 from ssgi_cl.device.drivers import DeviceInfo
 from ssgi_cl.io.console import human_errors, json_option, progress, wrapped
@@ -23,7 +24,9 @@ def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
 
 
-for _command in (render_command, graph_command, apply_command, bench_command, truth_command):
+for _command in (
+    render_command, info_command, graph_command, apply_command, bench_command, truth_command
+):
     main.add_command(_command)
 
 

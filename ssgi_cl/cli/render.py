@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.errors import shown
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import Frame, render
@@ -24,6 +25,7 @@ from ssgi_cl.io.console import (
     device_option,
     human_errors,
     json_option,
+    printable,
     progress,
     report,
     yfov_of,
@@ -35,6 +37,9 @@ from ssgi_cl.techniques.catalogue import TECHNIQUES
 if TYPE_CHECKING:
     from ssgi_cl.core.scene import Scene
     from ssgi_cl.rasterize.scenes import BuiltinScene
+
+_OUTDOORS = (DirectionalLight, Environment)
+"""Lights that --environment replaces."""
 
 
 @click.command("render")
@@ -49,15 +54,19 @@ if TYPE_CHECKING:
 @click.option("--target", help="What it looks at: world space, scene units.", **VECTOR)
 @click.option("--up", help="Which way is up in the picture: world space; y by default.", **VECTOR)
 @click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
-@click.option("--camera", "camera_file", type=click.Path(path_type=Path),
-              help="JSON file with origin, forward, up (world space) and fov_deg (horizontal). "
-              "A file named like the scene with .scene.json at its end is found by itself.")
+@click.option("--camera", metavar="NAME|FILE",
+              help="A camera of SCENE by its name (see `ssgi info`), or a JSON file with origin, "
+              "forward, up (world space) and fov_deg (horizontal). By default the file named like "
+              "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
+              "the scene well.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
               "W m^-2 sr^-1.")
+@click.option("--environment", metavar="PATH|R,G,B", help="Light from all around in place of a sun "
+              "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.")
 @click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
               show_default=True, help="What dims ambient light.")
-@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the scene's "
-              "diagonal.")
+@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the "
+              "picture's diagonal where surfaces are seen.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
               "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
@@ -91,8 +100,9 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
     room, colonnade, foliage, machine, street or terrain.
 
-    A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
-    the device.
+    A file's scene is lit by the lights that the file describes (glTF, KHR_lights_punctual), one
+    without by a sun and a sky, a closed room by a lamp. What a file says that is not drawn is
+    listed. Times are milliseconds on the device.
     """
     endings: tuple[str, ...] = ()
     if options["views"]:
@@ -110,10 +120,14 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
         step("writing files")
         files = _write(frame, output, views=options["views"])
+    if not as_json:
+        for note in loaded.notes:
+            click.echo(printable(f"note: {note}"), err=True)
     report(
         as_json, runtime, frame.passes, files,
         {"scene": scene, "width": camera.width, "height": camera.height,
-         "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3)},
+         "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3),
+         "notes": list(loaded.notes)},
         explain=options["explain"],
     )
 
@@ -133,6 +147,7 @@ def frame_arguments(
     _check_view_options(options)
     if not is_scene(scene):
         _check_file(Path(scene), SCENE_NAMES)
+    around = None if options["environment"] is None else _environment(options["environment"])
     step("opening the device")
     runtime = Runtime.open(options["device"])
     step(f"loading {scene}")
@@ -141,6 +156,8 @@ def frame_arguments(
         if is_scene(scene)
         else _from_file(Path(scene), options, runtime)
     )
+    if around is not None:
+        lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
     if options["ambient"] is not None:
         lights = (*lights, Environment(options["ambient"]))
     return loaded, camera, lights, {
@@ -161,9 +178,21 @@ def frame_arguments(
     }
 
 
+def _environment(text: str) -> Environment:
+    """Return the environment of an image file, or of one radiance: three numbers with commas."""
+    parts = text.split(",")
+    try:
+        radiance = [float(part) for part in parts]
+    except ValueError:
+        return Environment.load(text)
+    if len(radiance) != 3:
+        raise click.UsageError(f"--environment {shown(text)}: expected a file or R,G,B")
+    return Environment(radiance)
+
+
 def _check_view_options(options: dict[str, Any]) -> None:
     given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
-    if options["camera_file"] is not None and given:
+    if options["camera"] is not None and given:
         raise click.UsageError(f"--camera and {given[0]} exclude each other")
 
 
@@ -186,8 +215,8 @@ def _builtin(
     builtin: BuiltinScene, options: dict[str, Any]
 ) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     width, height = _size(options)
-    if options["camera_file"] is not None:
-        camera = _camera_file(options["camera_file"], options)
+    if options["camera"] is not None:
+        camera = _camera_file(Path(options["camera"]), options)
     else:
         camera = Camera.look_at(
             builtin.eye if options["eye"] is None else options["eye"],
@@ -202,7 +231,7 @@ def _from_file(
     path: Path, options: dict[str, Any], runtime: Runtime
 ) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     from ssgi_cl.rasterize import load_scene
-    from ssgi_cl.rasterize.default_camera import default_camera, default_lights
+    from ssgi_cl.rasterize.default_camera import default_lights
 
     if (options["eye"] is None) != (options["target"] is None):
         raise click.UsageError("--eye and --target go together")
@@ -211,22 +240,48 @@ def _from_file(
     width, height = _size(options)
     yfov = yfov_of(options, math.radians(DEFAULT_FOV))
     # The camera's size and the rest of it are checked before a large scene is loaded.
-    camera = Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
-    beside = path.with_name(path.stem + ".scene.json")
+    Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
+    camera = None
     if options["eye"] is not None:
         camera = Camera.look_at(
             options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov,
             width=width, height=height,
         )
-    elif options["camera_file"] is not None:
-        camera = _camera_file(options["camera_file"], options)
+    elif options["camera"] is not None and _names_a_file(options["camera"]):
+        camera = _camera_file(Path(options["camera"]), options)
     scene = load_scene(path)
-    if options["eye"] is None and options["camera_file"] is None:
-        if beside.is_file() and options["fov"] is None:
-            camera = _camera_file(beside, options)
-        else:
-            camera = default_camera(scene, width, height, yfov, runtime)
-    return scene, camera, default_lights(scene, camera, runtime), None
+    camera = camera or _camera_of(scene, path, options, runtime)
+    return scene, camera, scene.lights or default_lights(scene, camera, runtime), None
+
+
+def _names_a_file(camera: str) -> bool:
+    return Path(camera).suffix.lower() == ".json" or Path(camera).is_file()
+
+
+def _camera_of(
+    scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime
+) -> Camera:
+    """Return the camera of a file's scene that was asked for by its name, or the default one."""
+    from ssgi_cl.rasterize.default_camera import default_camera
+
+    name = options["camera"]
+    if name is not None and name not in scene.cameras:
+        known = ", ".join(map(shown, scene.cameras)) or "none"
+        raise ValueError(
+            f"--camera is {name!r}: there is no such file, and {path} has no such camera (it has "
+            f"{known})"
+        )
+    width, height = _size(options)
+    if name is not None:
+        return scene.cameras[name].sized(width, height)
+    if options["fov"] is None:
+        beside = path.with_name(path.stem + ".scene.json")
+        if beside.is_file():
+            return _camera_file(beside, options)
+        if scene.cameras:
+            return next(iter(scene.cameras.values())).sized(width, height)
+    yfov = yfov_of(options, math.radians(DEFAULT_FOV))
+    return default_camera(scene, width, height, yfov, runtime)
 
 
 def _camera_file(path: Path, options: dict[str, Any]) -> Camera:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,6 +111,23 @@ class Environment(Immutable):
         else:
             constant = checks.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
             _set(self, "radiance", constant)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Environment:
+        """Return the environment of a latitude-longitude image file.
+
+        Args:
+            path: .exr with the channels R, G, B (or Y), or Radiance's .hdr; W m^-2 sr^-1, laid out
+                as `radiance`.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            ValueError: of another kind or damaged, or a texel is NaN, negative or infinite.
+            OSError: the file cannot be read.
+        """
+        # File formats lie above this package; their reader is looked up when it is used.
+        read: Environment = import_module("ssgi_cl.io.environment").read_environment(path)
+        return read
 
 
 MOST_RADIANCE = 1e38

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.immutable import Immutable, frozen
+from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene_camera import SceneCamera
 
 MOST_TEXELS = 2**29 - 1
 """Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
@@ -69,6 +71,9 @@ class Scene(Immutable):
         materials: at least one.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top. With their mip levels at most 2^29 - 1 texels in all.
+        lights: those that the file describes; functions take lights as an argument of their own.
+        cameras: name -> camera of the file; `cameras[name].sized(width, height)` is a `Camera`.
+        notes: lines on what the file says that is not drawn, or drawn in another way.
     """
 
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -80,6 +85,9 @@ class Scene(Immutable):
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
+    lights: tuple[Light, ...] = ()
+    cameras: Mapping[str, SceneCamera] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -121,6 +129,9 @@ class Scene(Immutable):
         set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
         set_(self, "materials", tuple(self.materials))
         set_(self, "textures", _textures(self.textures))
+        set_(self, "lights", tuple(self.lights))
+        set_(self, "cameras", dict(self.cameras))
+        set_(self, "notes", tuple(self.notes))
         for material in self.materials:
             checks.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
 

@@ -6,8 +6,6 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
@@ -19,6 +17,7 @@ from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.whole import cell_size, whole_params
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
+from ssgi_cl.rasterize.visible_extent import visible_extent
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.shading.sky_light import CONTACT
 from ssgi_cl.techniques.shading.tonemap import CURVES
@@ -26,7 +25,17 @@ from ssgi_cl.techniques.shading.tonemap import CURVES
 __all__ = ["Frame", "Renderer", "render"]
 
 AO_RADIUS_SHARE = 0.05
-"""Default radius of ambient occlusion, as a share of the diagonal of the scene's box."""
+"""Default radius of ambient occlusion, as a fraction of the picture's diagonal at what is seen."""
+
+
+def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
+    """Return the radius of ambient occlusion that suits a view, in scene units.
+
+    It is 5 % of the diagonal of the picture where surfaces are seen, and no more than that of the
+    scene's box, or twice that of its subject (see `visible_extent`): neither a backdrop nor a long
+    street enlarges it.
+    """
+    return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
 
 
 
@@ -79,8 +88,10 @@ def render(
             default "high". Of no use with `bounces` 0.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
             for none. All but "ssao" look into all `layers`, all four into the overscan.
-        ao_radius: its radius in scene units, and that of "ssdo"; by default 5 % of the diagonal of
-            the scene's box, and two cells of the occupancy grid for the whole picture.
+        ao_radius: its radius in scene units, and that of "ssdo"; by default two cells of the
+            occupancy grid for the whole picture, else 5 % of the picture's diagonal where surfaces
+            are seen, at most 5 % of the diagonal of the scene's box (see `default_ao_radius`); for
+            a new camera that takes a depth map of 96 x 72 pixels.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
         indirect: one technique that reflects light once, in place of all bounces. That of all
@@ -173,9 +184,9 @@ def render(
     device_scene(scene, runtime)
     if ao_radius is None and whole is not None:
         ao_radius = CONTACT * cell_size(scene)
-    elif ao_radius is None:
-        extent = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
-        ao_radius = AO_RADIUS_SHARE * (extent or 1.0)
+    elif ao_radius is None:  # and unused without either
+        used = dims is not None or indirect == "ssdo"
+        ao_radius = default_ao_radius(scene, camera, runtime) if used else 1.0
     bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
     params: Any = None
     if dims is not None and indirect != "ssdo":

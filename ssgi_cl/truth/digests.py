@@ -37,13 +37,15 @@ def digest(*parts: Any) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """Return the hash of all arrays, materials and textures of a scene."""
+    """Return the hash of all arrays, materials and textures of a scene; of no lights or cameras."""
     if not isinstance(scene, Scene):
         raise TypeError(
             f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
         )
     parts: list[Any] = []
     for field in fields(scene):
+        if field.name in ("lights", "cameras", "notes"):
+            continue  # those in use are described by themselves
         value = getattr(scene, field.name)
         if field.name == "materials":
             parts += [[_values(material) for material in value]]

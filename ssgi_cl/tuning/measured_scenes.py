@@ -15,7 +15,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.render import AO_RADIUS_SHARE
+from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.rasterize import load_scene
 from ssgi_cl.rasterize.default_camera import camera_from_json, default_camera, default_lights
 from ssgi_cl.rasterize.load import READERS
@@ -38,9 +38,10 @@ def views_of(
         names: built-in or generated scenes (see `make_scene`), or files, which get the name of the
             file without its ending, and where that has other letters than a-z, 0-9, _ and -, an
             underscore. A file is a mesh, with its camera in NAME.scene.json beside it if there is
-            one, or a view: NAME.json with a camera (see `camera_from_json`) and `mesh`, the file
-            of the mesh, as seen from `meshes`. Either may have `ao_radius`, how far ambient
-            occlusion reaches in scene units; 5 % of the scene's diagonal without.
+            one, else that of the mesh's file if it has one, or a view: NAME.json with a camera (see
+            `camera_from_json`) and `mesh`, the file of the mesh, as seen from `meshes`. Either may
+            have `ao_radius`, how far ambient occlusion reaches in scene units; without, see
+            `default_ao_radius`.
         runtime: the device that looks round in a file's scene for a view.
         meshes: the folder of the views' meshes; each view's own without.
 
@@ -80,8 +81,10 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
         if not mesh.is_file():
             raise MissingMeshError(f"{mesh}: there is no such file (--meshes FOLDER)")
     scene = load_scene(mesh)
+    for own in scene.cameras.values():
+        if camera is None and own.kind == "perspective":
+            camera = own.sized(*_PIXELS)
     camera = camera or default_camera(scene, *_PIXELS, _YFOV, runtime)
-    low, high = scene.bounds
     return BuiltinScene(
         name=re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
         scene=scene,
@@ -89,8 +92,8 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
         target=_vector(camera.position - camera.view[2, :3]),
         up=_vector(camera.view[1, :3]),
         yfov=_vertical_fov(camera),
-        lights=tuple(default_lights(scene, camera, runtime)),
-        ao_radius=radius or AO_RADIUS_SHARE * (float(np.linalg.norm(high - low)) or 1.0),
+        lights=scene.lights or default_lights(scene, camera, runtime),
+        ao_radius=radius or default_ao_radius(scene, camera, runtime),
     )
 
 

@@ -30,8 +30,9 @@ def test_a_file_gets_a_name_that_fits_into_a_case_and_a_view_that_shows_it(
     clip = camera.projection @ camera.view @ (0.0, 0.0, 0.0, 1.0)
     assert (np.abs(clip[:2]) < clip[3]).all()  # the ball's centre is inside the image
     assert view.lights
-    # 5 % of the diagonal of a box 4 units wide (an icosphere's box is that within 2 %).
-    assert view.ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
+    # The ball fills 0.9 of the picture's height, 4 / 0.9 units at its distance and less before it;
+    # the picture's diagonal is 5/3 of that. Its nearest point is a third nearer than its middle.
+    assert 0.6 < view.ao_radius / (0.05 * 4.0 / 0.9 * 5.0 / 3.0) < 1.0
 
 
 def test_a_camera_beside_the_file_is_taken(ball: Path, runtime: Runtime) -> None:
@@ -59,6 +60,8 @@ def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(
     np.testing.assert_allclose(views["near"].eye, (0, 0, 9), atol=1e-12)
     assert len(views["near"].scene.triangles) == 320
     assert views["near"].ao_radius == 0.25
+    # From far away the ball is smaller than the picture: 5 % of the diagonal of a box 4 units wide
+    # (an icosphere's box is that within 2 %).
     assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
 
 

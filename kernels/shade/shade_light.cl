@@ -4,7 +4,9 @@
 // E = I cos / d^2 (spot and point light) or E = E0 cos (directional light), times the shadow map's
 // share. See kernels/shade/shadow.clh.
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
-//          map     depth that the light sees: 1 image, or 6 of a point light, in the order
+//          map     depth that the light sees: an image for each of light.crops parts
+//                  (SHADE_SHADOW 1)
+//          crops   the parts of its faces, see shade/crops.clh; the faces of a point light are
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
 //          blocks  of the map, see shade/blocks.clh; without any (light.blocks 0) the map stands in
 //                  for them and is not read as such (SHADE_SHADOW 1)
@@ -26,6 +28,7 @@
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_SHADOW
                           ssgi_plane map, ssgi_plane blocks,
+                          __global const float *restrict crops,
 #endif
                           __global float *restrict irradiance, const int2 size,
                           const SsgiCamera camera, const SsgiCamera light_camera,
@@ -81,12 +84,14 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
                                     v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
+            ssgi_shadow(map, blocks, light.blocks != 0, crops,
+                        light.crops, (int2)(light.map_size, light.map_size),
                         light_camera, lit, face, v_select(side, -side, minus), up, v_abs(main),
                         v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus));
 #else
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
+            ssgi_shadow(map, blocks, light.blocks != 0, crops,
+                        light.crops, (int2)(light.map_size, light.map_size),
                         light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz);
 #endif
         strength = strength * share;

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 from ssgi_cl.device.transient import Target
+from ssgi_cl.techniques.shading.shadow_fit import Crop
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -29,22 +30,33 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
+        *((n, "int") for n in ("blocks", "crops")),
     ),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """The depth that a light sees, in device memory: one image for each of its cameras.
+    """The depth that a light sees, in device memory.
 
     Attributes:
+        depth: an image for each crop; there may be more.
+        cameras: of the light's faces.
+        crops: parts of the faces, by which each image is; and `table`, the same on the device.
         blocks: what `ShadowBlocks` found in it, None if it was not looked at.
     """
 
     depth: Plane
     cameras: tuple[Camera, ...]
+    crops: tuple[Crop, ...]
+    table: DeviceArray
     blocks: Plane | None = None
+
+    @staticmethod
+    def table_of(runtime: Runtime, crops: tuple[Crop, ...]) -> DeviceArray:
+        """Return crops as kernels read them."""
+        return runtime.array(np.array([crop.values() for crop in crops], np.float32))
 
 
 class Lamps:
@@ -111,11 +123,12 @@ class Lamps:
         kernel.run(
             f"light {kind_name(light)}", self.size, window=window,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
-            irradiance=irradiance, camera=gbuffer.camera_struct,
-            light_camera=CAMERA.pack(camera_values(light_camera)),
+            crops=shadow.table if shadow else None, irradiance=irradiance,
+            camera=gbuffer.camera_struct, light_camera=CAMERA.pack(camera_values(light_camera)),
             light=LIGHT.pack({
                 **light_values(light, camera, light_camera, gbuffer),
                 "blocks": int(blocks is not None),
+                "crops": len(shadow.crops) if shadow else 0,
             }),
         )
 
@@ -169,4 +182,5 @@ def light_values(
         "margin_rows": gbuffer.margin[0],
         "layer": gbuffer.front,
         "blocks": 0,
+        "crops": 0,
     }

@@ -11,6 +11,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.shading.light_data import ShadowMap, face_count
+from ssgi_cl.techniques.shading.shadow_fit import whole
 
 Maps = Sequence[ReflectiveShadowMap | None] | None
 """For each light its map or None; None for no map at all. Those of environments don't count."""
@@ -69,4 +70,8 @@ def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowM
         (ShadowMap, index, count, size), lambda: runtime.plane(count, size, np.inf)
     )
     plane.upload(np.asarray(rsm.depth).reshape(count, *size))
-    return ShadowMap(plane, rsm.cameras)
+    crops = whole(count)
+    table = runtime.prepared(
+        (ShadowMap, "crops", count), lambda: ShadowMap.table_of(runtime, crops)
+    )
+    return ShadowMap(plane, rsm.cameras, crops, table)

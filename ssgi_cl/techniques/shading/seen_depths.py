@@ -1,0 +1,90 @@
+"""Where the surfaces are that a camera sees: the depths between which each tile's lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.constants import TILES_SIDE
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+
+Doubles = NDArray[np.float64]
+
+_ROUNDING = 1e-5
+"""Of depth, by which tiles reach farther, for roundings of float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The tiles that show a surface.
+
+    Attributes:
+        camera: that sees them.
+        sides: [n, 4] left, right, top and bottom edge, pixels.
+        nearest, farthest: [n] depths, scene units.
+    """
+
+    camera: Camera
+    sides: Doubles
+    nearest: Doubles
+    farthest: Doubles
+
+    def corners(self, most: float) -> Doubles:
+        """Return [n, 8, 3] corners, world space, of what lies no deeper than `most`.
+
+        Only tiles that have such depths count.
+        """
+        kept = self.nearest <= most
+        sides, near = self.sides[kept], self.nearest[kept]
+        far = np.minimum(self.farthest[kept], most)
+        to_x, to_y, at_x, at_y = self.camera.pixel_to_view
+        corners = np.empty((len(near), 8, 3))
+        for number in range(8):
+            depth = far if number & 4 else near
+            k = 1.0 if self.camera.is_orthographic else depth
+            corners[:, number, 0] = (to_x * sides[:, number & 1] + at_x) * k
+            corners[:, number, 1] = (to_y * sides[:, 2 + (number >> 1 & 1)] + at_y) * k
+            corners[:, number, 2] = -depth
+        view = self.camera.view
+        return np.asarray((corners - view[:3, 3]) @ view[:3, :3])
+
+
+class SeenDepths:
+    """Looks at G-buffers of one size.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size) -> None:
+        self.runtime = runtime
+        self._pixels = size
+        self._size: Size = (-(-size[0] // TILES_SIDE), -(-size[1] // TILES_SIDE))
+        self._tiles = runtime.plane(2, self._size)
+        self._kernel = runtime.kernel("shade/seen_depths.cl")
+
+    def find(self, gbuffer: DeviceGBuffer) -> Seen:
+        """Queue the pass and read its result back, 8 bytes a tile."""
+        self._kernel.run(
+            "seen depths", self._size, grid=self._size, depth=gbuffer.depth, tiles=self._tiles,
+            pixels=self._pixels, margin=gbuffer.margin,
+        )
+        nearest, farthest = self._tiles.download().astype(np.float64)
+        there = np.isfinite(nearest)
+        row, column = np.nonzero(there)
+        rows, columns = self._pixels
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        left, top = column * TILES_SIDE, row * TILES_SIDE
+        sides = np.stack([
+            left, np.minimum(left + TILES_SIDE, columns), top, np.minimum(top + TILES_SIDE, rows)
+        ], axis=-1).astype(np.float64)
+        return Seen(
+            camera, sides, nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING)
+        )

@@ -31,7 +31,7 @@ LIGHT = Struct(
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
         *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
-        *((n, "int") for n in ("blocks", "crops")),
+        *((n, "int") for n in ("blocks", "crops", "facets")),
     ),
 )
 
@@ -41,22 +41,31 @@ class ShadowMap:
     """The depth that a light sees, in device memory.
 
     Attributes:
-        depth: an image for each crop; there may be more.
+        depth: its images; some may be unused.
         cameras: of the light's faces.
-        crops: parts of the faces, by which each image is; and `table`, the same on the device.
+        crops: parts of the faces.
+        images: of `depth`, one for each crop.
+        table: crops and images on the device.
         blocks: what `ShadowBlocks` found in it, None if it was not looked at.
     """
 
     depth: Plane
     cameras: tuple[Camera, ...]
     crops: tuple[Crop, ...]
+    images: tuple[int, ...]
     table: DeviceArray
     blocks: Plane | None = None
 
-    @staticmethod
-    def table_of(runtime: Runtime, crops: tuple[Crop, ...]) -> DeviceArray:
-        """Return crops as kernels read them."""
-        return runtime.array(np.array([crop.values() for crop in crops], np.float32))
+    @classmethod
+    def of(
+        cls, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
+        images: tuple[int, ...],
+    ) -> ShadowMap:
+        """Return the map, with what kernels read of its crops."""
+        values = [crop.values(image, depth.size[0])
+                  for crop, image in zip(crops, images, strict=True)]
+        table = depth.runtime.array(np.array(values, np.float32))
+        return cls(depth, cameras, crops, images, table)
 
 
 class Lamps:
@@ -183,4 +192,5 @@ def light_values(
         "layer": gbuffer.front,
         "blocks": 0,
         "crops": 0,
+        "facets": int(gbuffer.has_facets),
     }

@@ -96,12 +96,8 @@ class LightMaps:
         held = self._rsm_of(scene, lamps, cameras, kept) if self._flux and lamps else None
         first = 0
         for index, light in lamps.items():
-            old = before.get(index)
-            shadow = self._shadow(index, cameras[index], crops[index], old)
-            # What is drawn already: the images of the same parts, if the memory is the same.
-            there = old.crops if old and index in kept and old.depth is shadow.depth else ()
-            missing = [i for i, crop in enumerate(shadow.crops)
-                       if i >= len(there) or there[i] != crop]
+            old = before.get(index) if index in kept else None
+            shadow, missing = self._shadow(index, cameras[index], crops[index], old)
             reflects = held if index not in kept else None
             if not missing and reflects is None:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
@@ -119,13 +115,23 @@ class LightMaps:
     def _shadow(
         self, index: int, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
         old: ShadowMap | None,
-    ) -> ShadowMap:
-        """Return the map of a lamp, the old one if it has the same parts."""
+    ) -> tuple[ShadowMap, list[int]]:
+        """Return the map of a lamp, and which of its crops are not drawn yet.
+
+        `old` is what is drawn of the same lamp.
+        """
         depth = self._depth(index, len(crops))
-        if old is not None and old.crops == crops and old.depth is depth:
-            return old if old.cameras is cameras else replace(old, cameras=cameras, blocks=None)
-        table = ShadowMap.table_of(self.runtime, crops)
-        return ShadowMap(depth, cameras, crops, table)
+        if old is None or old.depth is not depth:
+            images = tuple(range(len(crops)))
+            return ShadowMap.of(depth, cameras, crops, images), list(images)
+        if old.crops == crops:
+            return old, []
+        drawn = dict(zip(old.crops, old.images, strict=True))
+        held = {drawn[crop] for crop in crops if crop in drawn}
+        free = iter([image for image in range(depth.count) if image not in held])
+        images = tuple(drawn[crop] if crop in drawn else next(free) for crop in crops)
+        missing = [i for i, crop in enumerate(crops) if crop not in drawn]
+        return ShadowMap.of(depth, cameras, crops, images), missing
 
     def _require(
         self, scene: Scene, images: dict[int, int], faces: int, lights: int
@@ -196,27 +202,27 @@ class LightMaps:
         try:
             done = set() if rsm is None else self._draw_faces(scene, light, shadow, rsm, first)
             kept = device_scene(scene, self.runtime)
-            for image in missing:
-                crop = shadow.crops[image]
-                if image not in done:
+            for number in missing:
+                if number not in done:
+                    crop = shadow.crops[number]
                     camera = crop.camera(shadow.cameras[crop.face])
                     self._renderer.render(kept, light, camera, flux=False)
-                    shadow.depth.copy_image(image, self._renderer.depth)
+                    shadow.depth.copy_image(shadow.images[number], self._renderer.depth)
         finally:
             self._renderer.release()
 
     def _draw_faces(
         self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm, first: int
     ) -> set[int]:
-        """Queue the passes of the faces that reflect; return which images these give too."""
+        """Queue the passes of the faces that reflect; return which crops these give too."""
         kept, renderer = device_scene(scene, self.runtime), self._renderer
         done = set()
-        images = {crop.face: image for image, crop in enumerate(shadow.crops) if crop.is_whole}
+        crops = {crop.face: number for number, crop in enumerate(shadow.crops) if crop.is_whole}
         for face, camera in enumerate(shadow.cameras):
             renderer.render(kept, light, camera)
-            if face in images:
-                shadow.depth.copy_image(images[face], renderer.depth)
-                done.add(images[face])
+            if face in crops:
+                shadow.depth.copy_image(shadow.images[crops[face]], renderer.depth)
+                done.add(crops[face])
             target = renderer.target
             rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)
             if rsm.lobes is not None:

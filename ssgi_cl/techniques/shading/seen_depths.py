@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,21 +35,29 @@ class Seen:
     nearest: Doubles
     farthest: Doubles
 
-    def corners(self, most: float) -> Doubles:
-        """Return [n, 8, 3] corners, world space, of what lies no deeper than `most`.
+    @property
+    def pixels(self) -> Doubles:
+        """[n] of each tile."""
+        return np.asarray((self.sides[:, 1] - self.sides[:, 0])
+                          * (self.sides[:, 3] - self.sides[:, 2]))
 
-        Only tiles that have such depths count.
-        """
-        kept = self.nearest <= most
-        sides, near = self.sides[kept], self.nearest[kept]
-        far = np.minimum(self.farthest[kept], most)
+    def widths(self) -> Doubles:
+        """Return [n] the width of a pixel half way between the tile's depths, scene units."""
+        to_x, to_y, _, _ = self.camera.pixel_to_view
+        width = math.sqrt(abs(to_x * to_y))
+        if self.camera.is_orthographic:
+            return np.full(len(self.nearest), width)
+        return np.asarray(width * np.sqrt(self.nearest * self.farthest))
+
+    def corners(self) -> Doubles:
+        """Return [n, 8, 3] corners, world space, of the hull of what each tile shows."""
         to_x, to_y, at_x, at_y = self.camera.pixel_to_view
-        corners = np.empty((len(near), 8, 3))
+        corners = np.empty((len(self.nearest), 8, 3))
         for number in range(8):
-            depth = far if number & 4 else near
+            depth = self.farthest if number & 4 else self.nearest
             k = 1.0 if self.camera.is_orthographic else depth
-            corners[:, number, 0] = (to_x * sides[:, number & 1] + at_x) * k
-            corners[:, number, 1] = (to_y * sides[:, 2 + (number >> 1 & 1)] + at_y) * k
+            corners[:, number, 0] = (to_x * self.sides[:, number & 1] + at_x) * k
+            corners[:, number, 1] = (to_y * self.sides[:, 2 + (number >> 1 & 1)] + at_y) * k
             corners[:, number, 2] = -depth
         view = self.camera.view
         return np.asarray((corners - view[:3, 3]) @ view[:3, :3])

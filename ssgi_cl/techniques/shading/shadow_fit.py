@@ -1,10 +1,11 @@
-"""Parts of a light's view that its shadow map shows: the finer, the nearer to the camera.
+"""Parts of a light's view that its shadow map shows: as fine as the pixels need that they serve.
 
-Cascades (Zhang, Sun, Xu and Lun 2006, "Parallel-split shadow maps for large-scale virtual
-environments"), of every face of any light. Departs: a part is 2^-i times 2^-j of the face, and its
-corner lies on a grid of eighths of its size, so that parts of one size have their texels at the
-same places whatever the camera sees, and shadows do not crawl. The parts depend on what is seen in
-this frame alone: maps that were kept are those that would be drawn.
+As adaptive shadow maps (Fernando, Fernandez, Bala and Greenberg 2001), but with a fixed number of
+parts: the one whose texels are too wide for the most pixels is cut in two until all are there. A
+part is 2^-i times 2^-j of a face, and its corner lies on a grid of eighths of its size, so that
+parts of one size have their texels at the same places whatever the camera sees, and shadows do not
+crawl. The parts depend on what is seen in this frame alone: maps that were kept are those that
+would be drawn.
 """
 
 from __future__ import annotations
@@ -18,10 +19,8 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.techniques.shading.seen_depths import Seen
 
-PARTS = 4
-"""Of a face, at most."""
-FACE_PARTS = 2
-"""Of each of the six faces of a point light, at most."""
+PARTS = 8
+"""Of a light, at most, but for a part for every face."""
 GRID = 8
 """Places in its own size at which a part may begin."""
 MOST_ZOOM = 1 << 7
@@ -29,14 +28,11 @@ MOST_ZOOM = 1 << 7
 ROOM = 3
 """Texels between a part's border and what it shows: the filter's reach."""
 FINE = 0.35
-"""Of a pixel's width: texels of this width serve all that is seen."""
-_NEAREST = 0.02
-"""Fraction of the tiles that may be nearer than where the finest part is meant for."""
+"""Of a pixel's width: texels of this width are fine enough."""
 _SLACK = 1e-4
 """Of a face's half width by which it is taken to be wider, for roundings."""
 
 Doubles = NDArray[np.float64]
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,6 @@ class Crop:
         face: number of the light's camera.
         zoom_x, zoom_y: how much smaller it is than the face, powers of 2.
         left, top: its first texel, of those that the face has at this zoom.
-        holds_all: whether it holds all that is seen of the face.
     """
 
     face: int
@@ -55,7 +50,6 @@ class Crop:
     zoom_y: int = 1
     left: int = 0
     top: int = 0
-    holds_all: bool = True
 
     @property
     def is_whole(self) -> bool:
@@ -74,10 +68,21 @@ class Crop:
             projection[axis] = zoom * projection[axis] + shift * projection[3]
         return Camera(view=face.view, projection=projection, width=face.width, height=face.height)
 
-    def values(self) -> list[float]:
-        """Return what kernels/shade/crops.clh reads."""
-        room = -math.inf if self.holds_all else ROOM - 0.5
-        return [self.face, self.zoom_x, self.zoom_y, self.left, self.top, room,
+    def values(self, image: int, size: int) -> list[float]:
+        """Return what kernels/shade/crops.clh reads.
+
+        Args:
+            image: of the map.
+            size: texels along a side of it.
+        """
+        room = ROOM - 0.5
+        # Beyond the face's border its last texel counts.
+        sides = [-math.inf if first == 0 else room for first in (self.left, self.top)]
+        sides += [
+            math.inf if first + size >= zoom * size else size - room
+            for first, zoom in ((self.left, self.zoom_x), (self.top, self.zoom_y))
+        ]
+        return [self.face, image, self.zoom_x, self.zoom_y, self.left, self.top, *sides,
                 1.0 / self.zoom_x, 1.0 / self.zoom_y]
 
 
@@ -87,113 +92,154 @@ def whole(faces: int) -> tuple[Crop, ...]:
 
 
 def fitted(cameras: tuple[Camera, ...], seen: Seen) -> tuple[Crop, ...]:
-    """Return the parts that show all that is seen, of each face the coarsest first.
+    """Return the parts that show all that is seen, the finer the later.
 
     Args:
         cameras: of the light's faces.
         seen: by the camera.
     """
-    if not len(seen.nearest):
-        return (Crop(0),)
-    nearest = float(np.quantile(seen.nearest, _NEAREST))
-    farthest = max(float(seen.farthest.max()), nearest)
-    parts = PARTS if len(cameras) == 1 else FACE_PARTS
-    depths = farthest * (nearest / farthest) ** (np.arange(parts) / parts)
-    corners = [seen.corners(math.inf), *(seen.corners(float(most)) for most in depths[1:])]
-    found: list[Crop] = []
+    cells = []
+    corners, width = seen.corners(), seen.widths()
     for face, camera in enumerate(cameras):
-        last: Crop | None = None
-        for points in corners:
-            extent = _extent(camera, points)
-            if extent is None:
-                break
-            crop = _part(face, camera.size[0], extent, last is None)
-            if last is not None and crop.zoom_x * crop.zoom_y < 2 * last.zoom_x * last.zoom_y:
-                continue
-            found.append(crop)
-            last = crop
-    return tuple(found) or (Crop(0),)
+        boxes = _Boxes.of(camera, corners, width, seen.pixels)
+        if boxes is not None:
+            cells.append(_Cell(face, camera.height, boxes))
+    most = max(PARTS, len(cells))
+    while len(cells) < most:
+        worst = max(cells, key=lambda cell: cell.cost)
+        if worst.cost <= 0.0:
+            break
+        cells.remove(worst)
+        cells += worst.halves()
+    found = {cell.crop for cell in cells} or {Crop(0)}
+    return tuple(sorted(
+        found, key=lambda c: (c.zoom_x * c.zoom_y, c.face, c.zoom_x, c.top, c.left)
+    ))
 
 
-def _part(face: int, size: int, extent: tuple[Interval, Interval], holds_all: bool) -> Crop:
-    """Return the smallest part that holds what lies within fractions of the face."""
-    zooms, firsts = [], []
-    for low, high in extent:
-        zoom = MOST_ZOOM
-        while zoom > 1 and (first := _first(low, high, zoom, size)) is None:
-            zoom //= 2
-        if zoom == 1:
-            first = 0
-        zooms.append(zoom)
-        firsts.append(first)
-    return Crop(face, zooms[0], zooms[1], int(firsts[0] or 0), int(firsts[1] or 0), holds_all)
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """What is seen, in a face.
 
-
-def _first(low: float, high: float, zoom: int, size: int) -> int | None:
-    """Return the first texel of the part of this size that holds an interval, or None."""
-    step = max(size // GRID, 1)
-    start = math.floor((low * size * zoom - ROOM) / step)
-    end = high * size * zoom + ROOM
-    # As far back as the face goes.
-    first = min(start * step, (zoom - 1) * size // step * step)
-    first = max(first, 0)
-    if first + size >= end or first + size >= zoom * size:
-        return first
-    return None
-
-
-def _extent(camera: Camera, corners: Doubles) -> tuple[Interval, Interval] | None:
-    """Return between which fractions of a face's columns and rows hulls lie; None: outside.
-
-    Args:
-        camera: of the face.
-        corners: [n, 8, 3] of each hull, world space.
+    Attributes:
+        low, high: [n, 2] columns and rows of a box round each tile, fractions of the face.
+        width: [n, 2] of a pixel, likewise.
+        pixels: [n] of the tile.
     """
-    if not len(corners):
-        return None
-    view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]
-    depth = -view[..., 2]
-    sx, sy, ox, oy = camera.pixel_to_view
-    if camera.is_orthographic:
-        slope_x, slope_y = view[..., 0], view[..., 1]
-    else:
-        near = 1e-6 * float(np.abs(view).max()) + 1e-300
-        view, depth = _before(view, depth, near)
-        if not len(view):
+
+    low: Doubles
+    high: Doubles
+    width: Doubles
+    pixels: Doubles
+
+    @classmethod
+    def of(
+        cls, camera: Camera, corners: Doubles, width: Doubles, pixels: Doubles
+    ) -> _Boxes | None:
+        """Return the boxes of what a face shows, or None if that is nothing.
+
+        Args:
+            camera: of the face.
+            corners: [n, 8, 3] of each tile's hull, world space.
+            width: [n] of a pixel, scene units.
+            pixels: [n] of each tile.
+        """
+        view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]
+        sx, sy, ox, oy = camera.pixel_to_view
+        if camera.is_orthographic:
+            place, scale = view[..., :2], np.ones(len(view))
+        else:
+            near = 1e-6 * float(np.abs(view).max(initial=0.0)) + 1e-300
+            kept = view[..., 2].min(axis=1, initial=0.0) < -near
+            view, width, pixels = _beyond(view[kept], near), width[kept], pixels[kept]
+            place = view[..., :2] / -view[..., 2:]
+            scale = -view[..., 2].mean(axis=1)
+        side = np.array([sx * camera.width, sy * camera.height])
+        place = (place - (ox, oy)) / side
+        low, high = place.min(axis=1), place.max(axis=1)
+        met = ((high >= -_SLACK) & (low <= 1.0 + _SLACK)).all(axis=1)
+        if not met.any():
             return None
-        slope_x, slope_y = view[..., 0] / depth, view[..., 1] / depth
-    columns = (slope_x - ox) / (sx * camera.width)
-    rows = (slope_y - oy) / (sy * camera.height)
-    least_x, most_x = columns.min(axis=1), columns.max(axis=1)
-    least_y, most_y = rows.min(axis=1), rows.max(axis=1)
-    met = ((most_x >= -_SLACK) & (least_x <= 1.0 + _SLACK)
-           & (most_y >= -_SLACK) & (least_y <= 1.0 + _SLACK))
-    if not met.any():
-        return None
-    return tuple(  # type: ignore[return-value]
-        (max(float(least[met].min()), 0.0), min(float(most[met].max()), 1.0))
-        for least, most in ((least_x, most_x), (least_y, most_y))
-    )
+        relative = width[met, None] / (scale[met, None] * np.abs(side))
+        return cls(np.clip(low[met], 0.0, 1.0), np.clip(high[met], 0.0, 1.0), relative, pixels[met])
+
+    def within(self, axis: int, low: float, high: float) -> _Boxes | None:
+        """Return what of the boxes lies between two bounds along an axis; None if nothing does."""
+        kept = (self.high[:, axis] >= low) & (self.low[:, axis] <= high)
+        if not kept.any():
+            return None
+        lows, highs = self.low[kept], self.high[kept]
+        length = np.maximum(highs[:, axis] - lows[:, axis], 1e-300)
+        lows[:, axis] = np.maximum(lows[:, axis], low)
+        highs[:, axis] = np.minimum(highs[:, axis], high)
+        # Pixels are taken to be spread evenly.
+        part = np.minimum((highs[:, axis] - lows[:, axis]) / length, 1.0)
+        return _Boxes(lows, highs, self.width[kept], self.pixels[kept] * np.maximum(part, 1e-3))
 
 
-_PAIRS = np.array([(a, b) for a in range(8) for b in range(a + 1, 8)]).T
+class _Cell:
+    """A rectangle of a face and the part that shows it.
+
+    Attributes:
+        crop: the part.
+        cost: by how much its texels are too wide, summed over pixels; 0 where none is.
+    """
+
+    def __init__(self, face: int, size: int, boxes: _Boxes) -> None:
+        self._face, self._size, self._boxes = face, size, boxes
+        self._low, self._high = boxes.low.min(axis=0), boxes.high.max(axis=0)
+        zooms, firsts = [], []
+        for low, high in zip(self._low.tolist(), self._high.tolist(), strict=True):
+            zoom, first = _part(low, high, size)
+            zooms.append(zoom)
+            firsts.append(first)
+        self.crop = Crop(face, zooms[0], zooms[1], firsts[0], firsts[1])
+        self._ratio = 1.0 / (size * np.array(zooms)) / boxes.width
+        self._can = np.array(zooms) < MOST_ZOOM
+        excess = np.where(self._can, np.maximum(self._ratio - FINE, 0.0), 0.0)
+        self.cost = float((excess.max(axis=1) * boxes.pixels).sum())
+
+    def halves(self) -> list[_Cell]:
+        """Return the cells of either half, of that axis along which texels are too wide."""
+        excess = (np.maximum(self._ratio - FINE, 0.0) * self._boxes.pixels[:, None]).sum(axis=0)
+        axis = int(np.argmax(np.where(self._can, excess, -1.0)))
+        low, high = float(self._low[axis]), float(self._high[axis])
+        middle = 0.5 * (low + high)
+        parts = (self._boxes.within(axis, low, middle), self._boxes.within(axis, middle, high))
+        return [_Cell(self._face, self._size, part) for part in parts if part is not None]
 
 
-def _before(view: Doubles, depth: Doubles, near: float) -> tuple[Doubles, Doubles]:
-    """Return corners [m, 36, 3] and their depths of what of hulls lies beyond a depth."""
-    kept = depth.max(axis=1) > near
-    view, depth = view[kept], depth[kept]
+def _part(low: float, high: float, size: int) -> tuple[int, int]:
+    """Return zoom and first texel of the smallest part that holds an interval of the face."""
+    step = max(size // GRID, 1)
+    zoom = MOST_ZOOM
+    while zoom > 1:
+        first = math.floor((low * size * zoom - ROOM) / step) * step
+        # Not beyond the face.
+        last = -(-(zoom - 1) * size // step) * step
+        first = min(max(first, 0), last)
+        if first + size >= min(high * size * zoom + ROOM, zoom * size):
+            return zoom, first
+        zoom //= 2
+    return 1, 0
+
+
+def _beyond(view: Doubles, near: float) -> Doubles:
+    """Return corners [n, 36, 3] of what of hulls [n, 8, 3] lies beyond a depth."""
+    depth = -view[..., 2]
     ahead = depth > near
-    inner = np.where(ahead[..., None], view, np.take_along_axis(
-        view, depth.argmax(axis=1)[:, None, None], axis=1))
     if ahead.all():
-        return inner, -inner[..., 2]
+        return view
+    farthest = np.take_along_axis(view, depth.argmax(axis=1)[:, None, None], axis=1)
+    inner = np.where(ahead[..., None], view, farthest)
     a, b = view[:, _PAIRS[0]], view[:, _PAIRS[1]]
     da, db = depth[:, _PAIRS[0]], depth[:, _PAIRS[1]]
     cut = (da > near) != (db > near)
     t = np.where(cut, (near - da) / np.where(cut, db - da, 1.0), 0.0)
     between = a + t[..., None] * (b - a)
-    between[..., 2] = np.where(cut, -near, between[..., 2])
-    between = np.where(cut[..., None], between, inner[:, :1])
-    points = np.concatenate([inner, between], axis=1)
-    return points, -points[..., 2]
+    between[..., 2] = -near
+    return np.concatenate([inner, np.where(cut[..., None], between, farthest)], axis=1)
+
+
+_PAIRS = np.array([(a, b) for a in range(8) for b in range(a + 1, 8)]).T
+

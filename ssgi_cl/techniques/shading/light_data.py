@@ -17,7 +17,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 from ssgi_cl.device.transient import Target
-from ssgi_cl.techniques.shading.shadow_fit import Crop
+from ssgi_cl.techniques.shading.shadow_fit import CROP_VALUES, Crop
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -47,6 +47,7 @@ class ShadowMap:
         images: of `depth`, one for each crop.
         table: crops and images on the device.
         blocks: what `ShadowBlocks` found in it, None if it was not looked at.
+        is_fitted: whether it is that of a frame, fitted to the pixels that it serves.
     """
 
     depth: Plane
@@ -55,17 +56,23 @@ class ShadowMap:
     images: tuple[int, ...]
     table: DeviceArray
     blocks: Plane | None = None
+    is_fitted: bool = False
 
     @classmethod
     def of(
         cls, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
-        images: tuple[int, ...],
+        images: tuple[int, ...], table: DeviceArray, *, is_fitted: bool = False,
     ) -> ShadowMap:
-        """Return the map, with what kernels read of its crops."""
+        """Return the map, with what kernels read of its crops sent to `table`."""
         values = [crop.values(image, depth.size[0])
                   for crop, image in zip(crops, images, strict=True)]
-        table = depth.runtime.array(np.array(values, np.float32))
-        return cls(depth, cameras, crops, images, table)
+        table.send(np.array(values, np.float32))
+        return cls(depth, cameras, crops, images, table, is_fitted=is_fitted)
+
+    @staticmethod
+    def new_table(runtime: Runtime, count: int) -> DeviceArray:
+        """Return memory for so many crops."""
+        return runtime.array(np.zeros((count, CROP_VALUES), np.float32))
 
 
 class Lamps:
@@ -138,6 +145,7 @@ class Lamps:
                 **light_values(light, camera, light_camera, gbuffer),
                 "blocks": int(blocks is not None),
                 "crops": len(shadow.crops) if shadow else 0,
+                "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
             }),
         )
 
@@ -192,5 +200,5 @@ def light_values(
         "layer": gbuffer.front,
         "blocks": 0,
         "crops": 0,
-        "facets": int(gbuffer.has_facets),
+        "facets": 0,
     }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
@@ -20,7 +20,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap, kind_name, power
 from ssgi_cl.techniques.shading.seen_depths import Seen
 from ssgi_cl.techniques.shading.shadow_blocks import ShadowBlocks
-from ssgi_cl.techniques.shading.shadow_fit import Crop, fitted, whole
+from ssgi_cl.techniques.shading.shadow_fit import Crop, fitted, parts, whole
 
 
 class LightMaps:
@@ -53,6 +53,7 @@ class LightMaps:
         self._depths: dict[int, Plane] = {}
         self._blocks = ShadowBlocks(runtime, size)
         self._block_planes: dict[int, Plane] = {}
+        self._tables: dict[int, DeviceArray] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: object = None  # its key
@@ -87,17 +88,26 @@ class LightMaps:
             else light_cameras(light, scene.bounds, self.size)
             for index, light in lamps.items()
         }
-        crops = {
-            index: whole(len(faces)) if seen is None else fitted(faces, seen)
+        # Idle lights count too: which are found to be idle must change no bit.
+        shining = sum(not isinstance(light, Environment) and bool(power(light).any())
+                      for light in lights)
+        images = {
+            index: len(faces) if seen is None else parts(len(faces), shining)
             for index, faces in cameras.items()
         }
-        self._require(scene, {index: len(parts) for index, parts in crops.items()},
-                      sum(map(len, cameras.values())), len(lights))
+        crops = {
+            index: whole(len(faces)) if seen is None else fitted(faces, seen, images[index])
+            for index, faces in cameras.items()
+        }
+        self._require(scene, images, sum(map(len, cameras.values())), len(lights))
         held = self._rsm_of(scene, lamps, cameras, kept) if self._flux and lamps else None
         first = 0
         for index, light in lamps.items():
             old = before.get(index) if index in kept else None
-            shadow, missing = self._shadow(index, cameras[index], crops[index], old)
+            depth = self._depth(index, images[index])
+            shadow, missing = self._shadow(
+                index, depth, cameras[index], crops[index], old, is_fitted=seen is not None
+            )
             reflects = held if index not in kept else None
             if not missing and reflects is None:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
@@ -113,25 +123,24 @@ class LightMaps:
         return shadows, held if held is not None and self._reflects(lamps, shadows) else None
 
     def _shadow(
-        self, index: int, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
-        old: ShadowMap | None,
+        self, index: int, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
+        old: ShadowMap | None, *, is_fitted: bool,
     ) -> tuple[ShadowMap, list[int]]:
-        """Return the map of a lamp, and which of its crops are not drawn yet.
+        """Return the map of a lamp in `depth`, and which of its crops are not drawn yet.
 
         `old` is what is drawn of the same lamp.
         """
-        depth = self._depth(index, len(crops))
-        if old is None or old.depth is not depth:
-            images = tuple(range(len(crops)))
-            return ShadowMap.of(depth, cameras, crops, images), list(images)
-        if old.crops == crops:
-            return old, []
-        drawn = dict(zip(old.crops, old.images, strict=True))
+        drawn: dict[Crop, int] = {}
+        if old is not None and old.depth is depth and old.is_fitted == is_fitted:
+            if old.crops == crops:
+                return old, []
+            drawn = dict(zip(old.crops, old.images, strict=True))
         held = {drawn[crop] for crop in crops if crop in drawn}
         free = iter([image for image in range(depth.count) if image not in held])
         images = tuple(drawn[crop] if crop in drawn else next(free) for crop in crops)
-        missing = [i for i, crop in enumerate(crops) if crop not in drawn]
-        return ShadowMap.of(depth, cameras, crops, images), missing
+        missing = [number for number, crop in enumerate(crops) if crop not in drawn]
+        table = self._tables[index]
+        return ShadowMap.of(depth, cameras, crops, images, table, is_fitted=is_fitted), missing
 
     def _require(
         self, scene: Scene, images: dict[int, int], faces: int, lights: int
@@ -146,6 +155,7 @@ class LightMaps:
         for index in [index for index in self._depths if index >= lights]:
             del self._depths[index]
             self._block_planes.pop(index, None)
+            self._tables.pop(index, None)
 
         def make() -> None:
             for index, count in images.items():
@@ -166,7 +176,7 @@ class LightMaps:
         )
 
     def _has_depth(self, index: int, images: int) -> bool:
-        return index in self._depths and self._depths[index].count >= images
+        return index in self._depths and self._depths[index].count == images
 
     def _fits(self, faces: int, glossy: bool) -> bool:
         rsm = self._rsm
@@ -252,6 +262,7 @@ class LightMaps:
             self._depths.pop(index, None)
             plane = self.runtime.plane(images, (self.size, self.size), math.inf)
             self._block_planes[index] = self._blocks.plane(images)
+            self._tables[index] = ShadowMap.new_table(self.runtime, images)
             self._depths[index] = plane
         return self._depths[index]
 

@@ -20,7 +20,9 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.techniques.shading.seen_depths import Seen
 
 PARTS = 8
-"""Of a light, at most, but for a part for every face."""
+"""Of a light, at most, or one for every face where that is more."""
+ALL_PARTS = 32
+"""Of all lights, at most, or one for every face."""
 GRID = 8
 """Places in its own size at which a part may begin."""
 MOST_ZOOM = 1 << 7
@@ -31,6 +33,9 @@ FINE = 0.35
 """Of a pixel's width: texels of this width are fine enough."""
 _SLACK = 1e-4
 """Of a face's half width by which it is taken to be wider, for roundings."""
+
+CROP_VALUES = 12
+"""Numbers that kernels/shade/crops.clh reads of a crop."""
 
 Doubles = NDArray[np.float64]
 
@@ -91,21 +96,26 @@ def whole(faces: int) -> tuple[Crop, ...]:
     return tuple(Crop(face) for face in range(faces))
 
 
-def fitted(cameras: tuple[Camera, ...], seen: Seen) -> tuple[Crop, ...]:
+def parts(faces: int, lights: int) -> int:
+    """Return how many parts a light with so many faces may have, one of so many lights."""
+    return max(faces, min(PARTS, ALL_PARTS // max(lights, 1)))
+
+
+def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ...]:
     """Return the parts that show all that is seen, the finer the later.
 
     Args:
         cameras: of the light's faces.
         seen: by the camera.
+        most: parts, at least one for every face.
     """
-    cells = []
+    cells: list[_Cell] = []
     corners, width = seen.corners(), seen.widths()
     for face, camera in enumerate(cameras):
         boxes = _Boxes.of(camera, corners, width, seen.pixels)
         if boxes is not None:
             cells.append(_Cell(face, camera.height, boxes))
-    most = max(PARTS, len(cells))
-    while len(cells) < most:
+    while cells and len(cells) < most:
         worst = max(cells, key=lambda cell: cell.cost)
         if worst.cost <= 0.0:
             break

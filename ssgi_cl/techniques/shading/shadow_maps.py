@@ -69,7 +69,8 @@ def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowM
     kept: ShadowMap = runtime.prepared(
         (ShadowMap, index, count, size),
         lambda: ShadowMap.of(
-            runtime.plane(count, size, np.inf), rsm.cameras, whole(count), tuple(range(count))
+            runtime.plane(count, size, np.inf), rsm.cameras, whole(count), tuple(range(count)),
+            ShadowMap.new_table(runtime, count),
         ),
     )
     kept.depth.upload(np.asarray(rsm.depth).reshape(count, *size))

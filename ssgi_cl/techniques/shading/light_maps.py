@@ -54,6 +54,7 @@ class LightMaps:
         self._blocks = ShadowBlocks(runtime, size)
         self._block_planes: dict[int, Plane] = {}
         self._tables: dict[int, DeviceArray] = {}
+        self._looked: dict[int, set[int]] = {}  # images whose blocks were found
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: object = None  # its key
@@ -115,6 +116,7 @@ class LightMaps:
             else:
                 with self.runtime.part(f"map {kind_name(light)}"):
                     self._draw(scene, light, shadow, missing, reflects, first)
+                self._looked[index] -= {shadow.images[number] for number in missing}
             shadows[index] = self._shadows[index] = shadow
             first += len(shadow.cameras)
         if held is not None and len(kept) < len(lamps):
@@ -156,6 +158,7 @@ class LightMaps:
             del self._depths[index]
             self._block_planes.pop(index, None)
             self._tables.pop(index, None)
+            self._looked.pop(index, None)
 
         def make() -> None:
             for index, count in images.items():
@@ -196,11 +199,17 @@ class LightMaps:
         return same if kinds == old_kinds and min(lamps, default=0) in same else set()
 
     def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
-        """Return a kept map with its blocks, queueing their pass if it was not looked at yet."""
+        """Return a kept map with its blocks, queueing their pass for images not looked at yet."""
+        looked, used = self._looked[index], set(shadow.images)
+        if not used <= looked:
+            perspective = not shadow.cameras[0].is_orthographic
+            self._blocks.find(
+                shadow.depth, self._block_planes[index], sorted(used - looked),
+                perspective=perspective,
+            )
+            looked |= used
         if shadow.blocks is not None:
             return shadow
-        perspective = not shadow.cameras[0].is_orthographic
-        self._blocks.find(shadow.depth, self._block_planes[index], perspective=perspective)
         return replace(shadow, blocks=self._block_planes[index])
 
     def _draw(
@@ -263,6 +272,7 @@ class LightMaps:
             plane = self.runtime.plane(images, (self.size, self.size), math.inf)
             self._block_planes[index] = self._blocks.plane(images)
             self._tables[index] = ShadowMap.new_table(self.runtime, images)
+            self._looked[index] = set()
             self._depths[index] = plane
         return self._depths[index]
 

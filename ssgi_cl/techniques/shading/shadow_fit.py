@@ -2,7 +2,7 @@
 
 As adaptive shadow maps (Fernando, Fernandez, Bala and Greenberg 2001), but with a fixed number of
 parts: the one whose texels are too wide for the most pixels is cut in two until all are there. A
-part is 2^-i times 2^-j of a face, and its corner lies on a grid of eighths of its size, so that
+part is 2^-i times 2^-j of a face, and its corner lies on a grid of quarters of its size, so that
 parts of one size have their texels at the same places whatever the camera sees, and shadows do not
 crawl. The parts depend on what is seen in this frame alone: maps that were kept are those that
 would be drawn.
@@ -23,7 +23,7 @@ PARTS = 8
 """Of a light, at most, or one for every face where that is more."""
 ALL_PARTS = 32
 """Of all lights, at most, or one for every face."""
-GRID = 8
+GRID = 4
 """Places in its own size at which a part may begin."""
 MOST_ZOOM = 1 << 7
 """Of a part, along either axis; float32 tells a hundredth of its texels apart."""

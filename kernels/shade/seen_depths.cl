@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// seen_depths: the nearest and the farthest depth of each tile of 16 x 16 pixels.
+// seen_depths: the nearest and the farthest depth of each tile of 32 x 32 pixels.
 //
 // Shadow maps are fitted to what lies between; see ssgi_cl/techniques/shading/shadow_fit.py.
 // Reads:   depth  [rows, columns] with margin, scene units; INFINITY where nothing is
@@ -11,8 +11,8 @@
 
 #include "common/gbuffer.clh"
 
-#ifndef TILES_SIDE
-#error "ssgi_cl/device/constants.py defines TILES_SIDE"
+#ifndef SEEN_SIDE
+#error "ssgi_cl/device/constants.py defines SEEN_SIDE"
 #endif
 
 __kernel void seen_depths(ssgi_plane depth, __global float *restrict tiles, const int2 size,
@@ -24,11 +24,11 @@ __kernel void seen_depths(ssgi_plane depth, __global float *restrict tiles, cons
         return;
     }
     const int2 whole = pixels + 2 * margin;
-    const int left = tile_x * TILES_SIDE;
-    const int top = tile_y * TILES_SIDE;
+    const int left = tile_x * SEEN_SIDE;
+    const int top = tile_y * SEEN_SIDE;
     vfloat nearest = v_splat(INFINITY), farthest = v_splat(0.0f);
-    for (int j = top; j < min(top + TILES_SIDE, pixels.y); ++j) {
-        for (int i = left; i < min(left + TILES_SIDE, pixels.x); i += SSGI_LANES) {
+    for (int j = top; j < min(top + SEEN_SIDE, pixels.y); ++j) {
+        for (int i = left; i < min(left + SEEN_SIDE, pixels.x); i += SSGI_LANES) {
             const vfloat z = ssgi_load(depth, whole, 0, i + margin.x, j + margin.y);
             const vmask there = v_lt(z, v_splat(INFINITY)) &
                                 v_ilt(v_iota() + i, v_splat_int(pixels.x));

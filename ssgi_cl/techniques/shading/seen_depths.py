@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.constants import TILES_SIDE
+from ssgi_cl.device.constants import SEEN_SIDE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 
@@ -74,7 +74,7 @@ class SeenDepths:
     def __init__(self, runtime: Runtime, size: Size) -> None:
         self.runtime = runtime
         self._pixels = size
-        self._size: Size = (-(-size[0] // TILES_SIDE), -(-size[1] // TILES_SIDE))
+        self._size: Size = (-(-size[0] // SEEN_SIDE), -(-size[1] // SEEN_SIDE))
         self._tiles = runtime.plane(2, self._size)
         self._kernel = runtime.kernel("shade/seen_depths.cl")
 
@@ -90,9 +90,9 @@ class SeenDepths:
         rows, columns = self._pixels
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
-        left, top = column * TILES_SIDE, row * TILES_SIDE
+        left, top = column * SEEN_SIDE, row * SEEN_SIDE
         sides = np.stack([
-            left, np.minimum(left + TILES_SIDE, columns), top, np.minimum(top + TILES_SIDE, rows)
+            left, np.minimum(left + SEEN_SIDE, columns), top, np.minimum(top + SEEN_SIDE, rows)
         ], axis=-1).astype(np.float64)
         return Seen(
             camera, sides, nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING)

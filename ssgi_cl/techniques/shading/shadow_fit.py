@@ -154,8 +154,13 @@ class _Boxes:
             width: [n] of a pixel, scene units.
             pixels: [n] of each tile.
         """
-        view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]
         sx, sy, ox, oy = camera.pixel_to_view
+        if not camera.is_orthographic:
+            near = _near(camera, corners)
+            corners, width, pixels = corners[near], width[near], pixels[near]
+            if not len(corners):
+                return None
+        view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]
         if camera.is_orthographic:
             place, scale = view[..., :2], np.ones(len(view))
         else:
@@ -217,6 +222,16 @@ class _Cell:
         middle = 0.5 * (low + high)
         parts = (self._boxes.within(axis, low, middle), self._boxes.within(axis, middle, high))
         return [_Cell(self._face, self._size, part) for part in parts if part is not None]
+
+
+def _near(camera: Camera, corners: Doubles) -> NDArray[np.bool_]:
+    """Return [n] False for hulls that lie outside a perspective face of equal sides."""
+    middle = corners.mean(axis=1)
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+    view = middle @ camera.view[:3, :3].T + camera.view[:3, 3]
+    half = abs(camera.pixel_to_view[2]) * (1.0 + _SLACK)
+    beside = np.abs(view[:, :2]).max(axis=1) + half * view[:, 2]
+    return np.asarray(beside <= radius * math.sqrt(1.0 + half * half))
 
 
 def _part(low: float, high: float, size: int) -> tuple[int, int]:

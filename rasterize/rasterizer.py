@@ -152,6 +152,7 @@ class Rasterizer:
                 f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
             )
         self.target.set_camera(camera)
+        self.target.has_facets = True
         self.target.emits = scene.emits and self.shaded
         self.release()
         while True:

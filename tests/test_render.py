@@ -129,17 +129,20 @@ def test_radiance_is_that_of_the_float64_twins_of_the_frames_own_inputs(
     runtime: Runtime, small: Scene
 ) -> None:
     camera = viewer()
-    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
+    frame = render(
+        small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime
+    )
     assert frame.gbuffer is not None
     assert frame.ao is not None
     rsms = [
         None if isinstance(light, Environment)
-        else gi.rasterize.rsm(small, light, size=128, runtime=runtime)
+        else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
         for light in LIGHTS
     ]
     expected = shade_reference(frame.gbuffer, LIGHTS, rsms=rsms, ao=frame.ao)
     wrong = ~(np.abs(frame.radiance - expected) <= 1e-5 * expected.max())
-    # A texel at the limit of a shadow, or a point at the edge of the cone: 6 of 3072 pixels.
+    # Fitted maps have other texels than whole ones. A texel at the limit of a shadow, or a point at
+    # the edge of the cone: 6 of 3072 pixels.
     assert wrong.any(axis=-1).mean() < 2e-3
     image = encoded_reference(frame.radiance, frame.exposure)
     assert np.abs(frame.image - image).max() <= 0.5 + 1e-3  # rounded to whole values

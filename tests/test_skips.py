@@ -19,6 +19,7 @@ from ssgi_cl.frame.plan import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
 from ssgi_cl.frame.render import Frame, Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.ao.gtao import GtaoParams
+from ssgi_cl.techniques.shading.shadow_fit import parts
 
 GLOW = Environment((0.3, 0.2, 0.4))
 SIZE = (80, 60)
@@ -154,8 +155,9 @@ def test_lamps_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
     assert [p.name for p in frame.passes if p.skipped].count("light spot") == LAMPS - 1
     every = [p.name for p in drawn(runtime, built, [], built.lights).passes if not p.skipped]
     assert (ran.count("light spot"), every.count("light spot")) == (1, LAMPS)
-    assert ran.count("copy") <= 1
-    assert every.count("copy") == LAMPS
+    # A fitted map has several images.
+    assert ran.count("copy") <= parts(1, LAMPS)
+    assert every.count("copy") >= LAMPS
 
 
 def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:

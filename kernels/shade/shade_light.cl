@@ -4,10 +4,14 @@
 // E = I cos / d^2 (spot and point light) or E = E0 cos (directional light), times the shadow map's
 // share. See kernels/shade/shadow.clh.
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
-//          map     depth that the light sees: 1 image, or 6 of a point light, in the order
+//          map     depth that the light sees: an image for each of light.crops parts
+//                  (SHADE_SHADOW 1)
+//          crops   the parts of its faces, see shade/crops.clh; the faces of a point light are
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
 //          blocks  of the map, see shade/blocks.clh; without any (light.blocks 0) the map stands in
 //                  for them and is not read as such (SHADE_SHADOW 1)
+//          With light.facets 1 depths are exact: what lies on a facet that is turned away from the
+//          light is dark, and facets are what maps are compared with (SHADE_SHADOW 1).
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
 // Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_ADD (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
@@ -16,6 +20,7 @@
 // Cost:    16 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
 //          those would find, 20 elsewhere
 
+#include "shade/facet.clh"
 #include "shade/lamp.clh"
 #include "shade/shadow.clh"
 
@@ -23,9 +28,13 @@
 #error "SHADE_KIND, SHADE_SHADOW and SHADE_ADD must be defined by the host"
 #endif
 
+// Cosine by which a facet must be turned away from the light to be dark: more than depths round.
+#define SHADE_GRAZING 1e-3f
+
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_SHADOW
                           ssgi_plane map, ssgi_plane blocks,
+                          __global const float *restrict crops,
 #endif
                           __global float *restrict irradiance, const int2 size,
                           const SsgiCamera camera, const SsgiCamera light_camera,
@@ -48,13 +57,23 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         return;
     }
     const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
-    const vfloat unhidden = lamp_at(light, &receiver).strength;
-    const vmask lit = receiver.there & v_gt(unhidden, zero);
+    const LampAt at = lamp_at(light, &receiver);
+    const vfloat unhidden = at.strength;
+    vmask lit = receiver.there & v_gt(unhidden, zero);
+#if SHADE_SHADOW
+    SsgiFacet facet = {receiver.there & ~receiver.there, receiver.nx, receiver.ny, receiver.nz};
+    if (light.facets != 0 && v_any(lit)) {
+        facet = ssgi_facet(depth, whole, light.layer, at_x, at_y, camera, -receiver.z, receiver.nx,
+                           receiver.ny, receiver.nz);
+        const vfloat front = v_fma(facet.nx, at.x, v_fma(facet.ny, at.y, facet.nz * at.z));
+        lit = lit & ~(facet.known & v_lt(front, v_splat(-SHADE_GRAZING)));
+    }
+#endif
     vfloat strength = lamp_bounded(unhidden, lit);
 #if SHADE_SHADOW
     if (v_any(lit)) {
         const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
-        const vfloat nx = receiver.nx, ny = receiver.ny, nz = receiver.nz;
+        const vfloat nx = facet.nx, ny = facet.ny, nz = facet.nz;
         const vfloat qx = v_fma(v_splat(light.xx), px, v_fma(v_splat(light.xy), py,
                                                             light.shift_x - light.xz * z));
         const vfloat qy = v_fma(v_splat(light.yx), px, v_fma(v_splat(light.yy), py,
@@ -81,13 +100,17 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
                                     v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
+            ssgi_shadow(map, blocks, light.blocks != 0, crops,
+                        light.crops, (int2)(light.map_size, light.map_size),
                         light_camera, lit, face, v_select(side, -side, minus), up, v_abs(main),
-                        v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus));
+                        v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus),
+                        facet.known);
 #else
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, (int2)(light.map_size, light.map_size),
-                        light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz);
+            ssgi_shadow(map, blocks, light.blocks != 0, crops,
+                        light.crops, (int2)(light.map_size, light.map_size),
+                        light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz,
+                        facet.known);
 #endif
         strength = strength * share;
     }

@@ -5,10 +5,10 @@
 // Method:  the slope is that of one half of the span, through its middle, whichever is less: where
 //          a surface ends or bends in the other half, this one's plane may still lie above all;
 //          any other is as right, but farther from what is there
-// Reads:   map     depth that the light sees, an image for each of `faces`
-// Writes:  blocks  SHADOW_IMAGES a face x [rows, columns] of blocks, see shade/blocks.clh
-// Params:  count = (columns, rows) of a face's blocks; perspective: 1, or 0: orthographic
-// Launch:  a work-item per block; rows of all faces, one after the other
+// Reads:   map     depth that the light sees; `faces` images from number `first` on
+// Writes:  blocks  SHADOW_IMAGES an image x [rows, columns] of blocks, see shade/blocks.clh
+// Params:  count = (columns, rows) of an image's blocks; perspective: 1, or 0: orthographic
+// Launch:  a work-item per block; rows of all images, one after the other
 // Cost:    121 reads per block of 64 texels
 
 #include "common/gbuffer.clh"
@@ -42,12 +42,13 @@ static inline float shadow_slope(const float first, const float middle, const fl
 }
 
 __kernel void shadow_blocks(ssgi_plane map, __global float *restrict blocks, const int2 size,
-                            const int2 count, const int faces, const float perspective)
+                            const int2 count, const int first, const int faces,
+                            const float perspective)
 {
     const int column = (int)get_global_id(0);
-    const int face = (int)get_global_id(1) / count.y;
+    const int face = first + (int)get_global_id(1) / count.y;
     const int row = (int)get_global_id(1) % count.y;
-    if (column >= count.x || face >= faces) {
+    if (column >= count.x || face >= first + faces) {
         return;
     }
     const int first_x = column * SHADOW_BLOCK;

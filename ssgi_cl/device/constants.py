@@ -24,6 +24,7 @@ SLICES_NEAREST_TAP = 1.3
 SLICES_LEAST_FACING = 0.05
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
 
+SEEN_SIDE = 32
 TILES_SIDE = 16
 """Pixels along the side of a tile that is classified."""
 TILES_NEAREST = 7

@@ -40,6 +40,8 @@ class DeviceGBuffer:
         keeps_world: whether `normal_world` stays after `release_world`.
         sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
+        has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
+            those of the rasteriser are.
         window: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
         traces: of what was drawn into each layer.
@@ -79,6 +81,7 @@ class DeviceGBuffer:
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = False
+        self.has_facets = False
         self.window: Window | None = None
         self.traces = [Trace() for _ in range(layers)]
         self._derived = Trace()
@@ -143,6 +146,7 @@ class DeviceGBuffer:
                 f"{(self.size, self.margin, self.layers)}"
             )
         self.window = None
+        self.has_facets = False
         self.traces = [Trace() for _ in range(self.layers)]
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))

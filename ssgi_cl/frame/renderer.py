@@ -61,6 +61,7 @@ from ssgi_cl.techniques.ao.occlusion import OcclusionParams
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shade import Shade
 from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams
 from ssgi_cl.techniques.tiles import Tiles
@@ -142,7 +143,7 @@ class Renderer:
             opener = Opener(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
             near = [
-                maps_stage(maps, keep=keep, reflects=False, all_lights=True),
+                maps_stage(maps, None, keep=keep, reflects=False, all_lights=True),
                 *ssdo_stages(
                     technique, opener, tiles, FurtherViews(runtime, views) if views else None
                 ),
@@ -165,7 +166,10 @@ class Renderer:
                 near.append(idle_lights_stage(runtime, costs))
             # What reflects light is in one map of all lights, idle or not.
             near += [
-                maps_stage(maps, keep=keep, reflects=reflects, all_lights=reflects),
+                maps_stage(
+                    maps, SeenDepths(runtime, size), keep=keep, reflects=reflects,
+                    all_lights=reflects,
+                ),
                 direct_stage(shade),
             ]
             if whole is not None:

@@ -31,6 +31,7 @@ from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.light_reach import reaching
+from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shade import Shade
 from ssgi_cl.techniques.shading.sky_light import SkyLight
 from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
@@ -176,22 +177,31 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
     )
 
 
-def maps_stage(maps: LightMaps, *, keep: bool, reflects: bool, all_lights: bool) -> Stage:
+def maps_stage(
+    maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflects: bool, all_lights: bool
+) -> Stage:
     """Return the stage that draws the maps of lights.
 
     Args:
         maps: what draws them.
+        depths: finds what is seen, which shadow maps are fitted to; None: they show everything.
         keep: whether maps are kept where neither light nor scene changed.
         reflects: whether what reflects light is asked for too.
         all_lights: whether lights have maps that light nothing that is seen.
     """
     def run(r: Values) -> Any:
         idle = r.get(IDLE_LIGHTS) or ()
-        shadows, rsm = maps.draw(r[SCENE], r[LIGHTS], idle=idle, keep=keep)
+        lit = any(
+            index not in idle and not isinstance(light, Environment) and power(light).any()
+            for index, light in enumerate(r[LIGHTS])
+        )
+        seen = depths.find(r[GBUFFER]) if depths is not None and lit else None
+        shadows, rsm = maps.draw(r[SCENE], r[LIGHTS], idle=idle, keep=keep, seen=seen)
         return (shadows, rsm) if reflects else shadows
 
     return Stage(
-        name="shadow maps", reads=(SCENE, LIGHTS), hints=() if all_lights else (IDLE_LIGHTS,),
+        name="shadow maps", reads=(SCENE, LIGHTS, *((GBUFFER,) if depths is not None else ())),
+        hints=() if all_lights else (IDLE_LIGHTS,),
         writes=(SHADOWS, RSM) if reflects else (SHADOWS,), run=run, reuse="on demand",
     )
 

@@ -30,7 +30,7 @@ def found(runtime: Runtime, depth: NDArray[np.float32], perspective: bool) -> Do
     plane = runtime.plane(len(depth), (SIZE, SIZE))
     plane.upload(depth)
     result = blocks.plane(len(depth))
-    blocks.find(plane, result, perspective=perspective)
+    blocks.find(plane, result, range(plane.count), perspective=perspective)
     return result.download().reshape(len(depth), IMAGES, *blocks.size).astype(np.float64)
 
 

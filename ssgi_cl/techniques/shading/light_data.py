@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.device.active_region import Window
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 from ssgi_cl.device.transient import Target
+from ssgi_cl.techniques.shading.shadow_fit import CROP_VALUES, Crop
 
 Lamp = SpotLight | PointLight | DirectionalLight
 
@@ -29,22 +30,49 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer", "blocks")),
+        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
+        *((n, "int") for n in ("blocks", "crops", "facets")),
     ),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """The depth that a light sees, in device memory: one image for each of its cameras.
+    """The depth that a light sees, in device memory.
 
     Attributes:
+        depth: its images; some may be unused.
+        cameras: of the light's faces.
+        crops: parts of the faces.
+        images: of `depth`, one for each crop.
+        table: crops and images on the device.
         blocks: what `ShadowBlocks` found in it, None if it was not looked at.
+        is_fitted: whether it is that of a frame, fitted to the pixels that it serves.
     """
 
     depth: Plane
     cameras: tuple[Camera, ...]
+    crops: tuple[Crop, ...]
+    images: tuple[int, ...]
+    table: DeviceArray
     blocks: Plane | None = None
+    is_fitted: bool = False
+
+    @classmethod
+    def of(
+        cls, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
+        images: tuple[int, ...], table: DeviceArray, *, is_fitted: bool = False,
+    ) -> ShadowMap:
+        """Return the map, with what kernels read of its crops sent to `table`."""
+        values = [crop.values(image, depth.size[0])
+                  for crop, image in zip(crops, images, strict=True)]
+        table.send(np.array(values, np.float32))
+        return cls(depth, cameras, crops, images, table, is_fitted=is_fitted)
+
+    @staticmethod
+    def new_table(runtime: Runtime, count: int) -> DeviceArray:
+        """Return memory for so many crops."""
+        return runtime.array(np.zeros((count, CROP_VALUES), np.float32))
 
 
 class Lamps:
@@ -111,11 +139,13 @@ class Lamps:
         kernel.run(
             f"light {kind_name(light)}", self.size, window=window,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
-            irradiance=irradiance, camera=gbuffer.camera_struct,
-            light_camera=CAMERA.pack(camera_values(light_camera)),
+            crops=shadow.table if shadow else None, irradiance=irradiance,
+            camera=gbuffer.camera_struct, light_camera=CAMERA.pack(camera_values(light_camera)),
             light=LIGHT.pack({
                 **light_values(light, camera, light_camera, gbuffer),
                 "blocks": int(blocks is not None),
+                "crops": len(shadow.crops) if shadow else 0,
+                "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
             }),
         )
 
@@ -169,4 +199,6 @@ def light_values(
         "margin_rows": gbuffer.margin[0],
         "layer": gbuffer.front,
         "blocks": 0,
+        "crops": 0,
+        "facets": 0,
     }

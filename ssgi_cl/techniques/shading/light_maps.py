@@ -9,15 +9,18 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap, face_count, kind_name, power
+from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap, kind_name, power
+from ssgi_cl.techniques.shading.seen_depths import Seen
 from ssgi_cl.techniques.shading.shadow_blocks import ShadowBlocks
+from ssgi_cl.techniques.shading.shadow_fit import Crop, fitted, parts, whole
 
 
 class LightMaps:
@@ -25,8 +28,9 @@ class LightMaps:
 
     The faces of all lamps make one reflective shadow map, so that one bounce costs the same
     however many lamps there are, and what reflects more is looked at more. A lamp's maps are kept
-    as long as it and the scene stay the same; once they are, what their blocks of texels show is
-    found too, so that shading needs fewer of them.
+    as long as it and the scene stay the same, and each image of a shadow map as long as it is the
+    part of the light's view that what is seen needs; once all are kept, what their blocks of texels
+    show is found too, so that shading needs fewer of them.
 
     Args:
         runtime: the device.
@@ -49,6 +53,8 @@ class LightMaps:
         self._depths: dict[int, Plane] = {}
         self._blocks = ShadowBlocks(runtime, size)
         self._block_planes: dict[int, Plane] = {}
+        self._tables: dict[int, DeviceArray] = {}
+        self._looked: dict[int, set[int]] = {}  # images whose blocks were found
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: object = None  # its key
@@ -57,11 +63,12 @@ class LightMaps:
 
     def draw(
         self, scene: Scene, lights: Sequence[Light], *, idle: Collection[int] = (),
-        keep: bool = True,
+        keep: bool = True, seen: Seen | None = None,
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
         `idle` lamps, by their place among the lights, get no map. Without `keep` all are drawn.
+        Shadow maps are fitted to what is `seen`; without it they show all that a light sees.
         Which lamps reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
@@ -77,33 +84,72 @@ class LightMaps:
         before = self._shadows
         # Should anything fail, nothing is taken for drawn.
         self._scene, self._lamps, self._shadows = None, {}, {}
-        self._require(scene, lamps, len(lights))
-        for index, light in lamps.items():
-            if index in kept:
-                shadows[index] = before[index]
-                continue
-            cameras = light_cameras(light, scene.bounds, self.size)
-            shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
-        rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
+        cameras = {
+            index: before[index].cameras if index in kept
+            else light_cameras(light, scene.bounds, self.size)
+            for index, light in lamps.items()
+        }
+        # Idle lights count too: which are found to be idle must change no bit.
+        shining = sum(not isinstance(light, Environment) and bool(power(light).any())
+                      for light in lights)
+        images = {
+            index: len(faces) if seen is None else parts(len(faces), shining)
+            for index, faces in cameras.items()
+        }
+        crops = {
+            index: whole(len(faces)) if seen is None else fitted(faces, seen, images[index])
+            for index, faces in cameras.items()
+        }
+        self._require(scene, images, sum(map(len, cameras.values())), len(lights))
+        held = self._rsm_of(scene, lamps, cameras, kept) if self._flux and lamps else None
         first = 0
         for index, light in lamps.items():
-            shadow = shadows[index]
-            assert shadow is not None  # noqa: S101  just made
-            if index in kept:
+            old = before.get(index) if index in kept else None
+            depth = self._depth(index, images[index])
+            shadow, missing = self._shadow(
+                index, depth, cameras[index], crops[index], old, is_fitted=seen is not None
+            )
+            reflects = held if index not in kept else None
+            if not missing and reflects is None:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
-                shadow = shadows[index] = self._with_blocks(index, shadow)
+                shadow = self._with_blocks(index, shadow)
             else:
                 with self.runtime.part(f"map {kind_name(light)}"):
-                    self._draw(scene, light, shadow, rsm, first)
-            self._shadows[index] = shadow
+                    self._draw(scene, light, shadow, missing, reflects, first)
+                self._looked[index] -= {shadow.images[number] for number in missing}
+            shadows[index] = self._shadows[index] = shadow
             first += len(shadow.cameras)
-        if rsm is not None and len(kept) < len(lamps):
-            self._lit = rsm.lit()
+        if held is not None and len(kept) < len(lamps):
+            self._lit = held.lit()
         self._scene, self._lamps = scene.key, lamps
-        return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
+        return shadows, held if held is not None and self._reflects(lamps, shadows) else None
 
-    def _require(self, scene: Scene, lamps: dict[int, Lamp], lights: int) -> None:
+    def _shadow(
+        self, index: int, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
+        old: ShadowMap | None, *, is_fitted: bool,
+    ) -> tuple[ShadowMap, list[int]]:
+        """Return the map of a lamp in `depth`, and which of its crops are not drawn yet.
+
+        `old` is what is drawn of the same lamp.
+        """
+        drawn: dict[Crop, int] = {}
+        if old is not None and old.depth is depth and old.is_fitted == is_fitted:
+            if old.crops == crops:
+                return old, []
+            drawn = dict(zip(old.crops, old.images, strict=True))
+        held = {drawn[crop] for crop in crops if crop in drawn}
+        free = iter([image for image in range(depth.count) if image not in held])
+        images = tuple(drawn[crop] if crop in drawn else next(free) for crop in crops)
+        missing = [number for number, crop in enumerate(crops) if crop not in drawn]
+        table = self._tables[index]
+        return ShadowMap.of(depth, cameras, crops, images, table, is_fitted=is_fitted), missing
+
+    def _require(
+        self, scene: Scene, images: dict[int, int], faces: int, lights: int
+    ) -> None:
         """Let go of maps of lights that are gone; see that there is room for all that are missing.
+
+        `images` are those of each lamp's shadow map, `faces` those of all lamps.
 
         Raises:
             DeviceMemoryError: there is none; nothing was allocated or drawn.
@@ -111,28 +157,29 @@ class LightMaps:
         for index in [index for index in self._depths if index >= lights]:
             del self._depths[index]
             self._block_planes.pop(index, None)
-        count = {index: face_count(lamp) for index, lamp in lamps.items()}
-        faces = sum(count.values())
+            self._tables.pop(index, None)
+            self._looked.pop(index, None)
 
         def make() -> None:
-            for index in lamps:
-                if not self._has_depth(index, count[index]):
-                    self.runtime.plane(count[index], (self.size, self.size))
-                    self._blocks.plane(count[index])
+            for index, count in images.items():
+                if not self._has_depth(index, count):
+                    self.runtime.plane(count, (self.size, self.size))
+                    self._blocks.plane(count)
             glossy = self._glossy and kept.glossy
             if self._flux and faces and not self._fits(faces, glossy):
                 side = -(-self.size // self._step)
                 DeviceRsm(self.runtime, (side, side), faces, glossy=glossy)
 
         kept = device_scene(scene, self.runtime)
+        total = sum(images.values())
         self.runtime.require(
             self.runtime.memory.needed(make),
-            f"for {faces} shadow maps (a point light has six) of {self.size} x {self.size} texels: "
-            "take fewer lights or a smaller shadow_size",
+            f"for {total} shadow maps (a light may have several) of {self.size} x {self.size} "
+            "texels: take fewer lights or a smaller shadow_size",
         )
 
-    def _has_depth(self, index: int, faces: int) -> bool:
-        return index in self._depths and self._depths[index].count == faces
+    def _has_depth(self, index: int, images: int) -> bool:
+        return index in self._depths and self._depths[index].count == images
 
     def _fits(self, faces: int, glossy: bool) -> bool:
         rsm = self._rsm
@@ -152,31 +199,49 @@ class LightMaps:
         return same if kinds == old_kinds and min(lamps, default=0) in same else set()
 
     def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
-        """Return a kept map with its blocks, queueing their pass if it was not looked at yet."""
+        """Return a kept map with its blocks, queueing their pass for images not looked at yet."""
+        looked, used = self._looked[index], set(shadow.images)
+        if not used <= looked:
+            perspective = not shadow.cameras[0].is_orthographic
+            self._blocks.find(
+                shadow.depth, self._block_planes[index], sorted(used - looked),
+                perspective=perspective,
+            )
+            looked |= used
         if shadow.blocks is not None:
             return shadow
-        perspective = not shadow.cameras[0].is_orthographic
-        self._blocks.find(shadow.depth, self._block_planes[index], perspective=perspective)
         return replace(shadow, blocks=self._block_planes[index])
 
     def _draw(
-        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
+        self, scene: Scene, light: Lamp, shadow: ShadowMap, missing: Sequence[int],
+        rsm: DeviceRsm | None, first: int,
     ) -> None:
-        """Queue the passes of one lamp."""
+        """Queue the passes of one lamp: images of its shadow map, and faces of `rsm` from `first`
+        on if there is one."""
         try:
-            self._draw_faces(scene, light, shadow, rsm, first)
+            done = set() if rsm is None else self._draw_faces(scene, light, shadow, rsm, first)
+            kept = device_scene(scene, self.runtime)
+            for number in missing:
+                if number not in done:
+                    crop = shadow.crops[number]
+                    camera = crop.camera(shadow.cameras[crop.face])
+                    self._renderer.render(kept, light, camera, flux=False)
+                    shadow.depth.copy_image(shadow.images[number], self._renderer.depth)
         finally:
             self._renderer.release()
 
     def _draw_faces(
-        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
-    ) -> None:
+        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm, first: int
+    ) -> set[int]:
+        """Queue the passes of the faces that reflect; return which crops these give too."""
         kept, renderer = device_scene(scene, self.runtime), self._renderer
+        done = set()
+        crops = {crop.face: number for number, crop in enumerate(shadow.crops) if crop.is_whole}
         for face, camera in enumerate(shadow.cameras):
-            renderer.render(kept, light, camera, flux=rsm is not None)
-            shadow.depth.copy_image(face, renderer.depth)
-            if rsm is None:
-                continue
+            renderer.render(kept, light, camera)
+            if face in crops:
+                shadow.depth.copy_image(shadow.images[crops[face]], renderer.depth)
+                done.add(crops[face])
             target = renderer.target
             rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)
             if rsm.lobes is not None:
@@ -184,6 +249,7 @@ class LightMaps:
                 rsm.write_lobes(
                     target.depth, target.normal_world, renderer.specular_flux, renderer.gloss
                 )
+        return done
 
     def _reflects(
         self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
@@ -199,24 +265,23 @@ class LightMaps:
             first += faces
         return bool(self._lit.any())
 
-    def _depth(self, index: int, faces: int) -> Plane:
+    def _depth(self, index: int, images: int) -> Plane:
         """Return the plane of a lamp's depth, the same as last time if it fits."""
-        if not self._has_depth(index, faces):
+        if not self._has_depth(index, images):
             self._depths.pop(index, None)
-            plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
-            self._block_planes[index] = self._blocks.plane(faces)
+            plane = self.runtime.plane(images, (self.size, self.size), math.inf)
+            self._block_planes[index] = self._blocks.plane(images)
+            self._tables[index] = ShadowMap.new_table(self.runtime, images)
+            self._looked[index] = set()
             self._depths[index] = plane
         return self._depths[index]
 
-    def _begin(
-        self, scene: Scene, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None],
+    def _rsm_of(
+        self, scene: Scene, lamps: dict[int, Lamp], faces: dict[int, tuple[Camera, ...]],
         kept: set[int],
     ) -> DeviceRsm:
         """Return the reflective shadow map with room for all faces, the same if it fits."""
-        cameras = tuple(
-            every_nth(camera, self._step)
-            for shadow in shadows if shadow is not None for camera in shadow.cameras
-        )
+        cameras = tuple(every_nth(camera, self._step) for of in faces.values() for camera in of)
         glossy = self._glossy and device_scene(scene, self.runtime).glossy
         if self._rsm is None or not self._fits(len(cameras), glossy):
             self._rsm = None  # so that both need not fit at a time

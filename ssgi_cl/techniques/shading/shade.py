@@ -284,6 +284,7 @@ DESCRIPTOR = Technique(
         ),
         "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS"),
         "shade/shadow_blocks.cl": (),
+        "shade/seen_depths.cl": (),
     },
     reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
     writes=("radiance",),

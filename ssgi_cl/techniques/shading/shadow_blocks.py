@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.constants import SHADOW_BLOCK_BITS, SHADOW_IMAGES
 from ssgi_cl.device.runtime import Runtime
@@ -24,17 +26,26 @@ class ShadowBlocks:
         """Return memory for the blocks of a map of so many faces."""
         return self.runtime.plane(IMAGES * faces, self.size)
 
-    def find(self, depth: Plane, blocks: Plane, *, perspective: bool) -> None:
-        """Queue the pass.
+    def find(
+        self, depth: Plane, blocks: Plane, images: Sequence[int], *, perspective: bool
+    ) -> None:
+        """Queue the passes.
 
         Args:
-            depth: an image a face, as the light sees it.
+            depth: as the light sees it.
             blocks: what `plane` returned, is written.
+            images: of `depth`, in ascending order, that are looked at.
             perspective: of the light's cameras; else they are orthographic.
         """
         rows, columns = self.size
-        self._kernel.run(
-            "shadow blocks", depth.size, grid=(depth.count * rows, columns),
-            map=depth, blocks=blocks, count=(rows, columns), faces=depth.count,
-            perspective=float(perspective),
-        )
+        start = 0
+        for place in range(1, len(images) + 1):
+            if place < len(images) and images[place] == images[place - 1] + 1:
+                continue
+            count = place - start
+            self._kernel.run(
+                "shadow blocks", depth.size, grid=(count * rows, columns),
+                map=depth, blocks=blocks, count=(rows, columns), first=images[start], faces=count,
+                perspective=float(perspective),
+            )
+            start = place

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.shading.light_data import ShadowMap, face_count
+from ssgi_cl.techniques.shading.shadow_fit import whole
 
 Maps = Sequence[ReflectiveShadowMap | None] | None
 """For each light its map or None; None for no map at all. Those of environments don't count."""
@@ -65,8 +66,12 @@ def _checked(rsm: object, light: Light, index: int) -> None:
 def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowMap:
     size = rsm.cameras[0].size
     count = len(rsm.cameras)
-    plane: Plane = runtime.prepared(
-        (ShadowMap, index, count, size), lambda: runtime.plane(count, size, np.inf)
+    kept: ShadowMap = runtime.prepared(
+        (ShadowMap, index, count, size),
+        lambda: ShadowMap.of(
+            runtime.plane(count, size, np.inf), rsm.cameras, whole(count), tuple(range(count)),
+            ShadowMap.new_table(runtime, count),
+        ),
     )
-    plane.upload(np.asarray(rsm.depth).reshape(count, *size))
-    return ShadowMap(plane, rsm.cameras)
+    kept.depth.upload(np.asarray(rsm.depth).reshape(count, *size))
+    return replace(kept, cameras=rsm.cameras)

@@ -317,27 +317,32 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
     return float(np.log(distance / diagonal).mean()) + 6.0 * detail - 5.0 * close - back
 
 
-def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Light, ...]:
+def default_lights(
+    scene: Scene, camera: Camera, runtime: Runtime, *, emission: bool = False
+) -> tuple[Light, ...]:
     """Return lights that suit a view: sun and sky, or a lamp and less sky in a closed room.
 
     Args:
         scene: y is up.
         camera: the view; the sun stands behind its left shoulder.
         runtime: the device that looks round.
+        emission: whether surfaces that emit light the scene: then a closed room that has some gets
+            no lights besides.
     """
     extent = Extent.of(scene)
+    lit = emission and any(max(m.emission) > 0.0 for m in scene.materials)
     forward, eye = -camera.view[2, :3], camera.position
     if ((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any():
         look = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)
         gap = _gap(look, extent) if look.is_enclosed else None
         if gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5:
             place = look.eye + 0.3 * extent.size * _HORIZONTAL[gap]
-            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+            return () if lit else (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
     else:
         look = _look(scene, extent, eye, runtime)
         if look.is_enclosed and float(np.isfinite(look.distance[_UP]).mean()) > 0.95:
             place = _into_the_room(look, forward)
-            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+            return () if lit else (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
     level = np.array([forward[0], 0.0, forward[2]])
     length = float(np.linalg.norm(level))
     level = level / length if length > 1e-6 else np.array([0.0, 0.0, -1.0])

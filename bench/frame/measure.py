@@ -31,8 +31,6 @@ Progress = Callable[[str, float], object]
 
 STEP = 1e-3
 """Way of the camera between frames, in distances from eye to target."""
-LIT_TWICE = ("cornell_box",)
-"""Scenes whose light is there as emission and again as a punctual light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +56,10 @@ class Row:
 
 def variants(view: BuiltinScene) -> Iterator[BuiltinScene]:
     """Return the view, or it by emission and by punctual lights where it has both for one light."""
-    if view.name not in LIT_TWICE:
+    if not view.lights_stand_in:
         yield view
         return
-    yield replace(view, lights=())
+    yield replace(view, lights=view.own_lights)
     yield replace(view, name=f"{view.name}-spot", scene=without_emission(view.scene))
 
 

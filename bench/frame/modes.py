@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ssgi_cl.frame.whole import DEFAULT_PRESET, PRESETS
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -19,14 +21,19 @@ class Mode:
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
-    direct: Mapping[str, Any] = field(default_factory=lambda: {"indirect": None})
+    direct: Mapping[str, Any] = field(default_factory=lambda: {"bounces": 0})
     one_bounce: Mapping[str, Any] | None = None
 
 
 DEFAULT = "default"
 
 MODES: Mapping[str, Mode] = {
-    DEFAULT: Mode(),
-    "multires": Mode({"indirect": "multires", "layers": 2, "vpls": 4096}),
+    DEFAULT: Mode(one_bounce={"bounces": 1}),
+    **{
+        name: Mode({"preset": name}, {"preset": None, "bounces": 0}, {"bounces": 1})
+        for name in PRESETS if name != DEFAULT_PRESET
+    },
+    "direct": Mode({"bounces": 0}),
+    "multires": Mode({"indirect": "multires", "layers": 2, "vpls": 4096}, {"indirect": False}),
 }
 """Name -> how a frame is rendered."""

@@ -23,6 +23,8 @@ class BuiltinScene:
         lights: what lights it, in W and metres.
         ao_radius: a reach of ambient occlusion that suits the scene, metres.
         more_views: (eye, target) of auxiliary views, with the same `up` and `yfov`.
+        lights_stand_in: whether `lights` stand in for what its surfaces emit, so that a picture has
+            either.
         closed: whether every surface bounds a volume, so that each edge has a triangle on either
             side; False where that is not known.
     """
@@ -36,7 +38,13 @@ class BuiltinScene:
     lights: tuple[Light, ...]
     ao_radius: float
     more_views: tuple[tuple[Vector, Vector], ...] = ()
+    lights_stand_in: bool = False
     closed: bool = False
+
+    @property
+    def own_lights(self) -> tuple[Light, ...]:
+        """The lights beside what surfaces emit: for pictures that emission lights."""
+        return () if self.lights_stand_in else self.lights
 
     def views(self) -> tuple[BuiltinScene, ...]:
         """Return the scene as seen from each of its views, its own first."""

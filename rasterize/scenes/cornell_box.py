@@ -82,6 +82,7 @@ def cornell_box() -> BuiltinScene:
         target=(0.278, 0.273, 0.28),
         yfov=2.0 * math.atan(0.5 * 0.025 / 0.035),  # sensor 25 mm, focal length 35 mm
         lights=(spot,),
+        lights_stand_in=True,
         ao_radius=0.15,
     )
 

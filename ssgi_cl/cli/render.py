@@ -17,6 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.frame.render_params import AO_DEFAULT, BOUNCES
+from ssgi_cl.frame.whole import DEFAULT_PRESET, PRESETS
 from ssgi_cl.io import exr, png
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
@@ -63,15 +64,20 @@ _OUTDOORS = (DirectionalLight, Environment)
               "W m^-2 sr^-1.")
 @click.option("--environment", metavar="PATH|R,G,B", help="Light from all around in place of a sun "
               "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.")
+@click.option("--bounces", metavar="N|all", help="Reflections on the way from a light to a pixel; "
+              "all by default. 0: direct light, and that of environments dimmed by --ao.")
+@click.option("--preset", type=click.Choice(tuple(PRESETS)), help="How exactly all bounces are "
+              f"computed; {DEFAULT_PRESET} by default.")
 @click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
               show_default=True, help="What dims ambient light.")
-@click.option("--ao-radius", type=float, help="Scene units; by default 5 % of the "
-              "picture's diagonal where surfaces are seen.")
+@click.option("--ao-radius", type=float, help="Scene units; by default two cells of "
+              "the occupancy grid, with --bounces 0 or --indirect 5 % of the picture's diagonal "
+              "where surfaces are seen.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
-@click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
-              "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
+@click.option("--indirect", type=click.Choice(BOUNCES), help="In place of all bounces the light "
+              "that surfaces reflect once: of punctual lights, by virtual point lights (multires, the fastest, and vpl, which all "
               "triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
-              "hides ambient light too; by default none.")
+              "hides ambient light too.")
 @click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
               "it: 'published' for the method as its paper has it; by default the library's own.")
 @click.option("--vpls", type=int, default=1024, show_default=True,
@@ -161,6 +167,8 @@ def frame_arguments(
     if options["ambient"] is not None:
         lights = (*lights, Environment(options["ambient"]))
     return loaded, camera, lights, {
+        "bounces": _bounces(options["bounces"]),
+        "preset": options["preset"],
         "ao": False if options["ao"] == "none" else options["ao"],
         "indirect": options["indirect"],
         "method": options["method"],
@@ -169,13 +177,32 @@ def frame_arguments(
         "indirect_ao": options["indirect_ao"],
         "layers": options["layers"],
         "auxiliary_cameras": options["auxiliary_cameras"],
-        "ao_radius": radius if options["ao_radius"] is None else options["ao_radius"],
+        "ao_radius": (
+            radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"]
+        ),
         "ao_samples": options["ao_samples"],
         "shadow_size": options["shadow_size"],
         "rsm_size": options["rsm_size"],
         "exposure": options["exposure"],
         "runtime": runtime,
     }
+
+
+def _whole(options: dict[str, Any]) -> bool:
+    """Return whether options ask for all light, emission included, and not one technique."""
+    return options["indirect"] is None and options["bounces"] != "0"
+
+
+def _bounces(text: str | None) -> int | str | None:
+    """Return what --bounces says; `render` checks its range."""
+    if text in (None, "all"):
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise click.UsageError(
+            f"--bounces is {text!r}: expected an integer from 0 on, or 'all'"
+        ) from None
 
 
 def _environment(text: str) -> Environment:
@@ -224,7 +251,8 @@ def _builtin(
             builtin.up if options["up"] is None else options["up"],
             yfov=yfov_of(options, builtin.yfov), width=width, height=height,
         )
-    return builtin.scene, camera, builtin.lights, builtin.ao_radius
+    lights = builtin.own_lights if _whole(options) else builtin.lights
+    return builtin.scene, camera, lights, builtin.ao_radius
 
 
 def _from_file(
@@ -251,7 +279,8 @@ def _from_file(
         camera = _camera_file(Path(options["camera"]), options)
     scene = load_scene(path)
     camera = camera or _camera_of(scene, path, options, runtime)
-    return scene, camera, scene.lights or default_lights(scene, camera, runtime), None
+    lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
+    return scene, camera, lights, None
 
 
 def _names_a_file(camera: str) -> bool:

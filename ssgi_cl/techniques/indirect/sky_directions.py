@@ -73,7 +73,7 @@ def _parts(image: Doubles, count: int) -> tuple[Doubles, Doubles, Doubles]:
     ways[..., 0] = np.sin(polar)[:, None] * np.sin(around)
     ways[..., 1] = np.cos(polar)[:, None]
     ways[..., 2] = -np.sin(polar)[:, None] * np.cos(around)
-    radiance, ways = image.reshape(-1, 3), ways.reshape(-1, 3)
+    radiance, flat = image.reshape(-1, 3), ways.reshape(-1, 3)
     scale = max(float(radiance.max()), 1e-300)
     flux = (radiance / scale) @ LUMINANCE * solid
     measure = solid / (4.0 * math.pi) + flux / max(float(flux.sum()), 1e-300)
@@ -83,7 +83,7 @@ def _parts(image: Doubles, count: int) -> tuple[Doubles, Doubles, Doubles]:
     sums = np.zeros((count, 8))
     weight = flux + 1e-6 * solid * max(float(flux.sum()), 1e-300)
     values = np.column_stack(
-        [solid, radiance / scale * solid[:, None], ways * weight[:, None], weight]
+        [solid, radiance / scale * solid[:, None], flat * weight[:, None], weight]
     )[order]
     np.add.at(sums, part, values)
     sums = sums[sums[:, 0] > 0.0]

@@ -158,13 +158,16 @@ def _nearest(texels: NDArray[np.uint8], uvs: Doubles) -> NDArray[np.uint8]:
     rows, columns = texels.shape[:2]
     column = np.minimum((np.mod(uvs[:, 0], 1.0) * columns).astype(np.intp), columns - 1)
     row = np.minimum((np.mod(1.0 - uvs[:, 1], 1.0) * rows).astype(np.intp), rows - 1)
-    return texels[row, column]
+    found: NDArray[np.uint8] = texels[row, column]
+    return found
 
 
 def _axis(normal: Doubles) -> NDArray[np.int64]:
     """Return [n] 0 to 5: the axis nearest to a direction, and its sign."""
     axis = np.abs(normal).argmax(axis=1)
-    return 2 * axis + (np.take_along_axis(normal, axis[:, None], 1)[:, 0] < 0.0)
+    down = np.take_along_axis(normal, axis[:, None], 1)[:, 0] < 0.0
+    number: NDArray[np.int64] = 2 * axis + down
+    return number
 
 
 def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.int64]:

@@ -432,6 +432,7 @@ DESCRIPTOR = Technique(
         "vpl/vpl_splat.cl": (
             "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS",
         ),
+        "vpl/vpl_to_view.cl": ("VPL_PART",),
         "vpl/vpl_totals.cl": (),
         "vpl/vpl_view_importance.cl": ("VPL_GRID",),
         "vpl/vpl_view_mean.cl": (),

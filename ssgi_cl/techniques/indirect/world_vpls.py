@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.vpls import PARTS, Vpls
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
 
 Doubles = NDArray[np.float64]
@@ -51,7 +52,7 @@ class WorldVpls:
         turn = camera.view[:3, :3]
         return np.column_stack([turn, turn @ self.origin + camera.view[:3, 3]])
 
-    def _rows(self, vpls: Vpls):
+    def _rows(self, vpls: Vpls) -> tuple[DeviceArray, int]:
         stride = -(-len(vpls) // 16) * 16
         rows = np.zeros((10, stride), np.float32)
         rows[0:3, : len(vpls)] = (vpls.position - self.origin).T

@@ -229,6 +229,27 @@ def test_a_ground_or_a_dome_is_not_part_of_the_subject(
     np.testing.assert_allclose(subject.bounds, [[-1.5, 0, -0.5], [1.5, 1, 0.5]], atol=1e-5)
 
 
+def test_a_fine_ground_is_not_part_of_a_much_smaller_subject() -> None:
+    body = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
+    subject = Extent.of_subject(joined(body, quad(60.0, 100)))  # squares 0.6 wide
+    np.testing.assert_allclose(subject.size, 1.0, atol=1e-3)
+
+
+def test_coarse_things_beside_a_fine_one_are_no_backdrop() -> None:
+    fine = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+    coarse = [trimesh.creation.icosphere(subdivisions=0, radius=0.5) for _ in range(7)]
+    row = [mesh.apply_translation((1.1 + 1.1 * i, 0.0, 0.0)) for i, mesh in enumerate(coarse)]
+    scene = joined(fine, *row)
+    np.testing.assert_array_equal(Extent.of_subject(scene).bounds, Extent.of(scene).bounds)
+
+
+def test_the_air_between_two_objects_in_a_dome_is_no_room(runtime: Runtime) -> None:
+    scene = joined(ship((-2.5, 0.5, 0.0)), ship((2.5, 0.5, 0.0)), dome(60.0))
+    camera = default_camera(scene, 160, 120, FOV, runtime)
+    assert not Extent.of_subject(scene).holds(camera.position)
+    assert np.linalg.norm(camera.position) < 15.0
+
+
 @pytest.mark.parametrize("name", ["hall", "parlour", "room-7", "street-1", "cornell_box"])
 def test_rooms_have_no_backdrop(name: str) -> None:
     scene = make_scene(name).scene

@@ -97,6 +97,26 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
     return made, binary
 
 
+def with_views(made: dict[str, Any], binary: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return a document with cameras and lights too."""
+    lights = "KHR_lights_punctual"
+    made["nodes"][0] |= {"camera": 0, "name": "a", "extensions": {lights: {"light": 0}}}
+    made["nodes"][1] |= {"camera": 1, "extensions": {lights: {"light": 1}}}
+    made["cameras"] = [
+        {"type": "perspective", "name": "b",
+         "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9, "aspectRatio": 1.5}},
+        {"type": "orthographic",
+         "orthographic": {"xmag": 1, "ymag": 2, "znear": 0, "zfar": 9}},
+    ]
+    made["extensions"] = {lights: {"lights": [
+        {"type": "spot", "name": "c", "color": [1, 0.5, 0], "intensity": 9, "range": 5,
+         "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.4}},
+        {"type": "directional", "intensity": 3},
+    ]}}
+    made["extensionsUsed"].append(lights)
+    return made, binary
+
+
 def obj() -> Files:
     """Return an OBJ file with a concave polygon, a library and two textures."""
     text = (
@@ -158,6 +178,7 @@ def exrs() -> list[Files]:
 def gltfs() -> list[Files]:
     """Return glTF files: binary, with other kinds of images, and with files beside them."""
     made = [{"a.glb": glb(*document(picture(kind)))} for kind in ("PNG", "JPEG", "WEBP", "TIFF")]
+    made.append({"a.glb": glb(*with_views(*document()))})
     parts, binary = document()
     parts["buffers"][0]["uri"] = "a.bin"
     parts["images"][0] = {"uri": "color.png"}

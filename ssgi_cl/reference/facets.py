@@ -29,7 +29,8 @@ def facets_reference(
         value = depth.astype(np.float64) if flat else 1.0 / depth.astype(np.float64)
         value = np.where(np.isfinite(depth), value, np.inf)
         known_x, across = _change(value)
-        known_y, down = (part.T for part in _change(value.T))
+        flat_y, change_y = _change(value.T)
+        known_y, down = flat_y.T, change_y.T
         sx, sy, ox, oy = camera.pixel_to_view
         a, b = across / sx, down / sy
         column, row = np.arange(depth.shape[1]) + 0.5, np.arange(depth.shape[0])[:, None] + 0.5

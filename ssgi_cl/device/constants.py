@@ -25,6 +25,8 @@ SLICES_LEAST_FACING = 0.05
 """Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
 
 SEEN_SIDE = 32
+"""Pixels along the side of a tile whose depths shadow maps are fitted to."""
+
 TILES_SIDE = 16
 """Pixels along the side of a tile that is classified."""
 TILES_NEAREST = 7

@@ -18,6 +18,8 @@ Lamp = SpotLight | PointLight | DirectionalLight
 
 LEAST_FACING = 0.0017
 """Cosine between a normal and the light below which a surface counts as no more tilted."""
+FACET = 0.4
+"""What SLOPE and LEAST are times on receivers whose plane is that of their triangle."""
 REACH = 1
 """Texels on either side of the receiver's own that the shadow's filter covers."""
 SLOPE, LEAST, STEP, ROUNDING = 0.25, 0.25, 1.0, 1e-5
@@ -127,7 +129,7 @@ def shadow_reference(
     cameras = rsm.cameras
     depth = np.asarray(rsm.depth, np.float64).reshape(len(cameras), *cameras[0].size)
     if len(cameras) == 1:
-        return _filtered(cameras[0], depth[0], position, normal)
+        return face_shadow_reference(cameras[0], depth[0], position, normal)
     to_point = position - np.asarray(cameras[0].position)
     axis = np.argmax(np.abs(to_point), axis=-1)
     main = np.take_along_axis(to_point, axis[..., None], axis=-1)[..., 0]
@@ -135,12 +137,24 @@ def shadow_reference(
     result = np.ones(face.shape)
     for index, camera in enumerate(cameras):
         result = np.where(
-            face == index, _filtered(camera, depth[index], position, normal), result
+            face == index, face_shadow_reference(camera, depth[index], position, normal), result
         )
     return result
 
 
-def _filtered(camera: Camera, seen: Doubles, position: Doubles, normal: Doubles) -> Doubles:
+def face_shadow_reference(
+    camera: Camera, seen: Doubles, position: Doubles, normal: Doubles,
+    is_facet: NDArray[np.bool_] | None = None,
+) -> Doubles:
+    """Return the share of light by one image of a map.
+
+    Args:
+        camera: that drew the image.
+        seen: its depth.
+        position, normal: as for `shadow_reference`.
+        is_facet: [rows, columns] whether `normal` is that of the triangle; nowhere by default.
+    """
+    part = np.where(False if is_facet is None else is_facet, FACET, 1.0)
     turn, shift = camera.view[:3, :3], camera.view[:3, 3]
     at = position @ turn.T + shift
     tilt = normal @ turn.T
@@ -159,9 +173,8 @@ def _filtered(camera: Camera, seen: Doubles, position: Doubles, normal: Doubles)
     change = (1.0 if flat else own) / facing
     own_x, own_y = tilt[..., 0] * sx * change, tilt[..., 1] * sy * change
     texel = max(abs(sx), abs(sy)) * (np.ones_like(own) if flat else own)
-    slack = (
-        SLOPE * (np.abs(own_x) + np.abs(own_y)) + LEAST * texel + ROUNDING * np.abs(own)
-    )
+    slack = part * (SLOPE * (np.abs(own_x) + np.abs(own_y)) + LEAST * texel)
+    slack = slack + ROUNDING * np.abs(own)
     nearness = -seen if flat else 1.0 / seen
     left, top = np.floor(column - 0.5), np.floor(row - 0.5)
     fx, fy = column - 0.5 - left, row - 0.5 - top

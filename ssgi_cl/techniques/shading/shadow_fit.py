@@ -156,8 +156,8 @@ class _Boxes:
         """
         sx, sy, ox, oy = camera.pixel_to_view
         if not camera.is_orthographic:
-            near = _near(camera, corners)
-            corners, width, pixels = corners[near], width[near], pixels[near]
+            about = _near(camera, corners)
+            corners, width, pixels = corners[about], width[about], pixels[about]
             if not len(corners):
                 return None
         view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]

@@ -15,8 +15,8 @@ from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.context import Context, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from .command import PixelSize
 from .cost import TECHNIQUES
+from .options import PixelSize
 from .wording import number
 
 MOST = 32

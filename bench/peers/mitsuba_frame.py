@@ -1,7 +1,8 @@
 """Whole frames by Mitsuba 3's integrator `path`, by samples a pixel, denoised or not.
 
-Diffuse surfaces, box filter, 12 bounces at most. The denoiser's guides are albedo and normals from
-the same samples. Emission counts on both sides, as in the reference.
+Diffuse surfaces, box filter, paths of at most 12 segments. The denoiser's guides are albedo and
+normals by rays of their own: asked for together with the paths they take twice the time. Emission
+counts on both sides, as in the reference.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ Floats = NDArray[np.float32]
 MAX_DEPTH = 12
 SAMPLES = (1, 4, 16, 64)
 """Per pixel."""
+GUIDE_SAMPLES = 4
+"""Per pixel of the denoiser's guides, at most."""
 
 __all__ = ["MAX_DEPTH", "SAMPLES", "VARIANT", "PathFrames", "missing"]
 
@@ -44,11 +47,10 @@ class PathFrames:
     ) -> None:
         self._samples, self._denoised = samples, denoised
         path: dict[str, Any] = {"type": "path", "max_depth": MAX_DEPTH}
-        if denoised:
-            path = {"type": "aov", "aovs": "albedo:albedo,nn:sh_normal", "image": path}
+        guides: dict[str, Any] = {"type": "aov", "aovs": "albedo:albedo,nn:sh_normal"}
         with within(VARIANT) as mi:
             self._world = MitsubaScene.of(scene, lights, VARIANT, emission="emitters")
-            self._integrator = mi.load_dict(path)
+            self._path, self._guides = mi.load_dict(path), mi.load_dict(guides)
         self._sensor: Any = None
         self._size = (0, 0)
         self._seed = 0
@@ -65,16 +67,19 @@ class PathFrames:
             values = mi.traverse(self._sensor)
             values["to_world"] = mi.Transform4f(wanted["to_world"].matrix)
             values.update()
-            found = np.array(mi.render(
-                self._world.scene, sensor=self._sensor, integrator=self._integrator,
-                spp=self._samples, seed=self._seed,
-            ), np.float32)  # fmt: skip
-        if not self._denoised:
-            return found
-        color, albedo, normal = (
-            np.ascontiguousarray(np.nan_to_num(found[..., 3 * i : 3 * i + 3])) for i in range(3)
-        )
+            color = self._rendered(mi, self._path, self._samples)
+            if not self._denoised:
+                return color
+            guides = self._rendered(mi, self._guides, min(self._samples, GUIDE_SAMPLES))
+        albedo, normal = (np.ascontiguousarray(guides[..., i : i + 3]) for i in (0, 3))
         clean: Floats = import_module("pyoidn").denoise(
-            color, albedo, normal, hdr=True, quality=QUALITY
+            color, np.clip(albedo, 0.0, 1.0), np.nan_to_num(normal), hdr=True, quality=QUALITY
         )
         return clean
+
+    def _rendered(self, mi: Any, integrator: Any, samples: int) -> Floats:
+        image = mi.render(
+            self._world.scene, sensor=self._sensor, integrator=integrator, spp=samples,
+            seed=self._seed,
+        )
+        return np.array(image, np.float32)

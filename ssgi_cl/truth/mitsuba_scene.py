@@ -254,7 +254,7 @@ def _turned_round(scene: Scene, index: int) -> Scene:
 
 def _add_emission(mesh: Any, scene: Scene, index: int, emitters: Emitters) -> None:
     count = int(np.count_nonzero(scene.material_ids == index))
-    radiance = np.tile(np.float32(scene.materials[index].emission), count)
+    radiance = np.tile(np.array(scene.materials[index].emission, np.float32), count)
     mesh.add_attribute(EMISSION, 3, radiance)
     mesh.add_attribute(DENSITY, 1, np.full(count, emitters.material_density[index], np.float32))
 

@@ -78,7 +78,8 @@ class RadianceTracer(PathTracer):
                 offset = numbers[-2:] - 0.5 if self._box else None
                 rays = self.sight(camera, rows, offset)
                 labels = np.arange(first * camera.width, first * camera.width + count)
-                total += self._radiance(rays, np.float32(numbers), labels, seed * paths + path)
+                given = numbers.astype(np.float32)
+                total += self._radiance(rays, given, labels, seed * paths + path)
             image[rows] = (total / paths).T.reshape(-1, camera.width, 3)
         return image
 
@@ -94,10 +95,10 @@ class RadianceTracer(PathTracer):
             labels: [n] of the pixels, with `path` the seed of all further random numbers.
         """
         if self.dr.is_jit_v(self.mi.Float):
-            found, there = self._traced(*rays, numbers, labels, path)
+            found, there = self._traced(rays, numbers, labels, path)
         else:
             each = [
-                self._traced(*(a[..., i] for a in rays), numbers[:, i], int(labels[i]), path)
+                self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), path)
                 for i in range(len(labels))
             ]
             found = np.concatenate([one[0] for one in each], axis=1)
@@ -105,10 +106,11 @@ class RadianceTracer(PathTracer):
         return np.where(there, found, environment_radiance(self._environments, rays[1]))
 
     def _traced(
-        self, start: Any, way: Any, length: Any, numbers: Any, label: Any, path: int
+        self, rays: Sequence[Floats], numbers: Floats, label: Any, path: int
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Return radiance of surfaces [3, n] and where there are any [n]."""
         mi, dr = self.mi, self.dr
+        start, way, length = rays
         ray = mi.Ray3f(
             mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
             mi.Float(length), 0.0, [],

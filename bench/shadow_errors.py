@@ -23,7 +23,7 @@ from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, VALIDATED_ON, BuiltinScene
 from ssgi_cl.rasterize.view import device_scene, downloaded
 from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.shading.light_data import Lamp, Lamps, kind_name
+from ssgi_cl.techniques.shading.light_data import PunctualLight, PunctualLights, kind_name
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.truth.raycast import RayCaster
@@ -69,7 +69,8 @@ class ShadowErrors:
 
 
 def shadow_errors(
-    view: BuiltinScene, runtime: Runtime, size: Size, *, lights: Sequence[Lamp] | None = None,
+    view: BuiltinScene, runtime: Runtime, size: Size, *,
+    lights: Sequence[PunctualLight] | None = None,
     map_size: int = MAP_SIZE, fitted: bool = True, caster: RayCaster | None = None,
 ) -> list[ShadowErrors]:
     """Return the errors of each light of a view.
@@ -84,23 +85,23 @@ def shadow_errors(
         caster: of the scene, made if None.
     """
     context = Context(runtime, view, size)
-    lamps = context.lamps if lights is None else tuple(lights)
+    punctual_lights = context.punctual_lights if lights is None else tuple(lights)
     scene, camera = view.scene, context.camera
     rasterizer = Rasterizer(runtime, size)
     maps = LightMaps(runtime, map_size, flux=False)
     depths = SeenDepths(runtime, size)
-    shading = Lamps(runtime, size)
+    shading = PunctualLights(runtime, size)
     fractions = []
     with runtime.frame():
         device = rasterizer.render(device_scene(scene, runtime), camera)
         device.derive()
         shadows, _ = maps.draw(
-            scene, lamps, keep=False, seen=depths.find(device) if fitted else None
+            scene, punctual_lights, keep=False, seen=depths.find(device) if fitted else None
         )
-        for lamp, shadow in zip(lamps, shadows, strict=True):
+        for punctual_light, shadow in zip(punctual_lights, shadows, strict=True):
             planes = []
             for map_ in (None, shadow):
-                plane = shading.run(device, [lamp], [map_])
+                plane = shading.run(device, [punctual_light], [map_])
                 planes.append(np.zeros(size) if plane is None
                               else plane.download().sum(axis=0, dtype=np.float64))
             free, held = planes
@@ -111,11 +112,11 @@ def shadow_errors(
     position, normal, _ = reference.world_surface(host)
     seen = np.isfinite(np.asarray(host.depth)).reshape(size)
     found = []
-    for lamp, fraction, shadow in zip(lamps, fractions, shadows, strict=True):
-        strength = reference.direct_reference(lamp, position, normal).sum(axis=-1)
+    for punctual_light, fraction, shadow in zip(punctual_lights, fractions, shadows, strict=True):
+        strength = reference.direct_reference(punctual_light, position, normal).sum(axis=-1)
         start = spots.start.astype(np.float64) / caster.scale + scene.origin
         faces = strength.reshape(-1)[spots.pixel] > 0.0
-        way, length = _towards(lamp, start[faces], scene.bounds)
+        way, length = _towards(punctual_light, start[faces], scene.bounds)
         blocked = caster.blocked(
             spots.start[faces], way.astype(np.float32), (length * caster.scale).astype(np.float32)
         )
@@ -123,14 +124,14 @@ def shadow_errors(
         facing.reshape(-1)[spots.pixel[faces]] = True
         reached.reshape(-1)[spots.pixel[faces]] = ~blocked
         found.append(ShadowErrors(
-            kind_name(lamp), facing & ~reached & (fraction > 0.5),
+            kind_name(punctual_light), facing & ~reached & (fraction > 0.5),
             facing & reached & (fraction < 0.5), seen, facing, fraction,
             0 if shadow is None else len(shadow.crops),
         ))
     return found
 
 
-def _towards(light: Lamp, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
+def _towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
     """Return directions [n, 3] to a light, and how far to go [n]."""
     if isinstance(light, DirectionalLight):
         far = 2.0 * float(np.linalg.norm(bounds[1] - bounds[0]))

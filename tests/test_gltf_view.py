@@ -151,7 +151,7 @@ def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
     scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="lamp")
     assert len(scene.lights) == 1
     assert scene.notes == (
-        "light 'lamp': its range is not used, light falls off with distance only",
+        "light 'light': its range is not used, light falls off with distance only",
     )
 
 

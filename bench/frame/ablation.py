@@ -87,8 +87,8 @@ def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
     """Return scene and lights of each part of the direct light; what shines nowhere is left out."""
     dark = without_emission(view.scene)
     skies = tuple(light for light in view.lights if isinstance(light, Environment))
-    lamps = tuple(light for light in view.lights if not isinstance(light, Environment))
-    parts = {DIRECT: (dark, lamps), SKY: (dark, skies)}
+    punctual_lights = tuple(light for light in view.lights if not isinstance(light, Environment))
+    parts = {DIRECT: (dark, punctual_lights), SKY: (dark, skies)}
     found = {term: part for term, part in parts.items() if part[1]}
     if any(any(material.emission) for material in view.scene.materials):
         found[EMISSION] = (view.scene, ())

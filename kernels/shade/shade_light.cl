@@ -21,7 +21,7 @@
 //          those would find, 20 elsewhere
 
 #include "shade/facet.clh"
-#include "shade/lamp.clh"
+#include "shade/light.clh"
 #include "shade/shadow.clh"
 
 #if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
@@ -52,12 +52,12 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     const vfloat seen = ssgi_load(depth, whole, light.layer, at_x, at_y);
     if (!v_any(v_lt(seen, v_splat(INFINITY)))) {
 #if !SHADE_ADD
-        lamp_store(zero, light, irradiance, size, x, y);
+        light_store(zero, light, irradiance, size, x, y);
 #endif
         return;
     }
-    const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
-    const LampAt at = lamp_at(light, &receiver);
+    const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
+    const LightAt at = light_at(light, &receiver);
     const vfloat unhidden = at.strength;
     vmask lit = receiver.there & v_gt(unhidden, zero);
 #if SHADE_SHADOW
@@ -69,7 +69,7 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         lit = lit & ~(facet.known & v_lt(front, v_splat(-SHADE_GRAZING)));
     }
 #endif
-    vfloat strength = lamp_bounded(unhidden, lit);
+    vfloat strength = light_bounded(unhidden, lit);
 #if SHADE_SHADOW
     if (v_any(lit)) {
         const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
@@ -115,5 +115,5 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         strength = strength * share;
     }
 #endif
-    lamp_store(strength, light, irradiance, size, x, y);
+    light_store(strength, light, irradiance, size, x, y);
 }

@@ -107,7 +107,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     room, colonnade, foliage, machine, street or terrain.
 
     A file's scene is lit by the lights that the file describes (glTF, KHR_lights_punctual), one
-    without by a sun and a sky, a closed room by a lamp. What a file says that is not drawn is
+    without by a sun and a sky, a closed room by a light. What a file says that is not drawn is
     listed. Times are milliseconds on the device.
     """
     endings: tuple[str, ...] = ()

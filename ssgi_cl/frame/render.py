@@ -158,7 +158,7 @@ def render(
     if indirect_ao and whole is None and (dims is None or indirect in (None, "ssdo")):
         raise ValueError(
             f"indirect_ao is True: expected False with ao={ao!r} and indirect={indirect!r}, it "
-            "needs ambient occlusion and the bounce of lamps"
+            "needs ambient occlusion and the bounce of lights"
         )
     if glossy_vpls and indirect != "vpl":
         raise ValueError(

@@ -90,7 +90,7 @@ class RadianceTracer(PathTracer):
         """Return what one path of each pixel finds, [3, n].
 
         Args:
-            rays: start, direction and length of lines of sight.
+            rays: start, direction and length of view rays.
             numbers: [count, n] in [0, 1): of the first vertex.
             labels: [n] of the pixels, with `path` the seed of all further random numbers.
         """

@@ -92,8 +92,8 @@ def solved(runtime: Runtime, scene: Scene, lights: Any = (), **params: Any) -> R
 
 
 def maps(runtime: Runtime, scene: Scene, lights: Any) -> list[DeviceRsm]:
-    lamps = [light for light in lights if not isinstance(light, Environment)]
-    seen = [rsm(scene, light, size=128, runtime=runtime) for light in lamps]
+    punctual_lights = [light for light in lights if not isinstance(light, Environment)]
+    seen = [rsm(scene, light, size=128, runtime=runtime) for light in punctual_lights]
     return on_device_rsms(seen, runtime) if seen else []
 
 
@@ -200,8 +200,8 @@ def test_bounces_add_up(runtime: Runtime) -> None:
         assert made.bounces == bounces
 
 
-def test_kernel_against_float64(every_form: Runtime) -> None:
-    made = solved(every_form, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),),
+def test_kernel_against_float64(every_variant: Runtime) -> None:
+    made = solved(every_variant, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),),
                   surfels=128, bounces=3)
     device, surfels = made._device, made.surfels
     words = device._visible.download().view(np.uint32).reshape(-1, device._stride)
@@ -222,14 +222,15 @@ def test_kernel_against_float64(every_form: Runtime) -> None:
     np.testing.assert_allclose(made.irradiance, expected, atol=2e-5 * scale)
 
 
-def test_variants_are_bit_identical(runtime: Runtime, other_form: Runtime) -> None:
+def test_variants_are_bit_identical(runtime: Runtime, other_variant: Runtime) -> None:
     scene = two_squares(0.7, 2.0, side=3)
     lights = (Environment((1.0, 0.5, 0.2)), SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0))
-    one, other = (solved(form, scene, lights, surfels=128) for form in (runtime, other_form))
+    one, other = (solved(variant, scene, lights, surfels=128) for variant in (runtime,
+        other_variant))
     np.testing.assert_array_equal(one.irradiance, other.irradiance)
 
 
-def test_the_same_bits_twice_and_kept(runtime: Runtime) -> None:
+def test_bit_identical_results_twice_and_kept(runtime: Runtime) -> None:
     scene = box(0.6)
     lights = (SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0),)
     one, other = solved(runtime, scene, lights), solved(runtime, scene, lights)

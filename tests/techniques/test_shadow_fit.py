@@ -26,7 +26,7 @@ from ssgi_cl.reference.shade import (
     face_shadow_reference,
     world_surface,
 )
-from ssgi_cl.techniques.shading.light_data import Lamp, Lamps, ShadowMap
+from ssgi_cl.techniques.shading.light_data import PunctualLight, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shadow_fit import (
@@ -48,7 +48,7 @@ UP = np.array([0.0, 3.0, 0.0])
 SUN = next(light for light in STREET.lights if isinstance(light, DirectionalLight))
 SPOT = SpotLight(tuple(EYE + UP), TARGET - EYE - UP, 0.7, 90.0)
 POINT = PointLight(tuple(0.5 * (EYE + TARGET)), 50.0)
-LIGHTS: tuple[Lamp, ...] = (SUN, SPOT, POINT)
+LIGHTS: tuple[PunctualLight, ...] = (SUN, SPOT, POINT)
 
 
 def seen_by(runtime: Runtime, scene: Scene, camera: Camera) -> tuple[DeviceGBuffer, SeenDepths]:
@@ -68,10 +68,10 @@ def moved(step: float) -> Camera:
 
 
 def fractions(
-    runtime: Runtime, device: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None
+    runtime: Runtime, device: DeviceGBuffer, light: PunctualLight, shadow: ShadowMap | None
 ) -> NDArray[np.float64]:
     """Return the share of light that a map lets through, 1 where no light falls."""
-    shading = Lamps(runtime, device.size)
+    shading = PunctualLights(runtime, device.size)
     found = []
     for map_ in (None, shadow):
         plane = shading.run(device, [light], [map_])
@@ -87,7 +87,7 @@ def fractions(
 @pytest.mark.parametrize("light", LIGHTS, ids=lambda light: type(light).__name__)
 @pytest.mark.parametrize("step", [0.0, 3.0])
 def test_parts_hold_all_that_is_seen_with_the_filters_taps(
-    runtime: Runtime, light: Lamp, step: float
+    runtime: Runtime, light: PunctualLight, step: float
 ) -> None:
     camera, size = moved(step), 64
     device, depths = seen_by(runtime, STREET.scene, camera)
@@ -171,10 +171,11 @@ def test_nothing_seen_and_lights_that_miss_it_have_a_map(runtime: Runtime) -> No
 
 
 @pytest.mark.parametrize("light", LIGHTS, ids=lambda light: type(light).__name__)
-def test_shadow_of_parts_agrees_with_the_reference(form_runtime: Runtime, light: Lamp) -> None:
-    device, depths = seen_by(form_runtime, STREET.scene, moved(0.0))
+def test_shadow_of_parts_agrees_with_the_reference(variant_runtime: Runtime,
+    light: PunctualLight) -> None:
+    device, depths = seen_by(variant_runtime, STREET.scene, moved(0.0))
     size = 64
-    maps = LightMaps(form_runtime, size, flux=False)
+    maps = LightMaps(variant_runtime, size, flux=False)
     shadow = maps.draw(STREET.scene, [light], seen=depths.find(device))[0][0]
     assert shadow is not None
     images = shadow.depth.download().astype(np.float64)
@@ -205,7 +206,7 @@ def test_shadow_of_parts_agrees_with_the_reference(form_runtime: Runtime, light:
         expected = np.where(taken, expected * share, expected)
         left &= ~taken
     lit = there & (direct_reference(light, position, normal).max(axis=-1) > 0.0)
-    found = fractions(form_runtime, device, light, shadow)
+    found = fractions(variant_runtime, device, light, shadow)
     wrong = np.abs(found - expected)[lit] > 1e-3
     assert lit.mean() > 0.1
     assert ((expected < 0.5) & lit).mean() > 0.02
@@ -396,7 +397,7 @@ def test_frames_use_fitted_maps(runtime: Runtime) -> None:
     shadow = LightMaps(runtime, 64, flux=False).draw(
         STREET.scene, [SUN], seen=depths.find(device)
     )[0][0]
-    plane = Lamps(runtime, SIZE).run(device, [SUN], [shadow])
+    plane = PunctualLights(runtime, SIZE).run(device, [SUN], [shadow])
     assert plane is not None
     frame = gi.render(
         STREET.scene, camera, [replace(SUN)], ao=False, shadow_size=64, runtime=runtime

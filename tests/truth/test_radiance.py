@@ -113,9 +113,9 @@ def test_furnace_of_so_many_bounces_is_the_partial_sum(bounces: int) -> None:
 
 def test_one_small_emitter_in_a_box_gives_what_its_flux_says() -> None:
     # All light is absorbed: integral of radiosity (1 - albedo) over walls = flux. Albedo 0 on
-    # the lamp, so the walls' mean irradiance is flux / area / (1 - albedo), if none returns to it.
-    lamp = ((0.499, 0.5, 0.499), (0, 0, 0.002), (0.002, 0, 0))
-    scene = quads(*BOX, lamp, materials=[grey(0.5)] * 6 + [grey(0.0, 1e5)])
+    # the light, so the walls' mean irradiance is flux / area / (1 - albedo), if none returns to it.
+    punctual_light = ((0.499, 0.5, 0.499), (0, 0, 0.002), (0.002, 0, 0))
+    scene = quads(*BOX, punctual_light, materials=[grey(0.5)] * 6 + [grey(0.0, 1e5)])
     flux = 2.0 * math.pi * 1e5 * 0.002**2
     total, squares = 0.0, 0.0
     for eye, at in _wall_views():
@@ -132,7 +132,7 @@ def test_one_small_emitter_in_a_box_gives_what_its_flux_says() -> None:
 
 
 def _wall_views() -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return (eye, target) of views on each wall of BOX from in front of the lamp."""
+    """Return (eye, target) of views on each wall of BOX from in front of the light."""
     views = []
     for axis in range(3):
         for side in (0.0, 1.0):
@@ -191,7 +191,7 @@ def test_one_bounce_and_direct_light_add_up_to_the_radiance() -> None:
     )
 
 
-def test_without_bounces_lamps_alone_are_exact_and_emission_is_added() -> None:
+def test_without_bounces_lights_alone_are_exact_and_emission_is_added() -> None:
     scene = quads(FLOOR, materials=[grey(0.6, 0.25)])
     lights: list[Light] = [PointLight((0.3, 1.2, -0.2), (7.0, 5.0, 3.0)),
                            SpotLight((0, 2, 0), (0, -1, 0), 0.4, 3.0)]  # fmt: skip
@@ -306,10 +306,10 @@ def test_passes_are_independent_and_repeatable() -> None:
 
 
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    lamp = ((0.4, 0.9, 0.4), (0, 0, 0.2), (0.2, 0, 0))
+    punctual_light = ((0.4, 0.9, 0.4), (0, 0, 0.2), (0.2, 0, 0))
     image = np.full((4, 8, 3), 0.3)
     image[0, 3] = 4.0
-    scene = quads(*BOX[:5], lamp, materials=[grey(0.6)] * 5 + [grey(0.3, 5.0)])
+    scene = quads(*BOX[:5], punctual_light, materials=[grey(0.6)] * 5 + [grey(0.3, 5.0)])
     lights = [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
     camera = replace(INSIDE, width=6, height=4)
     fast = radiance(scene, camera, lights, 1024, box_filter=True)

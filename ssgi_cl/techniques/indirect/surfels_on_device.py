@@ -15,7 +15,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
 from ssgi_cl.techniques.indirect.surfels import Surfels, scene_surfels
@@ -64,8 +64,8 @@ class DeviceSurfels:
 
     def __init__(self, runtime: Runtime, cells: int) -> None:
         self.runtime = runtime
-        self._walls = SightGrid(runtime, cells, (1, 1))
-        macros, structs = self._walls.macros, (CAMERA, VPL)
+        self._occupancy = OccupancyGrid(runtime, cells, (1, 1))
+        macros, structs = self._occupancy.macros, (CAMERA, VPL)
         self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
         self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
         self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
@@ -73,9 +73,9 @@ class DeviceSurfels:
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
 
     @property
-    def grid(self) -> SightGrid:
+    def grid(self) -> OccupancyGrid:
         """The occupancy grid that holds the scene, in the view space of `camera`."""
-        return self._walls
+        return self._occupancy
 
     def fill(self, scene: Scene, count: int) -> None:
         """Replace the contents by about `count` surfels of a scene; queue what they see."""
@@ -86,7 +86,7 @@ class DeviceSurfels:
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
-        self._walls.fill_scene(solid, self.camera.view, self.unit, half)
+        self._occupancy.fill_scene(solid, self.camera.view, self.unit, half)
         pilot = self._seeing(scene_surfels(scene, min(count, PILOT)), solid)
         share = max(len(pilot) / min(count, PILOT), LEAST_SHARE)
         self.surfels = self._seeing(scene_surfels(scene, int(count / share)), solid)
@@ -95,7 +95,7 @@ class DeviceSurfels:
         self._visible = self.runtime.empty(words * self._stride, np.int32)
         self._see.run(
             "surfel visibility", (words, self._stride),
-            surfels=self._rows, records=self._flux[0], occupancy=self._walls.grid,
+            surfels=self._rows, records=self._flux[0], occupancy=self._occupancy.grid,
             visible=self._visible,
         )
 
@@ -113,7 +113,7 @@ class DeviceSurfels:
 
     def _upload(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
         """Bring surfels to the device; return above which part their rays start, or -1."""
-        runtime, walls, shift, count = self.runtime, self._walls, self._shift, len(surfels)
+        runtime, occupancy, shift, count = self.runtime, self._occupancy, self._shift, len(surfels)
         self._count = count
         self._stride = stride = max(-(-count // 32) * 32, 32)
         rows = np.zeros((ROWS, stride), np.float32)
@@ -131,13 +131,15 @@ class DeviceSurfels:
         parts[3:, : PARTS * count] = surfels.part_normal.T
         chosen = runtime.empty(stride, np.int32)
         values = {
-            "lift": walls.lift, "per_unit": 1.0 / self.unit, "vertex_stride": solid.vertex_stride,
+            "lift": occupancy.lift, "per_unit": 1.0 / self.unit,
+            "vertex_stride": solid.vertex_stride,
             **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
         }
         self._start.run(
-            "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.form.lanes),
+            "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.variant.lanes),
             parts=runtime.array(parts), corners=solid.corners, positions=solid.positions,
-            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=walls.grid, grid_box=walls.box,
+            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=occupancy.grid,
+            grid_box=occupancy.box,
             surfels=self._rows, part=chosen, params=START.pack(values),
         )
         self._seen = runtime.empty(4 * stride, np.float32)
@@ -156,8 +158,9 @@ class DeviceSurfels:
         table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance
         self._sky.run(
             "surfel sky", (len(ways), self._stride),
-            grid=(1, self._stride // self.runtime.form.lanes),
-            surfels=self._rows, directions=self.runtime.array(table), occupancy=self._walls.grid,
+            grid=(1, self._stride // self.runtime.variant.lanes),
+            surfels=self._rows, directions=self.runtime.array(table),
+            occupancy=self._occupancy.grid,
             sky=self._seen,
         )
         return self._of_surfels(self._seen.download())
@@ -166,9 +169,9 @@ class DeviceSurfels:
         """Return irradiance [surfels, 3] by lights that `camera` sees, counted in `unit`."""
         self._first.run(
             "surfel lights", (lights.count, self._stride),
-            grid=(1, self._stride // self.runtime.form.lanes),
-            surfels=self._rows, lights=lights.lights, occupancy=self._walls.grid,
-            grid_box=self._walls.box, values=self._values, lift=self._walls.lift, gain=gain,
+            grid=(1, self._stride // self.runtime.variant.lanes),
+            surfels=self._rows, lights=lights.lights, occupancy=self._occupancy.grid,
+            grid_box=self._occupancy.box, values=self._values, lift=self._occupancy.lift, gain=gain,
         )
         return self._of_surfels(self._values.download())
 
@@ -192,7 +195,7 @@ class DeviceSurfels:
         self._values.send(values)
         self._gather.run(
             "surfel bounce", (self._stride // 32, self._stride),
-            grid=(1, self._stride // self.runtime.form.lanes),
+            grid=(1, self._stride // self.runtime.variant.lanes),
             surfels=self._rows, before=self._flux[0], visible=self._visible, sky=self._seen,
             source=self._values, after=self._flux[1], received=self._received, most=MOST_ROW,
         )

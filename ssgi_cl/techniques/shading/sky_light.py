@@ -18,7 +18,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
 
@@ -83,7 +83,8 @@ class SkyLight(Prepared[SkyLightParams]):
         self._count = 0
 
     def run(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, grid: SightGrid, space: Camera,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, grid: OccupancyGrid,
+        space: Camera,
         unit: float,
     ) -> Plane | None:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2; None without sky.
@@ -116,12 +117,12 @@ class SkyLight(Prepared[SkyLightParams]):
         kernel = self.runtime.kernel("sky_light/sky_light.cl", grid.macros, (CAMERA, VPL, SKY))
         with self._raw.over(gbuffer.seen) as (raw, over):
             kernel.run(
-                "sky light", self.size, window=over,
+                "sky light", self.size, region=over,
                 depth=gbuffer.depth, normal=gbuffer.normal, directions=self._directions,
                 occupancy=grid.grid, grid_box=grid.box, irradiance=raw,
                 camera=gbuffer.camera_struct, sky=SKY.pack(values),
             )
-        return self._blur.run(raw, gbuffer, "sky light", window=gbuffer.seen)
+        return self._blur.run(raw, gbuffer, "sky light", region=gbuffer.seen)
 
     def _look(self, skies: Sequence[Environment], space: Camera) -> None:
         """Bring the directions of environments to the device, unless they are there."""

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
               "diagonal.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
-              "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
+              "once: of lights, by virtual point lights (multires, the fastest, and vpl, which all "
               "triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
               "hides ambient light too; by default none.")
 @click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
@@ -91,7 +91,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
     room, colonnade, foliage, machine, street or terrain.
 
-    A file's scene is lit by a sun and a sky, a closed room by a lamp. Times are milliseconds on
+    A file's scene is lit by a sun and a sky, a closed room by a light. Times are milliseconds on
     the device.
     """
     endings: tuple[str, ...] = ()

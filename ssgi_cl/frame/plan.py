@@ -22,17 +22,17 @@ for the image."""
 SKIPS = {
     "outputs": "what no output takes: neither light nor picture where only AO is asked for",
     "dark": "ambient occlusion where there is no ambient light",
-    "maps": "maps of lamps, where neither lamp nor scene changed, and reading those texels of "
+    "maps": "maps of lights, where neither light nor scene changed, and reading those texels of "
     "kept maps that blocks of 8 x 8 prove to be all lit or all in shadow",
     "unchanged": "stages all of whose inputs are those of the frame before: G-buffer, ambient "
     "occlusion, light, picture",
     "tiles": "ambient occlusion or SSDO and its blur in tiles where A is proven to be 1 and the "
     "bounce 0: empty, so far away that the radius is below a pixel, or flat",
     "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
-    "lights": "lamps from which everything seen is turned away or outside the cone, and their maps",
+    "lights": "lights from which everything seen is turned away or outside the cone, and their maps",
     "layers": "depth layers that have no pixel",
 }
-"""What may be left out of a frame. Each leaves the same bits."""
+"""What may be left out of a frame. Each leaves bit-identical results."""
 
 
 def chosen_skips(skips: object) -> frozenset[str]:

@@ -13,7 +13,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.graph import Graph
 from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
 from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
@@ -81,7 +81,7 @@ class Renderer:
         shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
             which each may reflect light.
         curve: see `tonemap`.
-        indirect_ao: whether ambient occlusion dims the bounce of lamps too.
+        indirect_ao: whether ambient occlusion dims the bounce of lights too.
         skips: what may be left out: True for all of `plan.SKIPS`, False for none, or their names.
     """
 
@@ -108,7 +108,7 @@ class Renderer:
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            windows="window" in self.skips, keeps_world=False,
+            regions="window" in self.skips, keeps_world=False,
         )
         maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not ssdo,
@@ -118,7 +118,7 @@ class Renderer:
         tiles: Tiles | None = None
         if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
             tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
-        shade = Shade(runtime, size, lamps=not ssdo)
+        shade = Shade(runtime, size, punctual_lights=not ssdo)
         costs: dict[str, float] = {}
         self._rest = TileRest()
         condition: Callable[[Values], str | None] = self._rest.condition
@@ -140,7 +140,7 @@ class Renderer:
             near = [
                 maps_stage(maps, keep=keep, reflects=False, all_lights=True),
                 *ssdo_stages(
-                    technique, opener, tiles, FurtherViews(runtime, views) if views else None
+                    technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None
                 ),
             ]
             light.append(INDIRECT)
@@ -265,8 +265,8 @@ class Renderer:
             made, seen = run.values, run.values[GBUFFER]
             image, bounced = made.get(IMAGE), made.get(INDIRECT)
             picture = image.copy() if image is not None and "image" in needs.outputs else None
-            openness, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
-            ao = None if openness is None else openness.download(window=seen.seen)[0]
+            visibility, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
+            ao = None if visibility is None else visibility.download(region=seen.seen)[0]
             indirect = None if reflected is None else pixels(reflected)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
             levels = None

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.lights import Environment, Light
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
 from ssgi_cl.frame.tile_classifier import Occluder, Opener
@@ -63,8 +63,8 @@ def gbuffer_stage(
 
     def run(r: Values) -> DeviceGBuffer:
         seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
-        if seen.window is not None:
-            rows, columns = seen.window.rows, seen.window.columns
+        if seen.region is not None:
+            rows, columns = seen.region.rows, seen.region.columns
             why = f"nothing is seen outside of {columns} x {rows} pixels"
             runtime.skip("window", why, 0.0)
         seen.derive()
@@ -128,19 +128,20 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
     `costs` are those of the graph.
     """
     def condition(facts: Values) -> str | None:
-        lamps = any(not isinstance(light, Environment) for light in facts[LIGHTS])
-        return None if lamps else "no spot, point or directional light"
+        punctual_lights = any(not isinstance(light, Environment) for light in facts[LIGHTS])
+        return None if punctual_lights else "no spot, point or directional light"
 
     def run(r: Values) -> set[int]:
         if r[TILES] is None:
             return set()
-        lamps = {
+        punctual_lights = {
             index: light for index, light in enumerate(r[LIGHTS])
             if not isinstance(light, Environment) and power(light).any()
         }
-        reach = reaching(list(lamps.values()), r[TILES].boxes, r[CAMERA])
+        reach = reaching(list(punctual_lights.values()), r[TILES].boxes, r[CAMERA])
         idle = {
-            index: light for (index, light), reaches in zip(lamps.items(), reach, strict=True)
+            index: light for (index, light),
+            reaches in zip(punctual_lights.items(), reach, strict=True)
             if not reaches
         }
         for light in idle.values():
@@ -203,7 +204,7 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
 
 
 def ssdo_stages(
-    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: FurtherViews | None
+    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: AuxiliaryViews | None
 ) -> list[Stage]:
     """Return the stage of directional occlusion, and that of the occlusion which it replaces.
 
@@ -244,7 +245,7 @@ def combine_stage(
     """
     def run(r: Values) -> Plane:
         return shade.combine(
-            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, openness=r.get(AO),
+            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
         )
 
@@ -271,10 +272,10 @@ def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
     ]
 
 
-def pixels(plane: Plane, window: Window | None = None) -> NDArray[np.float32]:
+def pixels(plane: Plane, region: Region | None = None) -> NDArray[np.float32]:
     """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
     found = np.empty((*plane.size, plane.count), np.float32)
-    plane.download(np.moveaxis(found, -1, 0), window)
+    plane.download(np.moveaxis(found, -1, 0), region)
     return found
 
 

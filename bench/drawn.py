@@ -83,7 +83,9 @@ class DrawnMaps:
         self, context: Context, size: int, *, flux: bool = True, glossy: bool = False,
         scene: Scene | None = None, punctual_lights: Sequence[PunctualLight] | None = None,
     ) -> None:
-        self._punctual_lights = tuple(context.punctual_lights if punctual_lights is None else punctual_lights)
+        self._punctual_lights = tuple(
+            context.punctual_lights if punctual_lights is None else punctual_lights
+        )
         if not self._punctual_lights:
             raise ValueError(f"{context.view.name} has no light: expected at least one")
         self._scene = scene or context.view.scene

@@ -63,7 +63,8 @@ def test_up_to_half_of_the_cameras_stand_at_lights_that_one_camera_sees_all_of(
     for camera, punctual_light in zip(found[:at_lamps], punctual_lights()[1:], strict=False):
         np.testing.assert_allclose(eye(camera), punctual_light.position, atol=1e-6)
     for camera in found[at_lamps:]:
-        assert min(np.abs(eye(camera) - punctual_light.position).max() for punctual_light in punctual_lights()) > 1e-3
+        positions = [light.position for light in punctual_lights()]
+        assert min(np.abs(eye(camera) - position).max() for position in positions) > 1e-3
 
 
 def test_cameras_stay_where_lights_and_view_have_the_same_values(
@@ -87,6 +88,6 @@ def test_camera_that_sees_no_triangle_is_skipped_and_the_reason_is_told(
     assert len(found) == 1
     assert np.abs(eye(found[0]) - away.position).max() > 1e-3
     reasons = {each.name: each.skipped for each in runtime.times()}
-    assert reasons["further view"] == "the camera sees no triangle"
+    assert reasons["auxiliary view"] == "the camera sees no triangle"
     # The next one is drawn whole, whatever the rasteriser drew before.
     assert len(cameras(views, box, seen, punctual_lights())) == 2

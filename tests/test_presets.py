@@ -397,7 +397,7 @@ def test_technique_without_presets_is_refused() -> None:
         choose("tonemap", SIZE, preset="low")
 
 
-# ---- the device's pace
+# ---- the device's speed model
 
 
 def test_pace_is_measured_once_and_kept_in_the_cache(

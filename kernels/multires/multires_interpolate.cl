@@ -22,7 +22,7 @@
 //          depth_scale, normal_scale: see common/surface.clh
 //          begins, ends: of the bound, errors at which a point begins to be computed, and at which
 //          nothing else counts
-//          unbent: of the largest difference between corners, the error where no second difference
+//          no_second_difference: of the largest difference between corners, the error where no second difference
 //          is known; beyond: of half the slope beyond those that fit, where others don't. Measured
 //          in the hall and the Cornell box: each kind of point then errs as much at an equal
 //          estimate

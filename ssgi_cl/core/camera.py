@@ -332,8 +332,8 @@ def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[
     length = float(np.linalg.norm(right))
     if length < 1e-6:
         raise ValueError(
-            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the line of "
-            f"sight {(-backward).tolist()}"
+            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the view "
+            f"ray {(-backward).tolist()}"
         )
     right /= length
     view = np.eye(4)

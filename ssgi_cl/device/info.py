@@ -77,7 +77,7 @@ class DeviceInfo:
 
     @property
     def failures(self) -> dict[str, str]:
-        """Form as text -> why it does not run, for those that don't."""
+        """Kernel variant as text -> why it does not run, for those that don't."""
         return {variant: why for variant, why in self.speeds.items() if isinstance(why, str)}
 
 

@@ -89,7 +89,7 @@ class Runtime:
 
     Attributes:
         info: the device.
-        form: the build of the kernels that it gets.
+        variant: the kernel variant that it gets: lanes and storage.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
         lock: held by what another thread's work on this device must not come between.
@@ -136,6 +136,12 @@ class Runtime:
         self._working = False
         self._touched = False
 
+    @property
+    def form(self) -> KernelVariant:
+        """The former name of `variant`, for one release."""
+        warnings.warn("Runtime.form is now Runtime.variant", DeprecationWarning, stacklevel=2)
+        return self.variant
+
     @classmethod
     def open(
         cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None,
@@ -170,8 +176,9 @@ class Runtime:
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
         name = name or os.environ.get("SSGI_CL_DEVICE") or None
         info, variant = _chosen(name, lanes, storage)
-        key = (info.driver, info.platform, info.device, variant,
-            os.environ.get(image_limits.VARIABLE))
+        key = (
+            info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE)
+        )
         runtime = _OPENED.get(key)
         if runtime is None:
             _load_driver(info)
@@ -595,8 +602,9 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def _chosen(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo,
-    KernelVariant]:
+def _chosen(
+    name: str | None, lanes: int | None, storage: str | None
+) -> tuple[DeviceInfo, KernelVariant]:
     """Return the device and the form of the kernels that `Runtime.open` is asked for."""
     info = drivers.choose(name)
     variant = info.best

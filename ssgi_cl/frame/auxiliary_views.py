@@ -74,7 +74,7 @@ class AuxiliaryViews:
                 device_scene(scene, self.runtime), extra
             )
             if target.region is not None and target.region.empty:
-                self.runtime.skip("further view", "the camera sees no triangle")
+                self.runtime.skip("auxiliary view", "the camera sees no triangle")
                 target.release_world()
                 continue
             target.derive()
@@ -85,6 +85,8 @@ class AuxiliaryViews:
         self, scene: Scene, camera: Camera, seen: DeviceGBuffer, punctual_lights: Sequence[AtLight]
     ) -> list[Camera]:
         side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
-        at_lamps = [each for punctual_light in punctual_lights for each in light_cameras(punctual_light, scene.bounds, side)]
-        more = self.count - len(at_lamps)
-        return at_lamps + auxiliary_cameras(camera, seen, more, size=self.size)
+        at_lights = [
+            each for light in punctual_lights for each in light_cameras(light, scene.bounds, side)
+        ]
+        more = self.count - len(at_lights)
+        return at_lights + auxiliary_cameras(camera, seen, more, size=self.size)

@@ -29,7 +29,8 @@ SKIPS = {
     "tiles": "ambient occlusion or SSDO and its blur in tiles where A is proven to be 1 and the "
     "bounce 0: empty, so far away that the radius is below a pixel, or flat",
     "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
-    "lights": "lights from which everything seen is turned away or outside the cone, and their maps",
+    "lights": "lights that reach no visible surface: all are turned away or outside the cone; and "
+    "their shadow maps",
     "layers": "depth layers that have no pixel",
 }
 """What may be left out of a frame. Each leaves bit-identical results."""

@@ -1,4 +1,5 @@
-"""The edge-aware blur: against its numpy reference, on planes, and at edges that it must not cross."""
+"""The edge-aware blur: against its numpy reference, on planes, and at edges that it must not
+cross."""
 
 from __future__ import annotations
 

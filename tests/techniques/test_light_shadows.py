@@ -1,4 +1,5 @@
-"""Screen-space shadows: against the numpy reference, where they must fall, and where they must not."""
+"""Screen-space shadows: against the numpy reference, where they must fall, and where they must
+not."""
 
 from __future__ import annotations
 

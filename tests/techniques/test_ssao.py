@@ -1,4 +1,5 @@
-"""SSAO: against formulas, against its numpy reference, and against itself under what must not matter."""
+"""SSAO: against formulas, against its numpy reference, and against itself under what must not
+matter."""
 
 from __future__ import annotations
 

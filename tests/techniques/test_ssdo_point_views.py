@@ -1,4 +1,5 @@
-"""Auxiliary cameras of SSDO from taps: against the numpy reference, and what they must leave alone."""
+"""Auxiliary cameras of SSDO from taps: against the numpy reference, and what they must leave
+alone."""
 
 from __future__ import annotations
 

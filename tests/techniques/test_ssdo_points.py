@@ -1,4 +1,5 @@
-"""SSDO from taps: against its numpy reference, sums over all senders, and under what must not matter."""
+"""SSDO from taps: against its numpy reference, sums over all senders, and under what must not
+matter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Virtual point lights with Phong lobes: their flux, their limits, the reference, bounds, bad input."""
+"""Virtual point lights with Phong lobes: their flux, their limits, the reference, bounds, bad
+input."""
 
 from __future__ import annotations
 

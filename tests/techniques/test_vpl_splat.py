@@ -1,4 +1,5 @@
-"""Splatting of virtual point lights: against its references, closed forms, limits, walls, bad input."""
+"""Splatting of virtual point lights: against its references, closed forms, limits, walls, bad
+input."""
 
 from __future__ import annotations
 

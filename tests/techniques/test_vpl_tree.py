@@ -1,4 +1,5 @@
-"""The tree of virtual point lights: against its reference, sums, limits, order, far and near groups."""
+"""The tree of virtual point lights: against its reference, sums, limits, order, far and near
+groups."""
 
 from __future__ import annotations
 

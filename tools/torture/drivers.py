@@ -30,7 +30,7 @@ depth = np.full((24, 32), 2.0, np.float32)
 depth[:, 16:] = 2.3
 camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), width=32, height=24)
 visibility = gi.ssao(gi.GBuffer(camera=camera, depth=depth), radius=0.5)
-print(Runtime.open().info.label, "|", Runtime.open().form, "|",
+print(Runtime.open().info.label, "|", Runtime.open().variant, "|",
       hashlib.sha256(np.ascontiguousarray(visibility).tobytes()).hexdigest())
 """
 NO_HOME = """
@@ -96,7 +96,7 @@ def pocl_drivers() -> list[Path]:
 
 
 def unknown_processor(seed: int) -> None:
-    """PyPI's PoCL 3.0 runs all forms with bit-identical results where LLVM 14 has no name for the CPU."""
+    """PyPI's PoCL 3.0 runs all variants bit-identically where LLVM 14 has no name for the CPU."""
     found = [path for path in pocl_drivers() if ".libs" in path.parts]
     assert found, "the wheel pocl-binary-distribution is not installed"
     with place(found[0]) as unknown:

@@ -52,7 +52,7 @@ class SpeedModel:
 def measured(
     runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
 ) -> tuple[SpeedModel, bool]:
-    """Return a device's pace, measured now, and whether nothing else kept the device busy.
+    """Return a device's speed model, measured now, and whether nothing else kept the device busy.
 
     Takes less than half a second once the kernels are compiled.
     """
@@ -76,7 +76,7 @@ def measured(
 
 
 def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
-    """Return a device's pace with the parameters that the recorded one is of.
+    """Return a device's speed model with the parameters that the recorded one is of.
 
     It is measured once for a device, and kept in the cache folder; on a busy machine once for the
     runtime.
@@ -85,7 +85,7 @@ def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Spe
         ValueError: the technique has no presets.
     """
     parameters = presets.record(technique.name)["pace"]["parameters"]
-    path = cache_folder() / f"pace-{_fingerprint(runtime, technique, parameters)}.json"
+    path = cache_folder() / f"speed-model-{_fingerprint(runtime, technique, parameters)}.json"
 
     def known() -> SpeedModel:
         try:

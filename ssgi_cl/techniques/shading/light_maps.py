@@ -241,7 +241,9 @@ class LightMaps:
             self._rsm.begin(
                 next(iter(punctual_lights.values())), cameras,
                 reach=float(np.abs(scene.bounds - cameras[0].position).max()),
-                brightest=max(float(power(light).max()) for light in punctual_lights.values()) * widest,
+                brightest=widest * max(
+                    float(power(light).max()) for light in punctual_lights.values()
+                ),
             )
         return self._rsm
 

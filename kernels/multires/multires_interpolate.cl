@@ -22,8 +22,8 @@
 //          depth_scale, normal_scale: see common/surface.clh
 //          begins, ends: of the bound, errors at which a point begins to be computed, and at which
 //          nothing else counts
-//          no_second_difference: of the largest difference between corners, the error where no second difference
-//          is known; beyond: of half the slope beyond those that fit, where others don't. Measured
+//          no_second_difference: of the largest difference between corners, the error where no
+//          second difference is known; beyond: of half the slope beyond those that fit, where others don't. Measured
 //          in the hall and the Cornell box: each kind of point then errs as much at an equal
 //          estimate
 // Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item

@@ -266,8 +266,8 @@ class March:
     ) -> Doubles:
         """Return by how much the cotangent from the view ray exceeds the tangent plane's.
 
-        A pixel's centre lies a little beside the slice: it is turned into it about the line of
-        sight so that what lies in the tangent plane stays in it.
+        A pixel's centre lies a little beside the slice: it is turned into it about the view
+        ray so that what lies in the tangent plane stays in it.
         """
         towards = np.einsum("psk,pk->ps", offset, sight)
         across = np.sqrt(np.maximum(np.sum(offset**2, axis=-1) - towards**2, 0.0))

@@ -19,7 +19,7 @@ from ssgi_cl.frame.whole import cell_size, whole_params
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
 from ssgi_cl.rasterize.visible_extent import visible_extent
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.shading.sky_light import CONTACT
+from ssgi_cl.techniques.indirect.sky_light import CONTACT
 from ssgi_cl.techniques.shading.tonemap import CURVES
 
 __all__ = ["Frame", "Renderer", "render"]

@@ -25,6 +25,7 @@ from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
+from ssgi_cl.techniques.indirect.sky_light import SkyLight
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
@@ -33,7 +34,6 @@ from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.sky_light import SkyLight
 from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 

@@ -15,7 +15,7 @@ from ssgi_cl.frame.stages import final_gather_stage, radiosity_stage, sky_light_
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.shading.sky_light import SkyLight, SkyLightParams
+from ssgi_cl.techniques.indirect.sky_light import SkyLight, SkyLightParams
 
 MOST_BOUNCES = 1000
 

@@ -76,7 +76,8 @@ _OUTDOORS = (DirectionalLight, Environment)
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="In place of all bounces the light "
               "that surfaces reflect once: of punctual lights, by virtual point lights "
-              "(multires, the fastest, and vpl, which all triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
+              "(multires, the fastest, and vpl, which all triangles block) or gathered, or of all "
+              "lights within --ao-radius by ssdo, which "
               "hides ambient light too.")
 @click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
               "it: 'published' for the method as its paper has it; by default the library's own.")

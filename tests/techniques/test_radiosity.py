@@ -253,6 +253,23 @@ def test_a_spot_in_a_closed_box_lights_by_its_flux(runtime: Runtime) -> None:
     assert received == pytest.approx(flux * albedo / (1.0 - albedo), rel=0.04)
 
 
+def test_surfaces_in_a_narrow_gap_take_no_part(runtime: Runtime) -> None:
+    """Rays begin 1.5 cells, here .025, above a surface: behind a plate that lies .016 above it."""
+    closed = box(0.5, 1.0)
+    plate, triangles = tiled(4, -0.984, 1.0)
+    scene = meshed(
+        np.concatenate([closed.positions, plate]),
+        np.concatenate([closed.triangles, triangles + 8]), closed.materials,
+    )
+    surfels = solved(runtime, scene, surfels=2048).surfels
+    beneath = (np.abs(surfels.position[:, [0, 2]]) < 0.45).all(axis=1) & (
+        surfels.position[:, 1] < -0.98
+    )
+    on_top = beneath & (surfels.position[:, 1] > -0.99) & (surfels.normal[:, 1] > 0.0)
+    assert on_top.any()
+    assert (beneath == on_top).all()
+
+
 def test_the_sky_reaches_what_nothing_covers(runtime: Runtime) -> None:
     made = solved(
         runtime, two_squares(0.5, 0.0), (Environment(2.0),), surfels=1024, bounces=1,

@@ -39,7 +39,7 @@ class RadiosityParams(Params):
     """Parameters of radiosity."""
 
     surfels: int = param(
-        4096, "pieces that surfaces are divided into, about", low=16, high=1 << 14
+        2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14
     )
     bounces: int | str = param(
         "all", "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "

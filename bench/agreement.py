@@ -20,7 +20,7 @@ import numpy as np
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.device import drivers
-from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.runtime import Runtime
 
 from .every import TECHNIQUES, Array, inputs, results
@@ -58,7 +58,7 @@ class Run:
 
     title: str
     device: str
-    form: Form
+    variant: KernelVariant
     single: bool = False
 
     def results(self, folder: Path, limit: float) -> Results:
@@ -69,7 +69,7 @@ class Run:
         """
         command = [
             sys.executable, "-m", "ssgi_cl.bench.agreement", "--limit", str(limit),
-            "--worker", str(folder), str(self.form.lanes), self.form.storage,
+            "--worker", str(folder), str(self.variant.lanes), self.variant.storage,
         ]
         environment = {**os.environ, **QUICK, "SSGI_CL_DEVICE": self.device}
         environment |= SINGLE if self.single else {}
@@ -145,7 +145,7 @@ def fits(one: list[Array] | str, other: list[Array] | str, *, same: bool) -> tup
 
     Args:
         one, other: of two runs.
-        same: whether nothing but the same bits will do.
+        same: whether nothing but bit-identical results will do.
     """
     if isinstance(one, str) or isinstance(other, str):
         why = other if isinstance(other, str) else str(one)
@@ -167,12 +167,12 @@ def runs(infos: Sequence[DeviceInfo]) -> list[Run]:
         if made:
             made.append(Run(f"{short}, {info.best}", info.label, info.best))
             continue
-        forms = [form for form in drivers.FORMS
-                 if isinstance(info.speeds.get(str(form)), float) and form != info.best]
+        variants = [variant for variant in drivers.KERNEL_VARIANTS
+                 if isinstance(info.speeds.get(str(variant)), float) and variant != info.best]
         made = [
             Run(f"{short}, {info.best}", info.label, info.best),
             Run("again, one thread", info.label, info.best, single=True),
-            *(Run(str(form), info.label, form) for form in forms),
+            *(Run(str(variant), info.label, variant) for variant in variants),
         ]
     return made
 

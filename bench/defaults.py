@@ -78,7 +78,8 @@ def scan_work(
     for values in tried:
         row = {}
         for name, contexts in sets.contexts.items():
-            found = [way.measure(context, values) for context in contexts if context.lamps]
+            found = [way.measure(context,
+                values) for context in contexts if context.punctual_lights]
             row[name] = Measured(
                 geometric_mean([max(each.error, LEAST_ERROR) for each in found]),
                 statistics.fmean(each.beside for each in found),

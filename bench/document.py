@@ -64,7 +64,7 @@ def stamp(runtime: Runtime) -> dict[str, Any]:
         "modified": modified,
         "device": {
             "label": runtime.info.label, "kind": runtime.info.kind, "units": runtime.info.units,
-            "form": str(runtime.form),
+            "form": str(runtime.variant),
         },
         "machine": {
             "cpu": _cpu(),

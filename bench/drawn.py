@@ -9,7 +9,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene, margin_of
-from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap
+from ssgi_cl.techniques.shading.light_data import PunctualLight, ShadowMap
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.tuning.context import Context
 
@@ -63,37 +63,39 @@ class DrawnView:
 
 
 class DrawnMaps:
-    """The maps of a view's lamps.
+    """The maps of a view's lights.
 
     Args:
-        context: the scene and its lamps.
+        context: the scene and its lights.
         size: texels along the side of a face.
         flux: whether reflected light is drawn beside depth.
         glossy: whether what glossy surfaces mirror is drawn too.
         scene: in place of the view's.
-        lamps: in place of the view's.
+        lights: in place of the view's.
 
     Raises:
-        ValueError: the view has no lamp.
+        ValueError: the view has no light.
     """
 
     counted = "light maps drawn"
 
     def __init__(
         self, context: Context, size: int, *, flux: bool = True, glossy: bool = False,
-        scene: Scene | None = None, lamps: Sequence[Lamp] | None = None,
+        scene: Scene | None = None, punctual_lights: Sequence[PunctualLight] | None = None,
     ) -> None:
-        self._lamps = tuple(context.lamps if lamps is None else lamps)
-        if not self._lamps:
-            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        self._punctual_lights = tuple(
+            context.punctual_lights if punctual_lights is None else punctual_lights
+        )
+        if not self._punctual_lights:
+            raise ValueError(f"{context.view.name} has no light: expected at least one")
         self._scene = scene or context.view.scene
         self._maps = LightMaps(context.runtime, size, flux=flux, glossy=glossy)
 
     def shadows(self) -> list[ShadowMap | None]:
-        """Queue the passes; return a shadow map for each lamp."""
-        return self._maps.draw(self._scene, self._lamps, keep=False)[0]
+        """Queue the passes; return a shadow map for each light."""
+        return self._maps.draw(self._scene, self._punctual_lights, keep=False)[0]
 
     def reflective(self) -> list[DeviceRsm]:
-        """Queue the passes; return the reflective shadow map of all lamps, [] if none reflects."""
-        rsm = self._maps.draw(self._scene, self._lamps, keep=False)[1]
+        """Queue the passes; return the reflective shadow map of all lights, [] if none reflects."""
+        rsm = self._maps.draw(self._scene, self._punctual_lights, keep=False)[1]
         return [] if rsm is None else [rsm]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Scene
@@ -45,7 +45,7 @@ class Inputs:
         scene: the room.
         gbuffer: two layers with all attributes and a margin.
         single: one layer without a margin or normals.
-        view: what a further camera sees.
+        view: what a auxiliary camera sees.
         maps: of a spot light, and of a point light.
         lights: those two, the sun and an environment that is an image.
         image: [rows, columns, 3] of the size of `gbuffer`'s results: noise over 8 orders.
@@ -71,10 +71,11 @@ def inputs(runtime: Runtime, size: Size, texels: int) -> Inputs:
     made = BUILTIN_SCENES["cornell_box"]()
     rows, columns = size
     camera = made.camera(columns, rows)
-    lamp = PointLight(camera.position + np.array([0.0, 0.3, 0.1]), (1.0, 2.0, 3.0))
+    punctual_light = PointLight(camera.position + np.array([0.0, 0.3, 0.1]), (1.0, 2.0, 3.0))
     spot = next(light for light in made.lights if isinstance(light, SpotLight))
-    spot_map, lamp_map = (
-        drawn_map(made.scene, light, size=texels, runtime=runtime) for light in (spot, lamp)
+    spot_map, light_map = (
+        drawn_map(made.scene, light, size=texels, runtime=runtime) for light in (spot,
+        punctual_light)
     )
     rng = np.random.default_rng(5)
     single = drawn(made.scene, camera, runtime=runtime)
@@ -85,9 +86,9 @@ def inputs(runtime: Runtime, size: Size, texels: int) -> Inputs:
         ),
         single=GBuffer(camera=camera, depth=single.depth),
         view=drawn(made.scene, made.camera(-(-columns // 2), -(-rows // 2)), runtime=runtime),
-        maps=(spot_map, lamp_map),
+        maps=(spot_map, light_map),
         lights=(
-            spot, lamp, DirectionalLight((0.3, -1.0, -0.5), (3.0, 2.0, 1.0), angle=0.05),
+            spot, punctual_light, DirectionalLight((0.3, -1.0, -0.5), (3.0, 2.0, 1.0), angle=0.05),
             Environment(rng.random((4, 8, 3))),
         ),
         image=(10.0 ** rng.uniform(-4.0, 4.0, (*size, 3))).astype(np.float32),
@@ -174,13 +175,13 @@ def directional(method: str) -> Any:
 
 def gathered(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield irradiance with each pattern and each kind of map."""
-    spot, lamp = given.maps
+    spot, punctual_light = given.maps
     yield rsm_gather(given.gbuffer, spot, 200, runtime=runtime)
     yield rsm_gather(given.gbuffer, spot, pattern="all", resolution="adaptive", runtime=runtime)
     for own in given.maps:
         yield rsm_gather(given.gbuffer, own, 50, pattern="rotated", runtime=runtime)
     yield rsm_gather(
-        given.single, lamp, 50, pattern="fixed", resolution="adaptive", runtime=runtime
+        given.single, punctual_light, 50, pattern="fixed", resolution="adaptive", runtime=runtime
     )
     yield rsm_gather(given.single, given.maps, 50, method="published", runtime=runtime)
 
@@ -243,7 +244,8 @@ def main(lanes: int, storage: str) -> None:
 
     For tools that watch a program, such as `oclgrind python -m ssgi_cl.bench.every 1 buffer`.
     """
-    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1), Form(lanes, storage))
+    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1),
+        KernelVariant(lanes, storage))
     given = inputs(runtime, (6, 8), 4)
     for name in TECHNIQUES:
         print(name, flush=True)

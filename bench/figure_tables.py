@@ -40,9 +40,9 @@ TECHNIQUES: Sequence[tuple[str, str, tuple[tuple[str, str], ...]]] = (
      (("400 samples", "rsm-gather.400"), ('`resolution="adaptive"`', "rsm-gather-adaptive.400"))),
     ("vpl_splat", "one-bounce indirect light from virtual point lights, diffuse and glossy",
      (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
-      ("with visibility", "vpl-walls.1024"))),
+      ("with visibility", "vpl-visibility.1024"))),
     ("multires_splat", "the same light at few pixels and from few lights, to a given error",
-     (("1 %", "multires.10-permille"), ("with visibility", "multires-walls.4096"))),
+     (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096"))),
     ("ssdo", "directional occlusion and one-bounce indirect light from visible surfaces",
      (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8"))),
     ("bilateral_blur", "edge-aware blur", (("15 x 15, separable", "blur.7"),)),
@@ -66,8 +66,8 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "shade": ("direct",),
     "ssdo": ("ssdo-bitmask-half", "ssdo-points"),
     "rsm_gather": ("rsm-gather", "rsm-gather-adaptive"),
-    "vpl_splat": ("vpl", "vpl-plain", "vpl-interleaved", "vpl-walls"),
-    "multires_splat": ("multires", "multires-walls"),
+    "vpl_splat": ("vpl", "vpl-plain", "vpl-interleaved", "vpl-visibility"),
+    "multires_splat": ("multires", "multires-visibility"),
 }
 """Technique -> families of cases that its page shows."""
 
@@ -78,12 +78,12 @@ SPEED_UPS: Sequence[tuple[str, str, tuple[str, ...]]] = (
      ("vpl.1024", "multires.10-permille", "rsm-gather.400", "rsm-gather-adaptive.400")),
     ("rsm-gather-adaptive.400", "rsm-gather.400",
      ("vpl.1024", "vpl-interleaved.1024", "multires.10-permille")),
-    ("multires-walls.4096", "vpl-walls.4096",
-     ("vpl-walls.1024", "vpl.1024", "multires.10-permille")),
+    ("multires-visibility.4096", "vpl-visibility.4096",
+     ("vpl-visibility.1024", "vpl.1024", "multires.10-permille")),
 )
 """Case, the plain way to the same light, and its alternatives in this library."""
 
-VISIBILITY = ("vpl-walls.4096", "multires-walls.4096")
+VISIBILITY = ("vpl-visibility.4096", "multires-visibility.4096")
 """Cases whose bias is shown for every scene."""
 
 AS_GOOD = 1.05
@@ -188,7 +188,8 @@ def indirect_blocks(results: Sequence[Result]) -> dict[str, str]:
     return {
         "indirect-paths": by_scene(
             [r for r in results if r["scene"] in traced],
-            ("vpl-walls", "multires-walls", "mitsuba-path", "mitsuba-path-oidn"), "bounce",
+            ("vpl-visibility", "multires-visibility", "mitsuba-path", "mitsuba-path-oidn"),
+            "bounce",
         ),
         "indirect-visibility": biases(results, VISIBILITY),
         "indirect-cut": by_scene(
@@ -219,10 +220,10 @@ def biases(results: Sequence[Result], cases: Sequence[str]) -> str:
         for case in cases:
             row = found.get((case, scene))
             mean = None if row is None else metric(row, "world", "mean")
-            for name, form in (("bias", "+.3g"), ("rmse", ".3g")):
+            for name, variant in (("bias", "+.3g"), ("rmse", ".3g")):
                 value = None if row is None else metric(row, "world", name)
                 cells.append(
-                    NOTHING if value is None or not mean else f"{100.0 * value / mean:{form}} %"
+                    NOTHING if value is None or not mean else f"{100.0 * value / mean:{variant}} %"
                 )
         lines.append(f"| {scene} | {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -44,8 +44,8 @@ OCCLUSION = (
 )
 LIGHT = (
     "rsm-gather.400", "rsm-gather-adaptive.400", "vpl.1024", "vpl-plain.1024",
-    "vpl-interleaved.1024", "vpl-walls.1024", "vpl-walls.4096", "multires.10-permille",
-    "multires-walls.4096", "ssdo-bitmask-half.2", "ssdo-points.8", "mitsuba-path.1",
+    "vpl-interleaved.1024", "vpl-visibility.1024", "vpl-visibility.4096", "multires.10-permille",
+    "multires-visibility.4096", "ssdo-bitmask-half.2", "ssdo-points.8", "mitsuba-path.1",
     "mitsuba-path.4", "mitsuba-path.16", "mitsuba-path-oidn.1", "mitsuba-path-oidn.4",
     "mitsuba-path-oidn.16",
 )
@@ -53,7 +53,7 @@ PASSES = (
     "gbuffer", "rsm.512", "bent-normals.none", "bent-normals.2x9", "blur.7", "upsample.2",
     "direct.1024", "frame.16",
 )
-WALLS = ("vpl-walls", "multires-walls", "mitsuba-path", "mitsuba-path-oidn")
+WALLS = ("vpl-visibility", "multires-visibility", "mitsuba-path", "mitsuba-path-oidn")
 CUTS = ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain.1-percent")
 LOBES = ("vpl-lobes", "vpl-lobes-cut", "vpl-lobes-plain")
 FAR = ("ssdo-far*.8", "ssdo-far.2", "ssdo-far-all.2")

@@ -157,7 +157,7 @@ def record_presets(
     entry = entry_of(technique)
     recorded = [_recorded(entry, sets, layers, progress) for layers in entry.layers]
     medium = recorded[0]["presets"]["medium"]["parameters"]
-    pace, _ = measured(sets.runtime, entry.technique, medium)
+    speed, _ = measured(sets.runtime, entry.technique, medium)
     return {
         "format": "ssgi-presets 3",
         "recorded by": f"python -m ssgi_cl.bench.presets {technique}",
@@ -165,7 +165,7 @@ def record_presets(
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
         "device": sets.runtime.info.label,
-        "form": str(sets.runtime.form),
+        "form": str(sets.runtime.variant),
         "size": list(sets.size),
         "overscan": OVERSCAN,
         "metric": "rmse",
@@ -173,7 +173,7 @@ def record_presets(
                   "weighting": "cosine"},
         "scenes": {name: described(sets.views[name]) for name in SETS},
         "pace": {
-            "parameters": medium, **{key: _rounded(value) for key, value in asdict(pace).items()},
+            "parameters": medium, **{key: _rounded(value) for key, value in asdict(speed).items()},
         },
         "layers": recorded,
     }

@@ -24,7 +24,7 @@ from .scan import Measured, Scan, parted, replaced
 LIGHTS = 1024
 """By default, as the techniques have it."""
 SPLAT_CONSTANTS = ("coarser",)
-GRID_CONSTANTS = ("begins", "ends", "unbent", "beyond", "coarse_bound", "bound_power")
+GRID_CONSTANTS = ("begins", "ends", "no_second_difference", "beyond", "coarse_bound", "bound_power")
 """Constants that no parameter sets, of the modules vpl_splat and multires_grid."""
 
 

@@ -12,7 +12,7 @@ from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.shading.light_data import Lamp
+from ssgi_cl.techniques.shading.light_data import PunctualLight
 from ssgi_cl.truth.raycast import RayCaster
 from ssgi_cl.tuning.context import Context
 
@@ -59,7 +59,7 @@ def _truth(context: Context) -> list[Lit]:
     normal = normal.reshape(-1, 3)[spots.pixel]
     start = spots.start.astype(np.float64) / caster.scale + scene.origin
     found: list[Lit] = []
-    for light in context.lamps:
+    for light in context.punctual_lights:
         lit = np.any(reference.direct_reference(light, position, normal) > 0.0, axis=-1)
         if not lit.any():
             continue
@@ -75,7 +75,7 @@ def _truth(context: Context) -> list[Lit]:
     return found
 
 
-def _towards(light: Lamp, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
+def _towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
     """Return directions [n, 3] to a light, and how far to go [n]."""
     if isinstance(light, DirectionalLight):
         far = 2.0 * float(np.linalg.norm(bounds[1] - bounds[0]))

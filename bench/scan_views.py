@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
@@ -50,10 +50,10 @@ def _bounce(context: Context, params: SsdoParams, cameras: int) -> NDArray[np.fl
     """Return irradiance [rows, columns, 3] by light that surfaces reflect, W/m^2."""
     runtime = context.runtime
     gbuffer = context.gbuffer
-    gbuffer.emits = False  # the truth is of lamps alone
+    gbuffer.emits = False  # the truth is of lights alone
     technique = Ssdo(runtime, context.size, params, gbuffer.margin, 1, 1)
     maps = context.shared("shadow maps", lambda: DrawnMaps(context, MAP_SIZE, flux=False))
-    further = FurtherViews(runtime, cameras)
+    further = AuxiliaryViews(runtime, cameras)
 
     def dark(views: Any) -> Any:
         for view in views:
@@ -62,9 +62,9 @@ def _bounce(context: Context, params: SsdoParams, cameras: int) -> NDArray[np.fl
 
     with runtime.frame():
         shadows = maps.shadows()
-        views = further.drawn(context.view.scene, context.camera, gbuffer, context.lamps)
+        views = further.drawn(context.view.scene, context.camera, gbuffer, context.punctual_lights)
         bounce = technique.run(
-            gbuffer, context.lamps, shadows=shadows, views=dark(views) if cameras else ()
+            gbuffer, context.punctual_lights, shadows=shadows, views=dark(views) if cameras else ()
         ).bounce
         if bounce is None:
             return np.zeros((*context.size, 3), np.float32)

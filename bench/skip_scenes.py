@@ -67,17 +67,18 @@ def foliage() -> BuiltinScene:
 
 
 def many_lamps() -> BuiltinScene:
-    """Make crates on a floor under a lamp, with more behind the camera that light other things."""
+    """Make crates on a floor under a light, with more behind the camera that light other things."""
     crates = [
         box((x - 0.4, 0.0, z - 0.4), (x + 0.4, 0.8, z + 0.4)) for x in (-2, 0, 2) for z in (-2, 0)
     ]
-    lamps: list[Light] = [SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.8, 60.0)]
-    lamps += [
+    punctual_lights: list[Light] = [SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.8, 60.0)]
+    punctual_lights += [
         SpotLight((2.0 * (i - LAMPS // 2 + 1), 4.0, 14.0), (0.0, -0.5, 1.0), 0.5, 60.0)
         for i in range(LAMPS - 1)
     ]
     return _view(
-        "many lamps", [_ground(), *crates], (*lamps, GLOW), (0.0, 3.0, 7.0), (0.0, 0.3, 0.0), 0.3
+        "many lights", [_ground(), *crates], (*punctual_lights, GLOW), (0.0, 3.0, 7.0),
+        (0.0, 0.3, 0.0), 0.3
     )
 
 

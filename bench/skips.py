@@ -73,7 +73,7 @@ def record(
         report(view.name)
         rows.append(asdict(measured(runtime, view, rounds, size)))
     return {
-        "device": f"{runtime.info.label}, {runtime.form}", "size": size, "rounds": rounds,
+        "device": f"{runtime.info.label}, {runtime.variant}", "size": size, "rounds": rounds,
         "rows": rows,
     }
 

@@ -164,7 +164,7 @@ def measured(runtime: Runtime) -> dict[str, Any]:
          "errors": dict(technique_errors(runtime, terms_of(side * side)))}
         for name, terms_of in TERMS.items() for side in SIDES
     ]
-    return {"device": f"{runtime.info.label}, {runtime.form}", "sums": sums, "techniques": found}
+    return {"device": f"{runtime.info.label}, {runtime.variant}", "sums": sums, "techniques": found}
 
 
 def page(found: Mapping[str, Any]) -> str:

@@ -25,8 +25,8 @@ Vector = NDArray[np.float64]
 SUN_IRRADIANCE = (9.0, 8.4, 7.5)
 """W/m^2; of the order of the sky's pi W/m^2, so that shadows are neither black nor faint."""
 
-LAMP_IRRADIANCE = (8.0, 7.5, 6.8)
-"""W/m^2 that the lamp of a room sends to what is as far from it as half of what it sees."""
+LIGHT_IRRADIANCE = (8.0, 7.5, 6.8)
+"""W/m^2 that the light of a room sends to what is as far from it as half of what it sees."""
 
 ZENITH, HORIZON, GROUND = (0.75, 0.95, 1.25), (1.0, 1.05, 1.1), (0.45, 0.42, 0.38)
 """Radiance of the sky and of the ground below it, W m^-2 sr^-1."""
@@ -318,7 +318,7 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
 
 
 def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Light, ...]:
-    """Return lights that suit a view: sun and sky, or a lamp and less sky in a closed room.
+    """Return lights that suit a view: sun and sky, or a light and less sky in a closed room.
 
     Args:
         scene: y is up.
@@ -332,12 +332,12 @@ def default_lights(scene: Scene, camera: Camera, runtime: Runtime) -> tuple[Ligh
         gap = _gap(look, extent) if look.is_enclosed else None
         if gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5:
             place = look.eye + 0.3 * extent.size * _HORIZONTAL[gap]
-            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+            return (_punctual_light(_look(scene, extent, place, runtime)), _sky(0.6))
     else:
         look = _look(scene, extent, eye, runtime)
         if look.is_enclosed and float(np.isfinite(look.distance[_UP]).mean()) > 0.95:
             place = _into_the_room(look, forward)
-            return (_lamp(_look(scene, extent, place, runtime)), _sky(0.6))
+            return (_punctual_light(_look(scene, extent, place, runtime)), _sky(0.6))
     level = np.array([forward[0], 0.0, forward[2]])
     length = float(np.linalg.norm(level))
     level = level / length if length > 1e-6 else np.array([0.0, 0.0, -1.0])
@@ -356,14 +356,14 @@ def _into_the_room(look: _Look, forward: Vector) -> Vector:
     return np.asarray(look.eye + way * 0.5 * look.clearance(way, math.radians(10.0)))
 
 
-def _lamp(look: _Look) -> PointLight:
-    """Return a lamp above the eye of `look`, as bright as the room needs."""
+def _punctual_light(look: _Look) -> PointLight:
+    """Return a light above the eye of `look`, as bright as the room needs."""
     up = np.array([0.0, 1.0, 0.0])
     rise = 0.45 * look.clearance(up, math.radians(15.0))
     seen = look.distance[np.isfinite(look.distance)]
     reach = float(np.median(seen)) if seen.size else 1.0
     rise = min(rise, reach) if math.isfinite(rise) else 0.0
-    return PointLight(look.eye + up * rise, np.asarray(LAMP_IRRADIANCE) * reach**2)
+    return PointLight(look.eye + up * rise, np.asarray(LIGHT_IRRADIANCE) * reach**2)
 
 
 def _sky(strength: float) -> Environment:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -40,7 +40,8 @@ VIEW = Struct(
         *(
             (name, "int")
             for name in (
-                "tiles_x", "tiles_y", "room", "pair_room", "vertex_stride", "triangle_stride",
+                "tiles_x", "tiles_y", "capacity", "pair_capacity", "vertex_stride",
+                "triangle_stride",
                 "layer", "margin_x", "margin_y",
             )
         ),
@@ -94,12 +95,12 @@ class Rasterizer:
         margin: Size = (0, 0),
         shaded: bool = True,
         attributes: int = 1,
-        windows: bool = False,
+        regions: bool = False,
         keeps_world: bool = True,
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
-        self.windows = windows
+        self.regions = regions
         if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
             raise ValueError(
                 f"size is {size} and margin {margin} (rows, columns): expected at most "
@@ -118,20 +119,20 @@ class Rasterizer:
         self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
         self._pixels = count * TILE * TILE
         self._seen: DeviceArray | None = None
-        self._room = 1 << 15
-        self._pair_room = 1 << 16
+        self._capacity = 1 << 15
+        self._pair_capacity = 1 << 16
         buffers = 4 * self._pixels * (1 + min(layers, 2))
         passing = shaded and not keeps_world
         runtime.transient.reserve(
-            buffers + 4 * (self._room * (RECORD + 2) + self._pair_room) + LEAST_VERTICES
+            buffers + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity) + LEAST_VERTICES
             + (plane_bytes(3 * attributes, self.target.whole) if passing else 0)
         )
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
-        self._rectangle = (1, min(runtime.form.lanes, 8)) if parallel else (TILE, TILE)
+        self._rectangle = (1, min(runtime.variant.lanes, 8)) if parallel else (TILE, TILE)
         self._group = (8, 8) if parallel else (1, 1)
         # Likewise all triangles of a box, of which few are left to make records of.
-        self._run = runtime.form.lanes if parallel else BOXED
+        self._run = runtime.variant.lanes if parallel else BOXED
         kernel = runtime.kernel
         self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
         self._setup = kernel(
@@ -158,12 +159,12 @@ class Rasterizer:
             lists = self._lists(scene)
             self._sort(scene, camera, lists)
             records, pairs = self._counters.download().tolist()
-            if records <= self._room and pairs <= self._pair_room:
+            if records <= self._capacity and pairs <= self._pair_capacity:
                 break
             # The pairs of records that found no room were not counted: leave room for theirs.
-            share = max(1.0, records / self._room)
-            self._room = max(self._room, records + records // 4)
-            self._pair_room = max(self._pair_room, int(pairs * share) + pairs // 4)
+            share = max(1.0, records / self._capacity)
+            self._capacity = max(self._capacity, records + records // 4)
+            self._pair_capacity = max(self._pair_capacity, int(pairs * share) + pairs // 4)
             del lists
         seen = self._draw(scene, camera, lists)
         if not self.shaded:
@@ -215,9 +216,9 @@ class Rasterizer:
         return _Lists(
             view=array(3 * scene.vertex_stride, np.float32),
             screen=array(4 * scene.vertex_stride, np.int32),
-            records=array(self._room * RECORD, np.int32),
-            places=array(self._room * 2, np.int32),
-            list=array(self._pair_room, np.int32),
+            records=array(self._capacity * RECORD, np.int32),
+            places=array(self._capacity * 2, np.int32),
+            list=array(self._pair_capacity, np.int32),
         )
 
     def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
@@ -249,40 +250,40 @@ class Rasterizer:
             counters=self._counters, view=view,
         )
 
-    def _windows(self) -> list[Window | None]:
+    def _regions(self) -> list[Region | None]:
         """Return where each layer may have pixels: in tiles with more triangles than its number."""
         layers = range(self.target.layers)
-        if not self.windows:
+        if not self.regions:
             return [None for _ in layers]
         counts = np.diff(self._starts.download()).reshape(self._tiles)
-        return [self._window(counts > layer) for layer in layers]
+        return [self._region(counts > layer) for layer in layers]
 
-    def _window(self, busy: NDArray[np.bool_]) -> Window | None:
+    def _region(self, busy: NDArray[np.bool_]) -> Region | None:
         """Return the window of these tiles, None if there is hardly anything beyond it."""
         rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
         if rows.size == 0:
-            return Window(0, 0, 0, 0)
+            return Region(0, 0, 0, 0)
         first = int(rows[0]) * TILE, int(columns[0]) * TILE
-        window = self._widened(
-            Window.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE))
+        region = self._widened(
+            Region.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE))
         )
         whole = self.target.whole
-        return window if window.rows * window.columns <= WORTH * whole[0] * whole[1] else None
+        return region if region.rows * region.columns <= WORTH * whole[0] * whole[1] else None
 
-    def _widened(self, window: Window) -> Window:
+    def _widened(self, region: Region) -> Region:
         """Return a window with columns for whole work-groups, within the image."""
-        group = max(WIDE, CPU_WIDTH * self.runtime.form.lanes)
-        wide = -(-window.columns // group) * group
-        end = window.end[0], window.column + wide
-        return Window.between(window.first, end).inside(self.target.whole)
+        group = max(WIDE, CPU_WIDTH * self.runtime.variant.lanes)
+        wide = -(-region.columns // group) * group
+        end = region.end[0], region.column + wide
+        return Region.between(region.first, end).inside(self.target.whole)
 
     def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> DeviceArray:
         """Queue the passes that draw pixels; return which triangle each shows in the last layer."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
         packed_camera = CAMERA.pack(camera_values(camera))
-        windows = self._windows()
-        target.window = windows[0]
+        regions = self._regions()
+        target.region = regions[0]
         late = target.layers == 1 and not target.keeps_world
         if self.shaded and not late:
             target.take_world()
@@ -291,7 +292,7 @@ class Rasterizer:
         depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
         seen = array(self._pixels, np.int32)
         high, wide = self._rectangle
-        for layer, window in enumerate(windows):
+        for layer, region in enumerate(regions):
             tiles = self.runtime.kernel(
                 "raster/raster_tiles.cl",
                 {
@@ -309,12 +310,12 @@ class Rasterizer:
             now, before = depths[layer % 2], depths[layer % 2 - 1]
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
-            with target.traces[layer].over(window, scene.emits) as over:
+            with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else self._widened(over)
                 tiles.run(
                     f"raster tiles{suffix}", whole,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
-                    local=self._group, window=over, cell=self._rectangle,
+                    local=self._group, region=over, cell=self._rectangle,
                     records=lists.records, starts=self._starts, list=lists.list, previous=before,
                     corners=scene.corners, positions_view=lists.view, uvs=scene.uvs,
                     cutouts=scene.cutouts, depths=now, triangles=seen, camera=packed_camera,
@@ -327,12 +328,12 @@ class Rasterizer:
                         target.take_world()
                 if not self.shaded:
                     self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-                        "raster depth", whole, window=over,
+                        "raster depth", whole, region=over,
                         depths=now, depth=target.depth, camera=packed_camera, view=view,
                     )
                     continue
                 self._attributes(scene, shaded, 1, emission=scene.emits).run(
-                    f"raster attributes{suffix}", whole, window=over, camera=packed_camera,
+                    f"raster attributes{suffix}", whole, region=over, camera=packed_camera,
                     view=view, **self._attribute_arguments(scene, target, seen),
                 )
         return seen
@@ -392,8 +393,8 @@ class Rasterizer:
             "peel": 1.0 + PEEL if orthographic else 1.0 - PEEL,
             "tiles_x": self._tiles[1],
             "tiles_y": self._tiles[0],
-            "room": self._room,
-            "pair_room": self._pair_room,
+            "capacity": self._capacity,
+            "pair_capacity": self._pair_capacity,
             "vertex_stride": scene.vertex_stride,
             "triangle_stride": scene.triangle_stride,
             "layer": 0,

@@ -41,7 +41,7 @@ from .core.lights import (
     SpotLight as SpotLight,
 )
 from .core.vpls import Vpls as Vpls
-from .device.drivers import Form as Form
+from .device.drivers import KernelVariant as KernelVariant
 from .device.gbuffer import DeviceGBuffer as DeviceGBuffer
 from .device.rsm import DeviceRsm as DeviceRsm
 from .device.runtime import PassTime as PassTime

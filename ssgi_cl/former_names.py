@@ -11,7 +11,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-ATTRIBUTES = {"extra_cameras": "auxiliary_cameras"}
+ATTRIBUTES = {"extra_cameras": "auxiliary_cameras", "Form": "KernelVariant"}
 """Former names of the package -> the present ones."""
 
 _MOVED = {

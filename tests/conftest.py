@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device.drivers import FORMS, Form
+from ssgi_cl.device.drivers import KERNEL_VARIANTS, KernelVariant
 from ssgi_cl.device.runtime import Runtime
 
 
@@ -34,29 +34,29 @@ def runtime() -> Runtime:
     return Runtime.open()
 
 
-def _opened(form: Form) -> Runtime:
+def _opened(variant: KernelVariant) -> Runtime:
     try:
-        return Runtime.open(lanes=form.lanes, storage=form.storage)
+        return Runtime.open(lanes=variant.lanes, storage=variant.storage)
     except DeviceError as error:
         pytest.skip(str(error))
 
 
-def _named(form: Form) -> str:
-    return f"{form.lanes}-{form.storage}"
+def _named(variant: KernelVariant) -> str:
+    return f"{variant.lanes}-{variant.storage}"
 
 
-@pytest.fixture(scope="session", params=FORMS, ids=_named)
-def every_form(request: pytest.FixtureRequest) -> Runtime:
+@pytest.fixture(scope="session", params=KERNEL_VARIANTS, ids=_named)
+def every_variant(request: pytest.FixtureRequest) -> Runtime:
     """The device under test with each build of the kernels that it takes."""
     return _opened(request.param)
 
 
 @pytest.fixture(
     scope="session",
-    params=[None, *(pytest.param(form, marks=pytest.mark.slow) for form in FORMS)],
-    ids=lambda form: "default" if form is None else _named(form),
+    params=[None, *(pytest.param(variant, marks=pytest.mark.slow) for variant in KERNEL_VARIANTS)],
+    ids=lambda variant: "default" if variant is None else _named(variant),
 )
-def form_runtime(request: pytest.FixtureRequest) -> Runtime:
+def variant_runtime(request: pytest.FixtureRequest) -> Runtime:
     """The device under test with its default kernel variant; the slow tests take the others too.
 
     What differs between variants lies in `lanes.clh` and `gbuffer.clh`. Their tests, and those that
@@ -65,22 +65,22 @@ def form_runtime(request: pytest.FixtureRequest) -> Runtime:
     default = Runtime.open()
     if request.param is None:
         return default
-    if request.param == default.form:
+    if request.param == default.variant:
         pytest.skip("this is the default variant")
     return _opened(request.param)
 
 
 @pytest.fixture(
     scope="session",
-    params=[pytest.param(form, marks=pytest.mark.slow) for form in FORMS],
+    params=[pytest.param(variant, marks=pytest.mark.slow) for variant in KERNEL_VARIANTS],
     ids=_named,
 )
-def other_form(request: pytest.FixtureRequest) -> Runtime:
+def other_variant(request: pytest.FixtureRequest) -> Runtime:
     """The device under test with each kernel variant but its default, to be held to the default.
 
     In the fast tests `stress/test_same_bits.py` holds one of them to it for all techniques.
     """
-    if request.param == Runtime.open().form:
+    if request.param == Runtime.open().variant:
         pytest.skip("this is the default variant")
     return _opened(request.param)
 

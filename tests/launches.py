@@ -37,7 +37,7 @@ class Build:
 @cache
 def builds(runtime: Runtime) -> tuple[Build, ...]:
     """Run every technique once and return all kernels that this built."""
-    own = Runtime(runtime.info, runtime.form)
+    own = Runtime(runtime.info, runtime.variant)
     every.results(every.inputs(own, (20, 32), 16), own)
     made = BUILTIN_SCENES["cornell_box"]()
     # Tile classification, and lights with lobes in the occupancy grid.

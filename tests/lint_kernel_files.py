@@ -11,7 +11,7 @@ import pytest
 
 from ssgi_cl.device import sources
 from ssgi_cl.device.constants import definitions
-from ssgi_cl.device.drivers import FORMS
+from ssgi_cl.device.drivers import KERNEL_VARIANTS
 from ssgi_cl.device.runtime import Runtime
 
 from .launches import builds
@@ -44,10 +44,10 @@ def test_clang_has_no_warning_about_a_kernel(
             generated = definitions(sources.flatten(path))
             generated += [struct.text for struct in build.structs]
             prelude.write_text("\n".join(generated) + "\n")
-            for form in FORMS:
-                images = int(form.storage == "image")
+            for variant in KERNEL_VARIANTS:
+                images = int(variant.storage == "image")
                 options = {
-                    "SSGI_LANES": form.lanes, "SSGI_IMAGES": images,
+                    "SSGI_LANES": variant.lanes, "SSGI_IMAGES": images,
                     "SSGI_IMAGE_ROWS": 2048, **build.macros,
                 }
                 done = subprocess.run(
@@ -59,7 +59,7 @@ def test_clang_has_no_warning_about_a_kernel(
                     ],
                     capture_output=True, text=True, check=False,
                 )
-                assert done.returncode == 0, f"{form}, {build.macros}:\n{done.stderr}"
+                assert done.returncode == 0, f"{variant}, {build.macros}:\n{done.stderr}"
 
 
 def test_a_kernel_refuses_to_build_without_its_macros_and_explains_them(runtime: Runtime) -> None:

@@ -241,7 +241,7 @@ def test_bad_cameras_are_refused(changes: dict[str, Any], message: str) -> None:
     ("changes", "message"),
     [
         ({"eye": TARGET}, "eye and target are both"),
-        ({"up": np.subtract(EYE, TARGET)}, "not parallel to the line of sight"),
+        ({"up": np.subtract(EYE, TARGET)}, "not parallel to the view ray"),
         ({"up": (0, 0, 0)}, "non-zero length"),
         ({"yfov": 0.0}, "yfov is 0.0"),
         ({"yfov": 3.2}, r"yfov is 3.2: .* \(radians\)"),

@@ -308,7 +308,7 @@ def test_apply_gives_what_the_library_gives(
     np.testing.assert_array_equal(applied(depth_file, *options.split(), *settings), expected)
 
 
-def test_apply_writes_bent_normals_beside_openness(depth_file: Path, runtime: Runtime) -> None:
+def test_apply_writes_bent_normals_beside_visibility(depth_file: Path, runtime: Runtime) -> None:
     output = depth_file.with_name("bent.exr")
     succeeds("apply", "gtao", depth_file, "-o", output, "--set", "bent_normals=true")
     gbuffer = GBuffer(camera=CAMERAS[""], depth=exr.read(depth_file)["Z"])
@@ -341,7 +341,7 @@ def test_normals_in_the_file_are_used_unless_told_otherwise(
     np.testing.assert_array_equal(applied(both, "--no-normals"), plain)
 
 
-WINDOWS = {
+REGIONS = {
     "overscan": ((-8, -4, 71, 51), (0, 0, 63, 47)),
     "moved overscan": ((92, 46, 171, 101), (100, 50, 163, 97)),
     "moved": ((100, 50, 163, 97), (100, 50, 163, 97)),
@@ -352,11 +352,11 @@ WINDOWS = {
 
 
 @pytest.mark.parametrize("options", ["--fov 40", "--ortho 3", "--intrinsics 70 72 30 25"])
-@pytest.mark.parametrize("name", WINDOWS)
+@pytest.mark.parametrize("name", REGIONS)
 def test_the_camera_is_that_of_the_display_window(
     tmp_path: Path, rng: np.random.Generator, name: str, options: str, runtime: Runtime
 ) -> None:
-    (left, top, right, bottom), display = WINDOWS[name]
+    (left, top, right, bottom), display = REGIONS[name]
     depth = np.kron(rng.uniform(2.0, 2.4, (14, 20)), np.ones((4, 4))).astype(np.float32)
     depth = np.ascontiguousarray(depth[: bottom - top + 1, : right - left + 1])
     source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
@@ -385,9 +385,9 @@ def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(
     rows, columns = gbuffer.margin
     assert columns % 64 == 0  # so that the same pixels share the length of their slices
     source, output = tmp_path / "in.exr", tmp_path / "ao.exr"
-    window = (-columns, -rows, 319 + columns, 239 + rows)
+    region = (-columns, -rows, 319 + columns, 239 + rows)
     depth = np.asarray(gbuffer.depth)
-    exr.write(source, {"depth": depth}, data=window, display=(0, 0, 319, 239))
+    exr.write(source, {"depth": depth}, data=region, display=(0, 0, 319, 239))
     succeeds("apply", "gtao", source, "--fov", np.degrees(0.7), "-o", output)
     expected = gtao(GBuffer(camera=camera, depth=depth), runtime=runtime)
     error = exr.read(output)["ao"][rows:-rows, columns:-columns] - expected
@@ -474,7 +474,7 @@ def test_devices_as_json_gives_the_speed_of_each_form(runtime: Runtime) -> None:
 @pytest.mark.parametrize("columns", [60, 80])
 def test_devices_fit_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
     reason = "kernels/probe/probe_gather.cl does not compile on it: " + "why not " * 20
-    broken = invented(label="Broken", speeds={form: reason for form in invented().speeds})
+    broken = invented(label="Broken", speeds={variant: reason for variant in invented().speeds})
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setattr(drivers, "devices", lambda: (invented(), broken))
     lines = succeeds("devices").stdout.splitlines()

@@ -11,7 +11,7 @@ import pytest
 
 from ssgi_cl.device import records
 from ssgi_cl.device.info import DeviceInfo, Found
-from ssgi_cl.device.records import load, machine_facts, record_file, save
+from ssgi_cl.device.records import load, machine_description, record_file, save
 
 RUNS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": 1.0})
 FAILS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": "it dies"})
@@ -82,7 +82,7 @@ def test_machines_that_share_a_home_have_records_of_their_own(
     driver: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save(driver, Found([RUNS]))
-    monkeypatch.setattr(records, "machine_facts", lambda: ["another processor"])
+    monkeypatch.setattr(records, "machine_description", lambda: ["another processor"])
     assert load(driver) is None
 
 
@@ -105,15 +105,15 @@ def machine(root: Path, **cards: str) -> Path:
 
 
 def test_facts_of_a_machine_are_its_processor_and_its_cards(tmp_path: Path) -> None:
-    one = machine_facts(machine(tmp_path / "1", a="0x1111", b="0x2222", c="network"))
+    one = machine_description(machine(tmp_path / "1", a="0x1111", b="0x2222", c="network"))
     assert any("model name" in fact for fact in one)
     assert "a 0x10de 0x1111" in one
     assert not any("network" in fact for fact in one)
-    swapped = machine_facts(machine(tmp_path / "2", a="0x2222", b="0x1111"))
+    swapped = machine_description(machine(tmp_path / "2", a="0x2222", b="0x1111"))
     assert swapped != one
-    again = machine_facts(machine(tmp_path / "3", a="0x1111", b="0x2222", d="network"))
+    again = machine_description(machine(tmp_path / "3", a="0x1111", b="0x2222", d="network"))
     assert again == one
-    assert machine_facts(tmp_path / "none")  # as where there is no /proc
+    assert machine_description(tmp_path / "none")  # as where there is no /proc
 
 
 def test_a_record_is_confirmed_by_its_first_uses(driver: Path) -> None:

@@ -50,8 +50,8 @@ def contents(device: DeviceRsm) -> dict[str, NDArray[np.float32]]:
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
-def test_drawn_without_read_back_is_what_is_uploaded(form_runtime: Runtime, kind: str) -> None:
-    runtime, light, scene = form_runtime, LIGHTS[kind], BUILTIN_SCENES["cornell_box"]().scene
+def test_drawn_without_read_back_is_what_is_uploaded(variant_runtime: Runtime, kind: str) -> None:
+    runtime, light, scene = variant_runtime, LIGHTS[kind], BUILTIN_SCENES["cornell_box"]().scene
     uploaded = on_device_rsm(rsm(scene, light, size=37, runtime=runtime), runtime)
     renderer, cameras = RsmRenderer(runtime, 37), light_cameras(light, scene.bounds, 37)
     drawn = DeviceRsm(runtime, (37, 37), len(cameras))
@@ -88,10 +88,10 @@ def test_a_grazing_texel_stands_for_no_more_than_at_the_least_cosine() -> None:
     assert (surfaces(grazing)[2] <= facing / LEAST_COSINE).all()
 
 
-def test_normals_are_turned_to_the_side_that_is_lit(form_runtime: Runtime) -> None:
+def test_normals_are_turned_to_the_side_that_is_lit(variant_runtime: Runtime) -> None:
     seen = wall_map(tilt=0.5)
     away = replace(seen, normal=-np.asarray(seen.normal))
-    device = DeviceRsm(form_runtime, (64, 64))
+    device = DeviceRsm(variant_runtime, (64, 64))
     device.upload(seen)
     facing = device.normal.download()
     device.upload(away)
@@ -134,11 +134,11 @@ def test_positions_that_depth_does_not_explain_are_kept(runtime: Runtime) -> Non
     np.testing.assert_allclose(device.position.download(), expected, rtol=0, atol=1e-6)
 
 
-def test_where_nothing_is_all_is_zero_whatever_was_given(form_runtime: Runtime) -> None:
+def test_where_nothing_is_all_is_zero_whatever_was_given(variant_runtime: Runtime) -> None:
     seen = wall_map(size=5)
     depth = np.asarray(seen.depth).copy()
     depth[1:3, 2] = np.inf
-    device = DeviceRsm(form_runtime, (5, 5))
+    device = DeviceRsm(variant_runtime, (5, 5))
     device.upload(replace(seen, depth=depth))
     for name, plane in contents(device).items():
         assert not plane[:, 1:3, 2].any(), name

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from ssgi_cl.cli import command
 from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.device import drivers, opencl, probing, records
-from ssgi_cl.device.info import FORMS, DeviceInfo, Found
+from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found
 from ssgi_cl.device.runtime import Runtime
 
 FORM = "16 lanes, buffer"
@@ -171,7 +171,7 @@ def test_a_record_that_the_driver_contradicts_is_made_anew(
         monkeypatch.setattr("ssgi_cl.device.runtime._OPENED", {})
         monkeypatch.setattr(drivers, "choose", lambda name, known=known: known[-1])
         monkeypatch.setattr(drivers, "look_again", lambda driver, known=known: known.append(true))
-        monkeypatch.setattr(drivers, "confirm", lambda info, form, speed: None)
+        monkeypatch.setattr(drivers, "confirm", lambda info, variant, speed: None)
         assert Runtime.open().info == true
         assert len(known) == 2
 
@@ -179,7 +179,7 @@ def test_a_record_that_the_driver_contradicts_is_made_anew(
 def test_a_device_that_is_gone_is_an_error_that_says_how_to_look_again(runtime: Runtime) -> None:
     gone = DeviceInfo(runtime.info.driver, 9, 9, "Gone", "cpu", 1, {FORM: 1.0})
     with pytest.raises(DeviceError, match=r"Gone: the driver does not list.*--refresh"):
-        Runtime(gone, FORMS[3])
+        Runtime(gone, KERNEL_VARIANTS[3])
 
 
 # ---- speeds that use shows to be wrong
@@ -192,7 +192,7 @@ def test_a_speed_that_use_does_not_confirm_is_measured_again(
     alone: Path, speed: float, kept: bool
 ) -> None:
     records.save(alone, Found([info(alone)]))
-    drivers.confirm(info(alone), FORMS[3], lambda: speed)
+    drivers.confirm(info(alone), KERNEL_VARIANTS[3], lambda: speed)
     assert (records.load(alone) is not None) == kept
 
 
@@ -200,7 +200,7 @@ def test_a_speed_is_confirmed_a_few_times_only(alone: Path) -> None:
     records.save(alone, Found([info(alone)]))
     timed: list[int] = []
     for _ in range(5):
-        drivers.confirm(info(alone), FORMS[3], lambda: timed.append(1) or 5.0)
+        drivers.confirm(info(alone), KERNEL_VARIANTS[3], lambda: timed.append(1) or 5.0)
     assert len(timed) == records.USES_TO_CONFIRM
 
 

@@ -203,7 +203,7 @@ def test_a_file_with_several_parts_is_refused(tmp_path: Path) -> None:
         exr.read(tmp_path / "a.exr")
 
 
-def windowed(path: Path, left: int, top: int, right: int, bottom: int) -> None:
+def regional(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     """Write 4 x 6 pixels whose display window exceeds the data window by the given pixels."""
     exr.write(path, {"depth": np.arange(24).reshape(4, 6) + 1})
     content = bytearray(path.read_bytes())
@@ -239,7 +239,7 @@ def test_a_small_file_that_claims_to_be_very_wide_is_refused(tmp_path: Path) -> 
 
 
 def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
-    windowed(tmp_path / "a.exr", -2, -1, -2, -1)
+    regional(tmp_path / "a.exr", -2, -1, -2, -1)
     np.testing.assert_array_equal(
         exr.read(tmp_path / "a.exr")["Z"], np.arange(24, dtype=np.float32).reshape(4, 6) + 1.0
     )
@@ -250,7 +250,7 @@ def test_other_windows_need_a_camera_of_the_data_window(
     tmp_path: Path, window: tuple[int, int, int, int]
 ) -> None:
     path = tmp_path / "a.exr"
-    windowed(path, *window)
+    regional(path, *window)
     header = read_header(path)
     left, top, right, bottom = header.display
     whole = Camera.look_at((0, 0, 0), (0, 0, -1), width=right - left + 1, height=bottom - top + 1)

@@ -77,13 +77,13 @@ def winding(corners: np.ndarray, point: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("kind", ["room", "foliage", "terrain"])
-def test_the_same_name_gives_the_same_bits(kind: str) -> None:
+def test_the_same_name_gives_bit_identical_results(kind: str) -> None:
     one, other = make_scene(f"{kind}-5").scene, make_scene(f"{kind}-5").scene
     assert one.positions.tobytes() == other.positions.tobytes()
 
 
 @pytest.mark.slow
-def test_same_name_gives_the_same_bits(made: BuiltinScene) -> None:
+def test_same_name_gives_bit_identical_results(made: BuiltinScene) -> None:
     again = make_scene(made.name)
     for name in ("positions", "normals", "colors", "triangles", "material_ids"):
         first, second = getattr(made.scene, name), getattr(again.scene, name)

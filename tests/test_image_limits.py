@@ -46,8 +46,8 @@ def box(runtime: Runtime) -> GBuffer:
 
 def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArray[np.float32]]:
     """Return what techniques make of planes that have up to 6 `texels` rows."""
-    lamp = PointLight((0.278, 0.45, 0.28), 0.3)
-    shadow = rsm(cornell_box().scene, lamp, size=texels, runtime=runtime)
+    punctual_light = PointLight((0.278, 0.45, 0.28), 0.3)
+    shadow = rsm(cornell_box().scene, punctual_light, size=texels, runtime=runtime)
     ao = ssao(gbuffer, radius=0.3, samples=4, runtime=runtime)
     coarse = ao[: coarse_size(SIZE, 2)[0], : coarse_size(SIZE, 2)[1]]
     return {
@@ -56,7 +56,7 @@ def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArra
         "ssao": ao,
         "blur": bilateral_blur(ao, gbuffer, runtime=runtime),
         "upsample": upsample(coarse, gbuffer, runtime=runtime),
-        "shade": shade(gbuffer, [lamp], rsms=[shadow], ao=ao, runtime=runtime),
+        "shade": shade(gbuffer, [punctual_light], rsms=[shadow], ao=ao, runtime=runtime),
     }
 
 
@@ -68,7 +68,7 @@ def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArra
 )
 @pytest.mark.slow  # stress/test_same_bits.py does it for all techniques
 
-def test_wrapped_planes_give_the_same_bits(
+def test_wrapped_planes_give_bit_identical_results(
     monkeypatch: pytest.MonkeyPatch, box: GBuffer, limit: str, texels: int
 ) -> None:
     expected = results(box, texels, opened(monkeypatch, None))

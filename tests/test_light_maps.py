@@ -1,4 +1,4 @@
-"""Maps of lamps: drawn when something changed, kept when nothing did."""
+"""Maps of lights: drawn when something changed, kept when nothing did."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.shading.light_data import Lamps
+from ssgi_cl.techniques.shading.light_data import PunctualLights
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 
 SPOT = SpotLight((0.28, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2)
@@ -31,7 +31,7 @@ def scene() -> Scene:
 
 
 def drawn(maps: LightMaps, scene: Scene, lights: Sequence[Light]) -> tuple[list[str], list[str]]:
-    """Draw; return the lamps whose maps were kept, and the names of the passes that ran."""
+    """Draw; return the lights whose maps were kept, and the names of the passes that ran."""
     with maps.runtime.frame():
         maps.draw(scene, lights)
         passes = maps.runtime.times()
@@ -53,7 +53,7 @@ def planes(
 def test_maps_are_kept_while_nothing_changes(runtime: Runtime, scene: Scene, flux: bool) -> None:
     maps = LightMaps(runtime, 32, flux=flux)
     assert drawn(maps, scene, LIGHTS)[0] == []
-    # Equal lamps are the same lamps.
+    # Equal lights are the same lights.
     again = (replace(SPOT), *LIGHTS[1:])
     names = ["map spot", "map point", "map directional"]
     assert drawn(maps, scene, again) == (names, ["shadow blocks"] * 3)
@@ -80,28 +80,28 @@ def test_what_changed_is_drawn_as_if_all_were(
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_lamp_that_moves_leaves_the_others_maps(runtime: Runtime, scene: Scene) -> None:
+def test_a_light_that_moves_leaves_the_others_maps(runtime: Runtime, scene: Scene) -> None:
     maps = LightMaps(runtime, 32, flux=True)
     maps.draw(scene, LIGHTS)
     moved = (SPOT, LIGHTS[1], replace(LAMP, position=(0.2, 0.3, 0.25)), SUN)
     assert drawn(maps, scene, moved)[0] == ["map spot", "map directional"]
-    # Positions count from the first lamp: with it all of them change.
+    # Positions count from the first light: with it all of them change.
     assert drawn(maps, scene, (replace(SPOT, cone_angle=0.7), *moved[1:]))[0] == []
 
 
-def test_blocks_lie_between_their_planes(form_runtime: Runtime, scene: Scene) -> None:
+def test_blocks_lie_between_their_planes(variant_runtime: Runtime, scene: Scene) -> None:
     # Neither whole blocks nor whole lanes; beyond the front of the box is nothing.
     size = 75
-    maps = LightMaps(form_runtime, size, flux=False)
-    lamps = (SPOT, PointLight((0.278, 0.3, -0.5), 1.0), SUN)
+    maps = LightMaps(variant_runtime, size, flux=False)
+    punctual_lights = (SPOT, PointLight((0.278, 0.3, -0.5), 1.0), SUN)
     for number in range(2):
-        shadows, _ = maps.draw(scene, lamps)
+        shadows, _ = maps.draw(scene, punctual_lights)
         assert [s is not None and s.blocks is not None for s in shadows] == [number > 0] * 3
-    for lamp, shadow in zip(lamps, shadows, strict=True):
+    for punctual_light, shadow in zip(punctual_lights, shadows, strict=True):
         assert shadow is not None
         assert shadow.blocks is not None
         depth = shadow.depth.download().astype(np.float64)
-        measure = -depth if isinstance(lamp, DirectionalLight) else 1.0 / depth
+        measure = -depth if isinstance(punctual_light, DirectionalLight) else 1.0 / depth
         blocks = shadow.blocks.download().reshape(len(depth), 4, *shadow.blocks.size)
         for face, row, column in np.ndindex(len(depth), *shadow.blocks.size):
             # The 4 taps of a row that begin in the last of 8 texels end at the 11th.
@@ -117,41 +117,41 @@ def test_blocks_lie_between_their_planes(form_runtime: Runtime, scene: Scene) ->
 
 
 @pytest.mark.slow  # frames with and without skips are compared in test_skips.py
-def test_blocks_give_the_light_that_all_taps_give(form_runtime: Runtime, scene: Scene) -> None:
+def test_blocks_give_the_light_that_all_taps_give(variant_runtime: Runtime, scene: Scene) -> None:
     camera = BUILTIN_SCENES["cornell_box"]().camera(96, 70)
-    device = Rasterizer(form_runtime, camera.size).render(
-        device_scene(scene, form_runtime), camera
+    device = Rasterizer(variant_runtime, camera.size).render(
+        device_scene(scene, variant_runtime), camera
     )
     device.derive()
-    shading = Lamps(form_runtime, camera.size)
-    maps = LightMaps(form_runtime, 100, flux=False)
+    shading = PunctualLights(variant_runtime, camera.size)
+    maps = LightMaps(variant_runtime, 100, flux=False)
     # Flat, steep, nearly along walls, and from outside.
-    lamps = (
+    punctual_lights = (
         SPOT, LAMP, SUN, DirectionalLight((1.0, -0.02, 0.3), 2.0),
         PointLight((0.278, 0.01, 0.28), 0.1),
         SpotLight((0.27, 0.3, -0.9), (0.1, -0.2, 1.0), 0.4, 1.0),
     )
-    maps.draw(scene, lamps)
-    shadows, _ = maps.draw(scene, lamps)
-    for lamp, shadow in zip(lamps, shadows, strict=True):
+    maps.draw(scene, punctual_lights)
+    shadows, _ = maps.draw(scene, punctual_lights)
+    for punctual_light, shadow in zip(punctual_lights, shadows, strict=True):
         assert shadow is not None
         lit = []
         for blocks in (None, shadow.blocks):
-            plane = shading.run(device, [lamp], [replace(shadow, blocks=blocks)])
+            plane = shading.run(device, [punctual_light], [replace(shadow, blocks=blocks)])
             assert plane is not None
             lit.append(plane.download())
         assert lit[0].any()
         np.testing.assert_array_equal(lit[1], lit[0])
 
 
-def test_another_scene_or_number_of_lamps_is_drawn_anew(runtime: Runtime, scene: Scene) -> None:
+def test_another_scene_or_number_of_lights_is_drawn_anew(runtime: Runtime, scene: Scene) -> None:
     maps = LightMaps(runtime, 32, flux=True)
     maps.draw(scene, LIGHTS)
     assert drawn(maps, replace(scene), LIGHTS)[0] == []
     assert drawn(maps, scene, LIGHTS[:3])[0] == []
 
 
-def test_a_lamp_that_lights_nothing_says_so_in_every_frame(runtime: Runtime, scene: Scene) -> None:
+def test_a_light_that_lights_nothing_says_so_in_every_frame(runtime: Runtime, scene: Scene) -> None:
     away = SpotLight((5.0, 5.0, 5.0), (0.0, 1.0, 0.0), 0.3, 1.0)
     maps = LightMaps(runtime, 32, flux=True)
     for _ in range(2):
@@ -167,11 +167,11 @@ def test_a_lamp_that_lights_nothing_says_so_in_every_frame(runtime: Runtime, sce
     assert maps.draw(scene, (SPOT,))[1] is not None
 
 
-def test_faces_that_reflect_are_told_in_every_kernel_form(
-    form_runtime: Runtime, scene: Scene
+def test_faces_that_reflect_are_told_in_every_kernel_variant(
+    variant_runtime: Runtime, scene: Scene
 ) -> None:
     # Beyond the front of the box is nothing.
-    maps = LightMaps(form_runtime, 19, flux=True)
+    maps = LightMaps(variant_runtime, 19, flux=True)
     rsm = maps.draw(scene, (PointLight((0.278, 0.3, -0.5), 1.0),))[1]
     assert rsm is not None
     flux = rsm.flux.download().reshape(3, 6, -1)

@@ -32,7 +32,7 @@ def test_lights_hold_float64_arrays_that_cannot_be_changed() -> None:
                 value[...] = 5.0
 
 
-def test_a_lamp_is_a_point_unless_it_has_an_extent() -> None:
+def test_a_light_is_a_point_unless_it_has_an_extent() -> None:
     assert PointLight((0, 0, 0), 1).radius == SpotLight((0, 0, 0), (0, 0, 1), 0.5, 1).radius == 0.0
     assert PointLight((0, 0, 0), 1, radius=2).radius == 2.0
     assert DirectionalLight((0, 0, 1), 1).angle == 0.0

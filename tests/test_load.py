@@ -778,8 +778,8 @@ def test_cornell_box_is_the_same_with_relative_and_absolute_indices() -> None:
     assert len(absolute.triangles) == 36
     np.testing.assert_array_equal(corners(absolute), corners(relative))
     np.testing.assert_array_equal(absolute.material_ids, relative.material_ids)
-    lamp = next(m for m in absolute.materials if m.name == "light")
-    assert lamp.emission == (17.0, 12.0, 4.0)
+    punctual_light = next(m for m in absolute.materials if m.name == "light")
+    assert punctual_light.emission == (17.0, 12.0, 4.0)
 
 
 def test_spot_keeps_its_texture() -> None:

@@ -321,7 +321,7 @@ def test_odd_sizes_are_filled(rows: int, columns: int) -> None:
     assert np.isinf(depth[1]).all()
 
 
-def test_two_runs_give_the_same_bits_and_touch_nothing() -> None:
+def test_two_runs_give_bit_identical_results_and_touch_nothing() -> None:
     rng = np.random.default_rng(9)
     scene = scene_of(rng.uniform((-4, -4, -12), (4, 4, -2), (300, 3, 3)))
     before = scene.positions.copy()

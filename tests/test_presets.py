@@ -28,11 +28,11 @@ from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import choose as choosing
 from ssgi_cl.techniques.presets import speed_model as pacing
 from ssgi_cl.techniques.presets.speed_model import (
-    Pace,
+    SpeedModel,
     measured,
-    pace_of,
     predicted_ms,
     rolling_ground,
+    speed_model_of,
 )
 from ssgi_cl.truth.metrics import rmse
 from ssgi_cl.tuning.choose import choose
@@ -43,7 +43,7 @@ RECORDED = sorted(
 )
 SLICES = ("bitmask_ao", "gtao", "hbao")
 """Techniques that scan slices."""
-PACE = Pace(call_ms=0.1, pixel_ns=20.0)
+PACE = SpeedModel(call_ms=0.1, pixel_ns=20.0)
 """Of a device that is made up."""
 
 
@@ -56,13 +56,13 @@ def steps() -> GBuffer:
 
 
 @pytest.fixture
-def same_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+def same_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device as fast as the recorded one."""
-    def recorded(runtime: Runtime, technique: type[OcclusionTechnique]) -> Pace:
+    def recorded(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
         known = presets.record(technique.name)["pace"]
-        return Pace(known["call_ms"], known["pixel_ns"])
+        return SpeedModel(known["call_ms"], known["pixel_ns"])
 
-    monkeypatch.setattr(pacing, "pace_of", recorded)
+    monkeypatch.setattr(pacing, "speed_model_of", recorded)
 
 
 @pytest.fixture
@@ -254,7 +254,7 @@ def test_layers_lower_the_expected_error() -> None:
     assert errors == pytest.approx([errors[0], errors[0] / 2, errors[0] / 2, errors[0] / 4])
 
 
-@pytest.mark.usefixtures("same_pace")
+@pytest.mark.usefixtures("same_speed")
 def test_budget_gives_the_best_setting_within_the_time(runtime: Runtime) -> None:
     recorded = presets.record("ssao")
     size = tuple(recorded["size"])
@@ -266,7 +266,7 @@ def test_budget_gives_the_best_setting_within_the_time(runtime: Runtime) -> None
         assert chosen.error == point.error_cut
 
 
-@pytest.mark.usefixtures("layered", "same_pace")
+@pytest.mark.usefixtures("layered", "same_speed")
 @pytest.mark.parametrize(("layers", "times"), [(1, 1.0), (2, 2.0), (3, 3.0), (4, 4.0), (5, 5.0)])
 def test_layers_between_and_beyond_the_recorded_ones_take_their_time(
     runtime: Runtime, layers: int, times: float
@@ -278,7 +278,7 @@ def test_layers_between_and_beyond_the_recorded_ones_take_their_time(
     assert chosen.ms == pytest.approx(times * slow.ms)
 
 
-@pytest.mark.usefixtures("layered", "same_pace")
+@pytest.mark.usefixtures("layered", "same_speed")
 def test_a_number_of_layers_between_two_recorded_ones_takes_a_time_between_theirs(
     runtime: Runtime,
 ) -> None:
@@ -297,14 +297,14 @@ def test_prediction_grows_with_pixels_and_with_the_pace(
 ) -> None:
     recorded = presets.record("ssao")
     there, (rows, columns) = recorded["pace"], recorded["size"]
-    monkeypatch.setattr(pacing, "pace_of", lambda runtime, technique: PACE)
+    monkeypatch.setattr(pacing, "speed_model_of", lambda runtime, technique: PACE)
     ms = 2.0
     share = (ms - there["call_ms"]) / (rows * columns)
     expected = 0.1 + share * 480_000 * 20.0 / there["pixel_ns"]
     assert predicted_ms(runtime, Ssao, ms, (600, 800)) == pytest.approx(expected)
 
 
-@pytest.mark.usefixtures("same_pace")
+@pytest.mark.usefixtures("same_speed")
 def test_what_cannot_be_met_is_refused_with_the_facts(runtime: Runtime) -> None:
     curve = presets.curve("ssao")
     best = min(point.error_cut for point in curve)
@@ -338,7 +338,7 @@ def some_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
     presets.record.cache_clear()
 
 
-@pytest.mark.usefixtures("some_recorded", "same_pace")
+@pytest.mark.usefixtures("some_recorded", "same_speed")
 @pytest.mark.parametrize("technique", ["gtao", "bitmask_ao"])
 def test_each_technique_that_is_recorded_is_chosen_by_name_error_and_time(
     technique: str, runtime: Runtime
@@ -397,7 +397,7 @@ def test_technique_without_presets_is_refused() -> None:
         choose("tonemap", SIZE, preset="low")
 
 
-# ---- the device's pace
+# ---- the device's speed model
 
 
 def test_pace_is_measured_once_and_kept_in_the_cache(
@@ -406,24 +406,24 @@ def test_pace_is_measured_once_and_kept_in_the_cache(
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     calls = []
 
-    def once(*arguments: object) -> tuple[Pace, bool]:
+    def once(*arguments: object) -> tuple[SpeedModel, bool]:
         calls.append(arguments)
         return PACE, True
 
     monkeypatch.setattr(pacing, "measured", once)
-    assert pace_of(runtime, Ssao) == PACE
-    assert pace_of(runtime, Ssao) == PACE
+    assert speed_model_of(runtime, Ssao) == PACE
+    assert speed_model_of(runtime, Ssao) == PACE
     assert len(calls) == 1
     (file,) = tmp_path.iterdir()
     assert json.loads(file.read_text()) == {"call_ms": 0.1, "pixel_ns": 20.0}
     # Another process finds the file.
     file.write_text('{"call_ms": 0.5, "pixel_ns": 2.0}')
-    runtime._prepared.pop((Pace, file))
-    assert pace_of(runtime, Ssao) == Pace(0.5, 2.0)
+    runtime._prepared.pop((SpeedModel, file))
+    assert speed_model_of(runtime, Ssao) == SpeedModel(0.5, 2.0)
     # A damaged one is made anew.
     file.write_text("{")
-    runtime._prepared.pop((Pace, file))
-    assert pace_of(runtime, Ssao) == PACE
+    runtime._prepared.pop((SpeedModel, file))
+    assert speed_model_of(runtime, Ssao) == PACE
     assert len(calls) == 2
 
 
@@ -433,7 +433,7 @@ def test_pace_is_found_where_no_file_can_be_written(
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "file" / "below"))
     monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, True))
-    assert pace_of(runtime, Ssao) == PACE
+    assert speed_model_of(runtime, Ssao) == PACE
 
 
 def test_pace_of_a_busy_machine_is_kept_in_no_file(
@@ -441,7 +441,7 @@ def test_pace_of_a_busy_machine_is_kept_in_no_file(
 ) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     monkeypatch.setattr(pacing, "measured", lambda *arguments: (PACE, False))
-    assert pace_of(runtime, Ssao) == PACE
+    assert speed_model_of(runtime, Ssao) == PACE
     assert list(tmp_path.iterdir()) == []
 
 
@@ -455,11 +455,11 @@ def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
         spent = share * runtime.info.units * 0.230
         clock = iter([0.0, 0.0, 0.0, spent])
         monkeypatch.setattr(pacing.time, "process_time", lambda clock=clock: next(clock))
-        pace, alone = measured(runtime, Ssao, {})
+        speed, alone = measured(runtime, Ssao, {})
         # The clock of a GPU knows nothing of this process.
         assert alone == (expected or runtime.info.kind != "cpu")
-        assert pace.pixel_ns == pytest.approx(99e6 / (480_000 - 3072))
-        assert pace.call_ms + 1e-6 * pace.pixel_ns * 3072 == pytest.approx(1.0)
+        assert speed.pixel_ns == pytest.approx(99e6 / (480_000 - 3072))
+        assert speed.call_ms + 1e-6 * speed.pixel_ns * 3072 == pytest.approx(1.0)
 
 
 def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> None:
@@ -481,15 +481,15 @@ def test_predicted_time_is_near_the_measured_one(
     kind = TECHNIQUES[technique].technique
     settings = [curve[round(share * (len(curve) - 1))] for share in (0.3, 1.0)]
     parameters = presets.record(technique)["pace"]["parameters"]
-    paces: list[Pace] = []
+    speeds: list[SpeedModel] = []
     least, quiet = [np.inf, np.inf], False
     monkeypatch.setattr(
-        pacing, "pace_of", lambda *_: min(paces, key=lambda pace: pace.pixel_ns)
+        pacing, "speed_model_of", lambda *_: min(speeds, key=lambda speed: speed.pixel_ns)
     )
     # What else the machine does only slows both down, so the least of several turns is its own.
     for _turn in range(4):
-        pace, alone = measured(runtime, kind, parameters)
-        paces.append(pace)
+        speed, alone = measured(runtime, kind, parameters)
+        speeds.append(speed)
         quiet |= alone
         for index, setting in enumerate(settings):
             for _ in range(6):
@@ -541,7 +541,7 @@ def test_ssao_without_a_preset_takes_16_samples(runtime: Runtime, steps: GBuffer
     )
 
 
-@pytest.mark.usefixtures("same_pace")
+@pytest.mark.usefixtures("same_speed")
 def test_ssao_takes_an_error_or_a_budget(runtime: Runtime, steps: GBuffer) -> None:
     # Both of the middle of the curve, at the size of the picture.
     middle = presets.curve("ssao")[len(presets.curve("ssao")) // 2]

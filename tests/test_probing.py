@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from ssgi_cl.device import drivers, probe, probing
-from ssgi_cl.device.info import FORMS, DeviceInfo
+from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
 from ssgi_cl.device.probe_timer import speed_in_use
 from ssgi_cl.device.probing import Answers, consensus
 from ssgi_cl.device.runtime import Runtime
 
 ENTRY = {"platform": 0, "device": 0, "label": "Test 1.0: chip", "kind": "cpu", "units": 2}
 DRIVER = Path("/nowhere/test.icd")
-NAMES = [str(form) for form in FORMS]
+NAMES = [str(variant) for variant in KERNEL_VARIANTS]
 Rounds = Iterator[Sequence[float | str]]
 
 
@@ -40,14 +40,14 @@ def rounds(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[list[str]]]:
         def run(environment: dict[str, str], arguments: Sequence[str]) -> Answers:
             if not arguments:
                 return Answers([ENTRY])
-            forms = list(arguments[2:])
-            asked.append(forms)
+            variants = list(arguments[2:])
+            asked.append(variants)
             does = dict(zip(NAMES, speeds[min(len(asked), len(speeds)) - 1], strict=True))
             said = []
-            for form in forms:
-                if does[form] == "dies":
+            for variant in variants:
+                if does[variant] == "dies":
                     return Answers(said, "was ended by SIGBUS")
-                said.append({"form": form, "speed": does[form]})
+                said.append({"form": variant, "speed": does[variant]})
             return Answers(said)
 
         monkeypatch.setattr(probing, "run_probe", run)
@@ -67,7 +67,7 @@ def test_a_form_that_kills_twice_is_reported_with_how(
     asked = rounds([10.0, "dies", 80.0, "dies"])
     crash = "the driver crashes or hangs on it: it was ended by SIGBUS"
     assert probed().speeds == dict(zip(NAMES, [10.0, crash, 80.0, crash], strict=True))
-    assert probed().best == FORMS[2]
+    assert probed().best == KERNEL_VARIANTS[2]
     assert probed().driver == str(DRIVER)
     assert asked[0] == asked[1] == NAMES  # what may have been the machine is tried again
 
@@ -108,7 +108,7 @@ def test_an_outlier_is_outvoted(
     rounds(*speeds)
     info = probed()
     assert info.speeds == dict(zip(NAMES, TRUE, strict=True))
-    assert info.best == FORMS[3]
+    assert info.best == KERNEL_VARIANTS[3]
 
 
 def test_two_processes_that_agree_are_enough(rounds: Callable[..., list[list[str]]]) -> None:
@@ -208,7 +208,7 @@ def test_a_form_is_timed_by_the_median_of_its_turns(
 ) -> None:
     turns = iter([1e-3, *[1e-3, 0.1e-3, 5e-3] * probe.REPEATS])  # a third at ten times the speed
     monkeypatch.setattr(probe, "timer", lambda runtime: lambda: next(turns))
-    probe.time_forms(runtime.info.platform, runtime.info.device, [str(runtime.form)])
+    probe.time_variants(runtime.info.platform, runtime.info.device, [str(runtime.variant)])
     last = capsys.readouterr().out.splitlines()[-1]
     assert f'"speed": {300 * 400 * 16 / 1e-3 / 1e6}' in last
 
@@ -236,8 +236,8 @@ def test_the_probe_answers_for_a_real_driver() -> None:
 def test_a_speed_in_use_is_that_of_the_record(runtime: Runtime) -> None:
     if runtime.info.kind != "cpu":
         pytest.skip("only speeds of processors are held to their record")
-    speed = speed_in_use(Runtime(runtime.info, runtime.form))
-    recorded = runtime.info.speeds[str(runtime.form)]
+    speed = speed_in_use(Runtime(runtime.info, runtime.variant))
+    recorded = runtime.info.speeds[str(runtime.variant)]
     assert isinstance(recorded, float)
     # Time of the processor, not of the clock: caches and hyperthreads are all that is shared.
     assert 0.4 < speed / recorded < 2.5
@@ -273,6 +273,6 @@ def test_the_widest_form_within_15_percent_of_the_fastest_is_best() -> None:
             speeds=dict(zip(NAMES, speeds, strict=True)),
         ).best
 
-    assert best(10.0, 20.0, 100.0, 86.0) == FORMS[3]
-    assert best(10.0, 20.0, 100.0, 84.0) == FORMS[2]
-    assert best(10.0, 90.0, 50.0, 40.0) == FORMS[1]
+    assert best(10.0, 20.0, 100.0, 86.0) == KERNEL_VARIANTS[3]
+    assert best(10.0, 20.0, 100.0, 84.0) == KERNEL_VARIANTS[2]
+    assert best(10.0, 90.0, 50.0, 40.0) == KERNEL_VARIANTS[1]

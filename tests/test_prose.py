@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import re
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -55,6 +57,27 @@ WORDS = {
 }
 """What not to say -> what to say. Patterns match whole words outside of code."""
 
+CODE_WORDS = {
+    r"lamps?": "light, punctual light",
+    r"openness": "visibility",
+    r"pace": "speed model",
+    r"twins?": "numpy reference",
+    r"SightGrid": "OccupancyGrid",
+    r"FurtherViews|further (cameras?|views?)": "auxiliary cameras, views",
+    r"TileFacts": "TileSummary",
+    r"form_runtime|Form": "KernelVariant",
+    r"unbent|UNBENT": "no_second_difference",
+    r"(near|pair)_room": "capacity",
+    r"lines? of sight": "view ray, visibility ray",
+}
+"""Words that neither identifiers nor comments nor texts of code use -> what to say."""
+
+OWN_WORDS = (
+    "ssgi_cl/former_names.py", "tests/test_public_names.py", "tests/test_prose.py",
+    "rasterize/scenes/",
+)
+"""Sources with former names by intent, and scenes, where a lamp is a thing."""
+
 CODE = re.compile(r"^```.*?^```|^    .*?$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 
@@ -83,9 +106,56 @@ def test_words_are_found_in_prose_across_lines(word: str) -> None:
     assert found(f"Some text with {word} in it.")
 
 
-@pytest.mark.parametrize("code", ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-walls.4096"])
+@pytest.mark.parametrize("code",
+    ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
 def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
     assert not found(f"Some text\n{code}\nand more.")
+
+
+def found_in_code(source: str, *, python: bool) -> list[str]:
+    """Return the words of `CODE_WORDS` in identifiers, comments and texts of a source."""
+    parts = [source]
+    if python:
+        # Strings of one word may be keys of recorded files.
+        parts = [
+            token.string for token in tokenize.generate_tokens(io.StringIO(source).readline)
+            if token.type in (tokenize.NAME, tokenize.COMMENT)
+            or (token.type == tokenize.STRING and " " in re.sub(r"\s", " ", token.string))
+        ]
+    flat = " | ".join(re.sub(r"\s+", " ", part) for part in parts)
+    return [
+        f"{match[0]!r}: say {better}"
+        for pattern, better in CODE_WORDS.items()
+        for match in re.finditer(rf"\b(?:{pattern})\b", flat)
+        if not re.search(r"[-.`/]$", flat[: match.start()][-1:])
+    ]
+
+
+def test_code_uses_standard_words() -> None:
+    names = subprocess.run(
+        ["git", "ls-files", "*.py", "*.pyi", "*.cl", "*.clh"], cwd=ROOT, capture_output=True,
+        text=True, check=False,
+    ).stdout.split()
+    if not names:
+        pytest.skip("not a git checkout")
+    said = {
+        name: found_in_code(text(name), python=".py" in name)
+        for name in names if not name.startswith(OWN_WORDS) and (ROOT / name).exists()
+    }
+    assert not {name: words for name, words in said.items() if words}
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["lamp = 1", "def f(openness): ...", "# of a lamp", '"""The numpy\ntwin."""', "x.pace = 2"],
+)
+def test_words_are_found_in_python(source: str) -> None:
+    assert found_in_code(source, python=True)
+
+
+def test_words_are_found_in_kernels() -> None:
+    assert found_in_code("float lamps = 0.0f; // of all", python=False)
+    assert not found_in_code("float lights = 0.0f;", python=False)
 
 
 def test_readme_is_short() -> None:

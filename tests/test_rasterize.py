@@ -152,7 +152,7 @@ def jittered_plane(rng: np.random.Generator, cells: int, half: float, depth: flo
 
 
 def plane_depth(camera: Camera, normal: ArrayLike, offset: float) -> Doubles:
-    """Linear depth [rows, columns] at which each line of sight meets normal . x = offset."""
+    """Linear depth [rows, columns] at which each view ray meets normal . x = offset."""
     near = camera.unproject(np.full(camera.size, 1.0, np.float32))
     far = camera.unproject(np.full(camera.size, 2.0, np.float32))
     start, along = 2.0 * near - far, far - near
@@ -162,7 +162,8 @@ def plane_depth(camera: Camera, normal: ArrayLike, offset: float) -> Doubles:
 
 def ahead(width: int = WIDTH, height: int = HEIGHT, **more: float) -> Camera:
     """Return a camera at 0 that looks down -z."""
-    return Camera.look_at((0, 0, 0), (0, 0, -1), width=width, height=height, **more)  # type: ignore[arg-type]
+    return Camera.look_at((0, 0, 0), (0, 0, -1), width=width, height=height,
+        **more)  # type: ignore[arg-type]
 
 
 def depth_of(result: GBuffer) -> NDArray[np.float32]:
@@ -424,13 +425,13 @@ def test_a_camera_in_a_closed_room_of_huge_triangles_sees_no_hole(runtime: Runti
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
     triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
-    room = scene_of(corners, triangles)
+    capacity = scene_of(corners, triangles)
     for eye in ((0, 0, 0), (half - 2.0, half - 3.0, -half + 1.0), (0.3 * half, -half + 1.6, 7.0)):
         for way in ((1, 0.2, 0.1), (-0.4, -1, 0.3), (0.3, 0.5, -1), (0.7, -0.7, 0.7)):
             camera = Camera.look_at(
                 eye, np.add(eye, way), (0.3, 1, 0.2), yfov=1.5, width=WIDTH, height=HEIGHT, near=0.1
             )
-            assert there(gbuffer(room, camera, runtime=runtime)).all()
+            assert there(gbuffer(capacity, camera, runtime=runtime)).all()
 
 
 # ---- odd triangles
@@ -635,7 +636,7 @@ def test_lists_that_are_too_short_grow(runtime: Runtime, rng: np.random.Generato
     kept = DeviceScene(runtime, scene)
     camera = ahead(96, 64)
     small, large = (Rasterizer(runtime, camera.size, layers=2) for _ in range(2))
-    large._room, large._pair_room = 1 << 17, 1 << 20
+    large._capacity, large._pair_capacity = 1 << 17, 1 << 20
     pictures = []
     for rasterizer in (small, large):
         with runtime.frame():
@@ -661,19 +662,19 @@ def test_the_front_layer_does_not_depend_on_attributes_of_others(
     assert np.shape(first.normal) == (*np.shape(first.depth)[1:], 3)
 
 
-def test_two_runs_give_the_same_bits(runtime: Runtime, view: View) -> None:
+def test_two_runs_give_bit_identical_results(runtime: Runtime, view: View) -> None:
     camera = perspective(view)
     for layers in (1, 2):
         one, other = (gbuffer(view[0], camera, layers=layers, runtime=runtime) for _ in "ab")
         assert_same_bits(one, other)
 
 
-def test_every_build_of_the_kernels_draws_the_same(other_form: Runtime, view: View) -> None:
+def test_every_build_of_the_kernels_draws_the_same(other_variant: Runtime, view: View) -> None:
     reference = Runtime.open()
     camera = perspective(view)
     one, other = (
         gbuffer(view[0], camera, layers=2, attributes="all", runtime=runtime)
-        for runtime in (other_form, reference)
+        for runtime in (other_variant, reference)
     )
     assert (there(one) == there(other)).all()
     both = there(one)
@@ -683,16 +684,17 @@ def test_every_build_of_the_kernels_draws_the_same(other_form: Runtime, view: Vi
     np.testing.assert_allclose(one.albedo, other.albedo, atol=1e-4)
 
 
-def test_small_rectangles_as_on_a_gpu_give_the_same_bits(
-    form_runtime: Runtime, hall: View
+def test_small_rectangles_as_on_a_gpu_give_bit_identical_results(
+    variant_runtime: Runtime, hall: View
 ) -> None:
-    kept = DeviceScene(form_runtime, hall[0])
+    kept = DeviceScene(variant_runtime, hall[0])
     camera = perspective(hall)
     pictures = []
-    for rectangle, group in (((32, 32), (1, 1)), ((1, min(form_runtime.form.lanes, 8)), (8, 8))):
-        rasterizer = Rasterizer(form_runtime, camera.size, layers=2)
+    for rectangle, group in (((32, 32), (1, 1)),
+        ((1, min(variant_runtime.variant.lanes, 8)), (8, 8))):
+        rasterizer = Rasterizer(variant_runtime, camera.size, layers=2)
         rasterizer._rectangle, rasterizer._group = rectangle, group
-        with form_runtime.frame():
+        with variant_runtime.frame():
             pictures.append(rasterizer.render(kept, camera).depth.download())
     np.testing.assert_array_equal(*pictures)
 
@@ -708,10 +710,10 @@ def test_a_steady_frame_allocates_and_builds_nothing(runtime: Runtime, hall: Vie
 
 
 def test_a_rasterizer_draws_one_scene_after_another(runtime: Runtime, hall: View) -> None:
-    room = BUILTIN_SCENES["cornell_box"]()
+    capacity = BUILTIN_SCENES["cornell_box"]()
     rasterizer = Rasterizer(runtime, (HEIGHT, WIDTH))
-    camera = room.camera(WIDTH, HEIGHT)
-    kept = DeviceScene(runtime, room.scene)
+    camera = capacity.camera(WIDTH, HEIGHT)
+    kept = DeviceScene(runtime, capacity.scene)
     with runtime.frame():
         first = rasterizer.render(kept, camera).depth.download()
         rasterizer.render(DeviceScene(runtime, hall[0]), perspective(hall))
@@ -726,16 +728,16 @@ def test_a_rasterizer_draws_one_scene_after_another(runtime: Runtime, hall: View
 def test_odd_sizes_agree_with_a_part_of_a_larger_image(
     runtime: Runtime, width: int, height: int
 ) -> None:
-    room = BUILTIN_SCENES["cornell_box"]()
-    view = room.camera(4, 4).view
+    capacity = BUILTIN_SCENES["cornell_box"]()
+    view = capacity.camera(4, 4).view
     small, large = (
         Camera.from_intrinsics(40.0, 40.0, 0.5 * width, 0.5 * height, width=w, height=h, view=view)
         for w, h in ((width, height), (64, 64))
     )
-    one = gbuffer(room.scene, small, runtime=runtime)
-    other = gbuffer(room.scene, large, runtime=runtime)
+    one = gbuffer(capacity.scene, small, runtime=runtime)
+    other = gbuffer(capacity.scene, large, runtime=runtime)
     assert there(one).any()
-    # The same lines of sight, but for the rounding of the camera's numbers.
+    # The same view rays, but for the rounding of the camera's numbers.
     part = depth_of(other)[:height, :width]
     np.testing.assert_allclose(depth_of(one), part, rtol=1e-6)
 

@@ -59,7 +59,7 @@ def test_points_of_ssao_are_the_r3_sequence_reflected(count: int, power: float) 
     assert_equal(reflected_points(count, power), patterns.reflected_points(count, power))
 
 
-def test_lamps_are_sampled_along_a_spiral() -> None:
+def test_lights_are_sampled_along_a_spiral() -> None:
     points, shift = patterns.tile_disk()
     found = tile_pattern()
     assert_equal(found[0], points)

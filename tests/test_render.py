@@ -123,7 +123,7 @@ def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> Non
     assert frame.image.std() > 10.0
 
 
-def test_radiance_is_that_of_the_float64_twins_of_the_frames_own_inputs(
+def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(
     runtime: Runtime, small: Scene
 ) -> None:
     camera = viewer()
@@ -187,7 +187,7 @@ def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None
     assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
 
 
-def test_skipped_ao_gives_the_same_bits_as_none(runtime: Runtime, small: Scene) -> None:
+def test_skipped_ao_gives_bit_identical_results_as_none(runtime: Runtime, small: Scene) -> None:
     a = render(small, viewer(), [SUN], shadow_size=64, runtime=runtime)
     b = render(small, viewer(), [SUN], ao=False, shadow_size=64, runtime=runtime)
     np.testing.assert_array_equal(a.radiance, b.radiance)
@@ -230,7 +230,7 @@ def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
 
 
 def box(runtime: Runtime, **options: Any) -> Frame:
-    """Return a small picture of the Cornell box, lit by its lamp alone."""
+    """Return a small picture of the Cornell box, lit by its light alone."""
     built = BUILTIN_SCENES["cornell_box"]()
     given = {"shadow_size": 128, "exposure": 1.0, "runtime": runtime, **options}
     return render(built.scene, built.camera(64, 48), built.lights, **given)
@@ -244,11 +244,11 @@ def box(runtime: Runtime, **options: Any) -> Frame:
     ],
     ids=str,
 )
-def test_indirect_light_brightens_what_the_lamp_does_not_reach(
-    form_runtime: Runtime, options: dict[str, Any]
+def test_indirect_light_brightens_what_the_light_does_not_reach(
+    variant_runtime: Runtime, options: dict[str, Any]
 ) -> None:
-    direct = box(form_runtime, layers=options.get("layers", 1))
-    frame = box(form_runtime, gbuffer=True, **options)
+    direct = box(variant_runtime, layers=options.get("layers", 1))
+    frame = box(variant_runtime, gbuffer=True, **options)
     assert direct.indirect is None
     assert frame.indirect is not None
     assert frame.gbuffer is not None
@@ -321,7 +321,7 @@ def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> 
     np.testing.assert_array_equal(more.radiance, again.radiance)
 
 
-def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
+def test_indirect_light_of_several_lights_is_the_sum_of_theirs(
     runtime: Runtime, small: Scene
 ) -> None:
     def bounced(lights: list[Light], way: str) -> float:
@@ -331,14 +331,14 @@ def test_indirect_light_of_several_lamps_is_the_sum_of_theirs(
         assert frame.indirect is not None
         return float(frame.indirect.mean(dtype=float))
 
-    # The samples are shared among the lamps: measured 2.7 % (vpl, whose lights share shadow rays)
+    # The samples are shared among the lights: measured 2.7 % (vpl, whose lights share shadow rays)
     # and 3.5 % (gather).
     for way, share in (("multires", 0.03), ("vpl", 0.035), ("gather", 0.06)):
-        alone = sum(bounced([lamp], way) for lamp in (SUN, LAMP, SPOT))
+        alone = sum(bounced([punctual_light], way) for punctual_light in (SUN, LAMP, SPOT))
         assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
 
 
-def test_no_lamp_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -> None:
+def test_no_light_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -> None:
     plain = render(small, viewer(), [SKY], runtime=runtime)
     ways = {"multires": "multires splat", "vpl": "vpl splat", "gather": "rsm gather"}
     for way, name in ways.items():
@@ -372,7 +372,7 @@ def test_all_triangles_block_reflected_light_whatever_layers_there_are(
 
 
 @pytest.mark.parametrize("way", ["multires", "vpl", "gather"])
-def test_a_lamp_that_lights_nothing_leaves_the_light_of_the_others(
+def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(
     runtime: Runtime, small: Scene, way: str
 ) -> None:
     away = SpotLight((0.2, 1.5, 0.3), (0.0, 1.0, 0.0), 0.3, 1.0)
@@ -409,7 +409,7 @@ def test_frames_with_indirect_light_repeat_and_allocate_nothing(
 # ---- repeating
 
 
-def test_two_frames_have_the_same_bits(runtime: Runtime, small: Scene) -> None:
+def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -> None:
     a, b = (
         render(small, viewer(), LIGHTS, gbuffer=True, shadow_size=128, runtime=runtime)
         for _ in range(2)
@@ -458,21 +458,21 @@ def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: S
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
-def test_odd_sizes(form_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
+def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
     frame = render(
         small, viewer(size[1], size[0]), LIGHTS, shadow_size=64, overscan=0.3,
-        runtime=form_runtime,
+        runtime=variant_runtime,
     )
     assert frame.image.shape == (*size, 3)
     assert np.isfinite(frame.radiance).all()
     assert frame.exposure == auto_exposure(frame.radiance)
 
 
-def test_every_kernel_form_draws_the_same_picture(
-    runtime: Runtime, form_runtime: Runtime, small: Scene
+def test_every_kernel_variant_draws_the_same_picture(
+    runtime: Runtime, variant_runtime: Runtime, small: Scene
 ) -> None:
     a = render(small, viewer(), LIGHTS, shadow_size=128, runtime=runtime)
-    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=form_runtime)
+    b = render(small, viewer(), LIGHTS, shadow_size=128, runtime=variant_runtime)
     off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
     # A value may round to the next; where a device's division is not exact an edge may move.
     assert np.mean(off > 1) < 2e-3

@@ -38,8 +38,9 @@ def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indire
     assert own.indirect is not None
     assert frame.gbuffer is not None
     made = BUILTIN_SCENES["cornell_box"]()
-    lamps = [light for light in made.lights if not isinstance(light, gi.Environment)]
-    maps = [gi.rasterize.rsm(made.scene, lamp, size=64, runtime=runtime) for lamp in lamps]
+    punctual_lights = [light for light in made.lights if not isinstance(light, gi.Environment)]
+    maps = [gi.rasterize.rsm(made.scene, punctual_light, size=64,
+        runtime=runtime) for punctual_light in punctual_lights]
     function: Any = gi.multires_splat if indirect == "multires" else gi.rsm_gather
     wanted = function(frame.gbuffer, maps, method="published", runtime=runtime)
     # Positions of the maps' texels round differently on their way through host memory.

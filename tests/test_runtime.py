@@ -11,7 +11,7 @@ import pytest
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.device import drivers, sources
 from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.drivers import Form
+from ssgi_cl.device.drivers import KernelVariant
 from ssgi_cl.device.runtime import MOST_PREPARED, PassTime, Runtime
 from ssgi_cl.device.structs import CAMERA
 
@@ -36,7 +36,7 @@ __kernel void add(ssgi_plane source, __global float *restrict sum, const int2 si
 @pytest.fixture
 def fresh(runtime: Runtime) -> Runtime:
     """The device under test with nothing built yet."""
-    return Runtime(runtime.info, runtime.form)
+    return Runtime(runtime.info, runtime.variant)
 
 
 def test_opening_twice_gives_the_same_runtime(runtime: Runtime) -> None:
@@ -79,8 +79,8 @@ def test_a_form_that_the_device_cannot_run_is_refused(
         Runtime.open()
 
 
-def test_forcing_a_form_builds_kernels_so(form_runtime: Runtime) -> None:
-    kernel = form_runtime.kernel_from_text(
+def test_forcing_a_form_builds_kernels_so(variant_runtime: Runtime) -> None:
+    kernel = variant_runtime.kernel_from_text(
         "form",
         """__kernel void form(__global int *restrict to, const int2 size)
         {
@@ -89,11 +89,11 @@ def test_forcing_a_form_builds_kernels_so(form_runtime: Runtime) -> None:
         }
         """,
     )
-    result = form_runtime.empty(2, np.int32)
+    result = variant_runtime.empty(2, np.int32)
     kernel.run("form", (1, 1), grid=(1, 1), local=(1, 1), to=result)
-    form = form_runtime.form
-    assert result.download().tolist() == [form.lanes, int(form.storage == "image")]
-    assert Runtime.open(lanes=form.lanes, storage=form.storage) is form_runtime
+    variant = variant_runtime.variant
+    assert result.download().tolist() == [variant.lanes, int(variant.storage == "image")]
+    assert Runtime.open(lanes=variant.lanes, storage=variant.storage) is variant_runtime
 
 
 def test_the_same_text_with_the_same_options_is_built_once(fresh: Runtime) -> None:
@@ -130,7 +130,7 @@ def test_a_build_error_names_the_file_and_the_line(
     assert f"probe/probe_gather.cl:{line}:" in message
     label = fresh.info.label
     assert message.startswith(f"kernels/probe/probe_gather.cl does not compile on {label}")
-    assert f"-DSSGI_LANES={fresh.form.lanes}" in message
+    assert f"-DSSGI_LANES={fresh.variant.lanes}" in message
 
 
 def test_a_missing_macro_is_a_build_error_that_names_it(fresh: Runtime) -> None:
@@ -178,13 +178,13 @@ def test_images_are_copied_from_plane_to_plane(runtime: Runtime, rng: np.random.
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_both_roads_to_the_device_give_the_same_bits(
-    form_runtime: Runtime, size: Size, rng: np.random.Generator
+def test_both_roads_to_the_device_give_bit_identical_results(
+    variant_runtime: Runtime, size: Size, rng: np.random.Generator
 ) -> None:
     values = rng.standard_normal((1, *size)).astype(np.float32)
     results = []
-    for shared in {form_runtime.shares_memory, False}:
-        runtime = Runtime(form_runtime.info, form_runtime.form)
+    for shared in {variant_runtime.shares_memory, False}:
+        runtime = Runtime(variant_runtime.info, variant_runtime.variant)
         runtime.shares_memory = shared
         start, end = runtime.plane(1, size), runtime.plane(1, size)
         start.upload(values)
@@ -271,14 +271,14 @@ def test_a_frame_ends_when_its_body_raises(runtime: Runtime) -> None:
 
 
 @pytest.mark.parametrize("local", [(1, 1), (1, 5), (3, 2), (2, 8)])
-def test_any_work_group_gives_the_same_bits(
-    form_runtime: Runtime, local: Size, rng: np.random.Generator
+def test_any_work_group_gives_bit_identical_results(
+    variant_runtime: Runtime, local: Size, rng: np.random.Generator
 ) -> None:
     size = (7, 50)
-    start, end = form_runtime.plane(1, size), form_runtime.plane(1, size)
+    start, end = variant_runtime.plane(1, size), variant_runtime.plane(1, size)
     values = rng.standard_normal((1, *size)).astype(np.float32)
     start.upload(values)
-    kernel = form_runtime.kernel_from_text("add", ADD, {"TERM": 1})
+    kernel = variant_runtime.kernel_from_text("add", ADD, {"TERM": 1})
     kernel.run("add", size, local=local, source=start, sum=end)
     np.testing.assert_array_equal(end.download(), values + np.float32(1))
 
@@ -295,7 +295,8 @@ def test_what_is_prepared_is_made_once_and_the_oldest_goes(fresh: Runtime) -> No
     made: list[int] = []
 
     def make(n: int) -> object:
-        return fresh.prepared(n, lambda: made.append(n) or object())  # type: ignore[func-returns-value]
+        return fresh.prepared(n,
+            lambda: made.append(n) or object())  # type: ignore[func-returns-value]
 
     first = make(0)
     assert make(0) is first
@@ -355,8 +356,8 @@ def test_what_is_of_a_thing_goes_with_it(fresh: Runtime) -> None:
 
 
 def test_forms_have_words_for_themselves() -> None:
-    assert str(Form(1, "image")) == "1 lane, image"
-    assert str(Form(16, "buffer")) == "16 lanes, buffer"
+    assert str(KernelVariant(1, "image")) == "1 lane, image"
+    assert str(KernelVariant(16, "buffer")) == "16 lanes, buffer"
 
 
 def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is_asked(
@@ -373,11 +374,12 @@ def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is
 def test_keep_is_an_argument_of_open(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     before = runtime.memory.keep
     monkeypatch.setattr(runtime.memory, "keep", before)
-    form = {"lanes": runtime.form.lanes, "storage": runtime.form.storage}
-    assert Runtime.open(runtime.info.label, **form).memory.keep == before  # type: ignore[arg-type]
-    kept = Runtime.open(runtime.info.label, keep=1 << 20, **form)  # type: ignore[arg-type]
+    variant = {"lanes": runtime.variant.lanes, "storage": runtime.variant.storage}
+    assert Runtime.open(runtime.info.label,
+        **variant).memory.keep == before  # type: ignore[arg-type]
+    kept = Runtime.open(runtime.info.label, keep=1 << 20, **variant)  # type: ignore[arg-type]
     assert kept is runtime
     assert runtime.memory.keep == 1 << 20
     for wrong, error in ((-1, ValueError), (0.5, TypeError)):
         with pytest.raises(error, match="keep is"):
-            Runtime.open(runtime.info.label, keep=wrong, **form)  # type: ignore[arg-type]
+            Runtime.open(runtime.info.label, keep=wrong, **variant)  # type: ignore[arg-type]

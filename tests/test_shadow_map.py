@@ -260,13 +260,13 @@ def test_a_map_of_one_texel(runtime: Runtime) -> None:
         assert np.isfinite(np.asarray(result.flux)).all()
 
 
-def test_every_build_of_the_kernels_gives_the_same(other_form: Runtime) -> None:
+def test_every_build_of_the_kernels_gives_the_same(other_variant: Runtime) -> None:
     reference = Runtime.open()
     scene = BUILTIN_SCENES["hall"]()
     for light in scene.lights:
         if isinstance(light, Environment):
             continue
-        one = rsm(scene.scene, light, size=96, runtime=other_form)
+        one = rsm(scene.scene, light, size=96, runtime=other_variant)
         other = rsm(scene.scene, light, size=96, runtime=reference)
         np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
         # Compilers may fuse an operation: a rounding or two.
@@ -305,14 +305,14 @@ def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
 
 
 @pytest.mark.parametrize("step", [2, 3])
-def test_every_nth_texel_is_that_of_the_whole_map(form_runtime: Runtime, step: int) -> None:
+def test_every_nth_texel_is_that_of_the_whole_map(variant_runtime: Runtime, step: int) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     (light,) = made.lights
     assert isinstance(light, SpotLight)
-    kept = DeviceScene(form_runtime, made.scene)
+    kept = DeviceScene(variant_runtime, made.scene)
     (camera,) = light_cameras(light, made.scene.bounds, 37)
-    few, all_ = (RsmRenderer(form_runtime, 37, step=n) for n in (step, 1))
-    with form_runtime.frame():
+    few, all_ = (RsmRenderer(variant_runtime, 37, step=n) for n in (step, 1))
+    with variant_runtime.frame():
         for renderer in (few, all_):
             renderer.render(kept, light, camera)
         middle = slice(step // 2, None, step)
@@ -358,11 +358,11 @@ def test_wrong_arguments_are_refused(
     ids=["spot", "point"],
 )
 def test_a_mesh_without_normals_has_those_of_its_faces(
-    form_runtime: Runtime, light: SpotLight | PointLight
+    variant_runtime: Runtime, light: SpotLight | PointLight
 ) -> None:
     scene = room()
     bare = replace(scene, normals=np.zeros_like(scene.normals))
-    given, found = (rsm(s, light, size=33, runtime=form_runtime) for s in (scene, bare))
+    given, found = (rsm(s, light, size=33, runtime=variant_runtime) for s in (scene, bare))
     np.testing.assert_array_equal(found.flux, given.flux)
     cosine = np.abs(np.sum(np.asarray(given.normal) * np.asarray(found.normal), axis=-1))
     seen = np.isfinite(np.asarray(given.depth))

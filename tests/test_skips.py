@@ -39,7 +39,7 @@ def drawn(
 
 
 def same(a: Frame, b: Frame) -> None:
-    """Assert that two frames hold the same bits."""
+    """Assert that two frames hold bit-identical results."""
     assert a.gbuffer is not None
     assert b.gbuffer is not None
     np.testing.assert_array_equal(a.radiance, b.radiance)
@@ -102,16 +102,16 @@ def test_a_renderer_keeps_nothing_of_another_scene_view_or_light(runtime: Runtim
         Renderer(runtime, SIZE[::-1], ao=GtaoParams(radius=0.1), shadow_size=64, skips=skips)
         for skips in (set(SKIPS) - {"dark"}, False)
     )
-    lamp = SpotLight((0.0, 3.0, 0.0), (0.0, -1.0, 0.0), 0.5, 10.0)
+    punctual_light = SpotLight((0.0, 3.0, 0.0), (0.0, -1.0, 0.0), 0.5, 10.0)
     moved = Camera.look_at((1.0, 2.0, 5.0), built.target, width=SIZE[0], height=SIZE[1])
     for scene, camera, lights, options in (
         (built.scene, built.camera(*SIZE), built.lights, {}),
         (built.scene, moved, built.lights, {}),
-        (built.scene, moved, [lamp, GLOW], {}),
+        (built.scene, moved, [punctual_light, GLOW], {}),
         (built.scene, moved, [GLOW], {}),
         (built.scene, moved, [Environment(0.7)], {}),
         (built.scene, moved, [Environment(0.7)], {"exposure": 2.0}),
-        (other.scene, moved, [lamp, GLOW], {}),
+        (other.scene, moved, [punctual_light, GLOW], {}),
         (built.scene, built.camera(*SIZE), built.lights, {}),
     ):
         options_: dict[str, Any] = {"gbuffer": True, **options}
@@ -146,7 +146,7 @@ def test_empty_and_flat_tiles_and_empty_layers_are_told(runtime: Runtime) -> Non
     assert "gtao" not in [p.name for p in frame.passes if not p.skipped]
 
 
-def test_lamps_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
+def test_lights_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
     built = next(make() for make in SKIP_SCENES if make.__name__ == "many_lamps")
     frame = drawn(runtime, built, MOVING, built.lights)
     ran = [p.name for p in frame.passes if not p.skipped]
@@ -159,9 +159,9 @@ def test_lamps_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
 
 def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
-    lamps = [PointLight((0.3, 0.4, 0.3), 1.0)]
-    left_out = drawn(runtime, built, ["dark"], tuple(lamps))
-    done = drawn(runtime, built, False, tuple(lamps))
+    punctual_lights = [PointLight((0.3, 0.4, 0.3), 1.0)]
+    left_out = drawn(runtime, built, ["dark"], tuple(punctual_lights))
+    done = drawn(runtime, built, False, tuple(punctual_lights))
     assert left_out.ao is None
     assert done.ao is not None
     np.testing.assert_array_equal(left_out.radiance, done.radiance)

@@ -31,7 +31,7 @@ def test_no_two_structs_have_one_name(runtime: Runtime) -> None:
 
 
 def test_the_compilers_layout_is_that_of_numpy(
-    form_runtime: Runtime, structs: list[Struct]
+    variant_runtime: Runtime, structs: list[Struct]
 ) -> None:
     expected: list[int] = []
     lines = []
@@ -48,7 +48,7 @@ def test_the_compilers_layout_is_that_of_numpy(
             expected.append(fields[name][1])
     declared = "\n".join(f"{struct.name} of_{struct.name};" for struct in structs)
     body = "\n".join(lines)
-    kernel = form_runtime.kernel_from_text(
+    kernel = variant_runtime.kernel_from_text(
         "layout",
         f"""__kernel void layout(__global int *restrict result, const int2 size)
         {{
@@ -58,13 +58,13 @@ def test_the_compilers_layout_is_that_of_numpy(
         """,
         structs=structs,
     )
-    result = form_runtime.empty(len(expected), np.int32)
+    result = variant_runtime.empty(len(expected), np.int32)
     kernel.run("layout", (1, 1), grid=(1, 1), local=(1, 1), result=result)
     assert result.download().tolist() == expected
 
 
 def test_every_member_arrives_in_the_kernel(
-    form_runtime: Runtime, structs: list[Struct]
+    variant_runtime: Runtime, structs: list[Struct]
 ) -> None:
     expected: list[float] = []
     lines, packed = [], {}
@@ -77,7 +77,7 @@ def test_every_member_arrives_in_the_kernel(
         packed[f"of_{struct.name}"] = struct.pack(values)
     arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in structs)
     body = "\n".join(lines)
-    kernel = form_runtime.kernel_from_text(
+    kernel = variant_runtime.kernel_from_text(
         "members",
         f"""__kernel void members(__global float *restrict result, const int2 size,
                                   {arguments})
@@ -87,7 +87,7 @@ def test_every_member_arrives_in_the_kernel(
         """,
         structs=structs,
     )
-    result = form_runtime.empty(len(expected), np.float32)
+    result = variant_runtime.empty(len(expected), np.float32)
     kernel.run("members", (1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)
     assert result.download().tolist() == expected
 

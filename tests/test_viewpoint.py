@@ -178,30 +178,30 @@ def test_an_object_gets_a_sun_from_behind_the_viewer_and_a_sky(runtime: Runtime)
     assert direction @ -camera.view[2, :3] > 0.0, "it shines in the viewer's face"
 
 
-def test_a_closed_room_gets_a_lamp_inside(runtime: Runtime) -> None:
+def test_a_closed_room_gets_a_light_inside(runtime: Runtime) -> None:
     scene = box(inward=True)
     camera = view_of(scene, runtime)
-    lamp = default_lights(scene, camera, runtime)[0]
-    assert isinstance(lamp, PointLight)
+    punctual_light = default_lights(scene, camera, runtime)[0]
+    assert isinstance(punctual_light, PointLight)
     low, high = scene.bounds
-    assert (np.asarray(lamp.position) > low).all()
-    assert (np.asarray(lamp.position) < high).all()
+    assert (np.asarray(punctual_light.position) > low).all()
+    assert (np.asarray(punctual_light.position) < high).all()
 
 
-def test_a_room_seen_through_a_gap_gets_a_lamp_inside(runtime: Runtime) -> None:
+def test_a_room_seen_through_a_gap_gets_a_light_inside(runtime: Runtime) -> None:
     scene = box(without="+z", inward=True)
-    lamp = default_lights(scene, view_of(scene, runtime), runtime)[0]
-    assert isinstance(lamp, PointLight)
-    assert (np.abs(np.asarray(lamp.position)) < 0.5 * np.array([2.0, 1.0, 1.5])).all()
+    punctual_light = default_lights(scene, view_of(scene, runtime), runtime)[0]
+    assert isinstance(punctual_light, PointLight)
+    assert (np.abs(np.asarray(punctual_light.position)) < 0.5 * np.array([2.0, 1.0, 1.5])).all()
 
 
-def test_a_lamp_is_brighter_in_a_larger_room(runtime: Runtime) -> None:
+def test_a_light_is_brighter_in_a_larger_room(runtime: Runtime) -> None:
     powers = []
     for scale in (1.0, 10.0):
         scene = box(inward=True, size=(2.0 * scale, scale, 1.5 * scale))
-        lamp = default_lights(scene, view_of(scene, runtime), runtime)[0]
-        assert isinstance(lamp, PointLight)
-        powers.append(np.asarray(lamp.intensity))
+        punctual_light = default_lights(scene, view_of(scene, runtime), runtime)[0]
+        assert isinstance(punctual_light, PointLight)
+        powers.append(np.asarray(punctual_light.intensity))
     # Irradiance falls with the square of the distance; distances are float32.
     np.testing.assert_allclose(powers[1], 100.0 * powers[0], rtol=1e-4)
 

@@ -71,10 +71,10 @@ def assert_same_lights(a: Vpls, b: Vpls) -> None:
 
 @pytest.mark.parametrize("parts", [False, True])
 @pytest.mark.parametrize("count", [1, 37, 500])
-def test_every_kernel_form_chooses_what_float64_chooses(
-    form_runtime: Runtime, count: int, parts: bool
+def test_every_kernel_variant_chooses_what_float64_chooses(
+    variant_runtime: Runtime, count: int, parts: bool
 ) -> None:
-    runtime, box = form_runtime, BUILTIN_SCENES["cornell_box"]()
+    runtime, box = variant_runtime, BUILTIN_SCENES["cornell_box"]()
     spots = [SpotLight((x, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2) for x in (0.15, 0.4)]
     maps = [rsm(box.scene, spot, size=size, runtime=runtime)
             for spot, size in zip(spots, (48, 61), strict=True)]
@@ -87,10 +87,10 @@ def test_every_kernel_form_chooses_what_float64_chooses(
         assert_same_lights(found.parts, wanted.parts)
 
 
-def test_every_kernel_form_chooses_the_same(runtime: Runtime, form_runtime: Runtime) -> None:
+def test_every_kernel_variant_chooses_the_same(runtime: Runtime, variant_runtime: Runtime) -> None:
     one, other = (
         choose_vpls(rsm(FLOOR, SPOT, size=61, runtime=r), 100, parts=True, runtime=r)
-        for r in (runtime, form_runtime)
+        for r in (runtime, variant_runtime)
     )
     assert one.parts is not None
     assert other.parts is not None
@@ -112,11 +112,11 @@ def test_parts_add_up_to_their_lights(runtime: Runtime) -> None:
 
 
 def test_one_texel_in_a_million_keeps_its_flux(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    made = rsm(FLOOR, SUN, size=256, runtime=form_runtime)
+    made = rsm(FLOOR, SUN, size=256, runtime=variant_runtime)
     flux = np.asarray(made.flux) * 10.0 ** rng.uniform(-5, 0, (256, 256, 1))
-    found = choose_vpls(with_flux(made, flux), 4096, runtime=form_runtime)
+    found = choose_vpls(with_flux(made, flux), 4096, runtime=variant_runtime)
     wanted = choose_vpls_reference([with_flux(made, flux)], 4096)
     # All texels have one colour, so that edges are where they are in float64; sums of 16 texels
     # that may be 10^5 times the piece's own.

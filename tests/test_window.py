@@ -10,7 +10,7 @@ import pytest
 from ssgi_cl.bench.skip_scenes import lone_object
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
-from ssgi_cl.device.active_region import Trace, Window, copy_window
+from ssgi_cl.device.active_region import PreviousRegion, Region, copy_region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
@@ -19,7 +19,7 @@ from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 
-EMPTY = Window(0, 0, 0, 0)
+EMPTY = Region(0, 0, 0, 0)
 SIZE = (600, 200)
 """Columns and rows: two widths of a window's work-groups, six of its tiles."""
 
@@ -42,35 +42,35 @@ VIEWS = ((0.0, 0.0), (0.7, 0.2), (-0.7, -0.1), (-0.7, -0.1), (5.0, 0.0), (0.2, 0
 
 
 def test_a_window_is_cut_joined_and_moved() -> None:
-    a, b = Window(2, 3, 4, 5), Window(1, 10, 2, 2)
-    assert a.union(b) == Window(1, 3, 5, 9)
+    a, b = Region(2, 3, 4, 5), Region(1, 10, 2, 2)
+    assert a.union(b) == Region(1, 3, 5, 9)
     assert a.union(EMPTY) == EMPTY.union(a) == a
-    assert a.inside((5, 7)) == Window(2, 3, 3, 4)
-    assert a.inside((9, 9), margin=(3, 4)) == Window(0, 0, 3, 4)
+    assert a.inside((5, 7)) == Region(2, 3, 3, 4)
+    assert a.inside((9, 9), margin=(3, 4)) == Region(0, 0, 3, 4)
     assert a.inside((2, 9)) == EMPTY
-    assert Window.between((4, 4), (4, 9)) == EMPTY
+    assert Region.between((4, 4), (4, 9)) == EMPTY
     assert EMPTY.empty
     assert not a.empty
 
 
 def test_a_window_meets_whole_cells() -> None:
-    assert Window(3, 16, 2, 17).cells((2, 16)) == ((1, 1), (2, 2))
+    assert Region(3, 16, 2, 17).cells((2, 16)) == ((1, 1), (2, 2))
     assert EMPTY.cells((2, 16)) == ((0, 0), (0, 0))
-    assert Window(3, 5, 4, 8).reduced(4) == Window(0, 1, 2, 3)
+    assert Region(3, 5, 4, 8).reduced(4) == Region(0, 1, 2, 3)
 
 
 def test_a_corner_lies_beyond_unless_a_window_is_the_whole_image() -> None:
-    assert Window(0, 0, 4, 5).beyond((4, 5)) is None
-    assert Window(0, 0, 4, 4).beyond((4, 5)) == (0, 4)
+    assert Region(0, 0, 4, 5).beyond((4, 5)) is None
+    assert Region(0, 0, 4, 4).beyond((4, 5)) == (0, 4)
     assert EMPTY.beyond((4, 5)) == (0, 0)
 
 
 def test_a_trace_covers_what_the_run_before_left() -> None:
-    a, b = Window(0, 0, 2, 2), Window(4, 4, 1, 1)
-    trace = Trace()
+    a, b = Region(0, 0, 2, 2), Region(4, 4, 1, 1)
+    trace = PreviousRegion()
 
-    def covered(window: Window | None, background: float) -> Window | None:
-        with trace.over(window, background) as over:
+    def covered(region: Region | None, background: float) -> Region | None:
+        with trace.over(region, background) as over:
             return over
 
     assert covered(a, 1.0) is None, "whatever memory holds at first"
@@ -83,7 +83,7 @@ def test_a_trace_covers_what_the_run_before_left() -> None:
 
 
 def test_after_a_run_that_raised_all_is_covered() -> None:
-    a, trace = Window(0, 0, 2, 2), Trace()
+    a, trace = Region(0, 0, 2, 2), PreviousRegion()
     with trace.over(a):
         pass
     with pytest.raises(KeyboardInterrupt), trace.over(a):
@@ -96,12 +96,12 @@ def test_after_a_run_that_raised_all_is_covered() -> None:
 
 def test_one_pixel_stands_for_all_beyond_a_window(rng: np.random.Generator) -> None:
     source = np.full((6, 8, 3), (1, 2, 3), np.uint8)
-    window = Window(1, 2, 3, 4)
+    region = Region(1, 2, 3, 4)
     source[1:4, 2:6] = rng.integers(0, 255, (3, 4, 3))
-    for given in (window, None, Window(0, 0, 6, 8)):
+    for given in (region, None, Region(0, 0, 6, 8)):
         target = np.zeros_like(source)
         beyond = None if given is None else given.beyond((6, 8))
-        copy_window(source, target, given, beyond)
+        copy_region(source, target, given, beyond)
         np.testing.assert_array_equal(target, source)
 
 
@@ -112,13 +112,13 @@ def assert_same_contents(a: Plane, b: Plane) -> None:
     np.testing.assert_array_equal(a.download(), b.download())
 
 
-def test_a_rasteriser_with_windows_draws_the_same_bits(runtime: Runtime) -> None:
+def test_a_rasteriser_with_windows_draws_bit_identical_results(runtime: Runtime) -> None:
     built = lone_object()
     scene = device_scene(built.scene, runtime)
     margin = (10, 30)
     cut, whole = (
-        Rasterizer(runtime, SIZE[::-1], margin=margin, windows=windows)
-        for windows in (True, False)
+        Rasterizer(runtime, SIZE[::-1], margin=margin, regions=regions)
+        for regions in (True, False)
     )
     found = []
     for view in VIEWS:
@@ -126,11 +126,11 @@ def test_a_rasteriser_with_windows_draws_the_same_bits(runtime: Runtime) -> None
         a, b = cut.render(scene, camera), whole.render(scene, camera)
         for name in ("depth", "normal_world", "albedo"):
             assert_same_contents(getattr(a, name), getattr(b, name))
-        found.append(a.window)
-        assert b.window is None
-        assert a.window is not None
+        found.append(a.region)
+        assert b.region is None
+        assert a.region is not None
         seen = np.isfinite(a.depth.download()[0])
-        seen[a.window.row : a.window.end[0], a.window.column : a.window.end[1]] = False
+        seen[a.region.row : a.region.end[0], a.region.column : a.region.end[1]] = False
         assert not seen.any()
     assert found[4] == EMPTY
     assert found[0] != found[1]
@@ -152,12 +152,12 @@ def test_a_rasteriser_with_windows_draws_the_same_bits(runtime: Runtime) -> None
     ],
     ids=str,
 )
-def test_every_frame_of_a_moving_camera_has_the_same_bits(
-    form_runtime: Runtime, options: dict[str, Any]
+def test_every_frame_of_a_moving_camera_has_bit_identical_results(
+    variant_runtime: Runtime, options: dict[str, Any]
 ) -> None:
     built = lone_object()
     given: dict[str, Any] = {
-        "ao_radius": 0.2, "shadow_size": 64, "gbuffer": True, "runtime": form_runtime, **options
+        "ao_radius": 0.2, "shadow_size": 64, "gbuffer": True, "runtime": variant_runtime, **options
     }
     lights = [*built.lights, Environment((0.1, 0.2, 0.3))]
     for number, view in enumerate(VIEWS):
@@ -197,7 +197,7 @@ def test_a_sky_that_is_an_image_is_drawn_everywhere(runtime: Runtime, rng: Any) 
 @pytest.mark.slow
 @pytest.mark.parametrize("late", ["own", "full"])
 @pytest.mark.parametrize("resolution", ["half", "quarter"])
-def test_occlusion_at_a_lower_resolution_has_the_same_bits(
+def test_occlusion_at_a_lower_resolution_has_bit_identical_results(
     runtime: Runtime, resolution: str, late: str
 ) -> None:
     built = lone_object()
@@ -205,13 +205,13 @@ def test_occlusion_at_a_lower_resolution_has_the_same_bits(
     margin = (11, 30)
     cut, whole = (
         (
-            Rasterizer(runtime, SIZE[::-1], margin=margin, windows=windows),
+            Rasterizer(runtime, SIZE[::-1], margin=margin, regions=regions),
             Gtao(
                 runtime, SIZE[::-1],
                 GtaoParams(radius=0.3, resolution=resolution, blur_resolution=late), margin,
             ),
         )
-        for windows in (True, False)
+        for regions in (True, False)
     )
     for view in VIEWS:
         results = []

@@ -31,14 +31,14 @@ class Blur(Own):
             value = noisy.run(context.gbuffer)
         pixels = context.size[0] * context.size[1]
 
-        def twin() -> Truth:
+        def numpy_reference() -> Truth:
             return exact(bilateral_reference(value.download()[0], context.host_gbuffer, params))
 
         return Subject(
             run=lambda: blur.run(value, context.gbuffer),
             image=lambda: blur.run(value, context.gbuffer).download()[0],
             moved=pixels * PIXEL_BYTES,
-            truths={"assumption": twin},
+            truths={"assumption": numpy_reference},
             note="the blur alone",
         )
 

@@ -56,7 +56,7 @@ class MultiresByError(Own):
 
 
 @dataclass(frozen=True)
-class MultiresWalls(Own):
+class MultiresVisibility(Own):
     """Surfaces block reflected light; the setting is the number of lights.
 
     Attributes:
@@ -156,8 +156,8 @@ def relative_rmse(off: NDArray[np.float32], image: NDArray[np.float32]) -> float
 
 FAMILIES: Mapping[str, Family] = {
     "multires": MultiresByError(),
-    "multires-walls": MultiresWalls(),
-    "multires-walls-seen": MultiresWalls(solid=False),
+    "multires-visibility": MultiresVisibility(),
+    "multires-visibility-seen": MultiresVisibility(solid=False),
     # As KlayGE's port has it, with which it is compared at 1280 x 800; and with a bound.
     "multires-geometry": MultiresByError(lights=256, SETTINGS=(GEOMETRY, "10-permille")),
     "multires-every-pixel": MultiresByError(coarsest=1, SETTINGS=("10-permille",)),

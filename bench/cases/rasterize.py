@@ -30,25 +30,25 @@ class GBuffers(Own):
 
 
 class ShadowMaps(Own):
-    """The reflective shadow map of the first lamp; the setting is its size in texels."""
+    """The reflective shadow map of the first light; the setting is its size in texels."""
 
     SETTINGS = ("512", "1024")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the light's renderer ready."""
         size = count_of(setting, "texels along a side", 16, 8192)
-        if not context.lamps:
-            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-        lamp = context.lamps[0]
+        if not context.punctual_lights:
+            raise ValueError(f"{context.view.name} has no light: expected at least one")
+        punctual_light = context.punctual_lights[0]
         scene = device_scene(context.view.scene, context.runtime)
-        cameras = light_cameras(lamp, context.view.scene.bounds, size)
+        cameras = light_cameras(punctual_light, context.view.scene.bounds, size)
         renderer = RsmRenderer(context.runtime, size)
 
         def run() -> None:
             for camera in cameras:
-                renderer.render(scene, lamp, camera)
+                renderer.render(scene, punctual_light, camera)
 
-        return Subject(run=run, note=f"{type(lamp).__name__}, {len(cameras)} face(s)")
+        return Subject(run=run, note=f"{type(punctual_light).__name__}, {len(cameras)} face(s)")
 
 
 FAMILIES: Mapping[str, Family] = {"gbuffer": GBuffers(), "rsm": ShadowMaps()}

@@ -20,7 +20,7 @@ MAP_SIZE = 512
 
 @dataclass(frozen=True)
 class RsmGatherFamily(Own):
-    """Irradiance by one bounce of all lamps; the setting is the number of samples of each.
+    """Irradiance by one bounce of all lights; the setting is the number of samples of each.
 
     Attributes:
         pattern, resolution: see `RsmGatherParams`.
@@ -33,7 +33,7 @@ class RsmGatherFamily(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
-        gbuffer, drawn = context.gbuffer, lamp_maps(context)
+        gbuffer, drawn = context.gbuffer, punctual_maps(context)
         params = RsmGatherParams(
             samples=samples, pattern=self.pattern, resolution=self.resolution
         )
@@ -64,15 +64,16 @@ class RsmGatherFamily(Own):
         )
 
 
-def lamp_maps(context: Context) -> list[DrawnMaps]:
+def punctual_maps(context: Context) -> list[DrawnMaps]:
     """Return the maps of each light; the published pattern projects a pixel into one at a time.
 
     Raises:
-        ValueError: the view has no lamp.
+        ValueError: the view has no light.
     """
-    if not context.lamps:
-        raise ValueError(f"{context.view.name} has no lamp: expected at least one")
-    return [DrawnMaps(context, MAP_SIZE, lamps=[lamp]) for lamp in context.lamps]
+    if not context.punctual_lights:
+        raise ValueError(f"{context.view.name} has no light: expected at least one")
+    return [DrawnMaps(context, MAP_SIZE,
+        punctual_lights=[punctual_light]) for punctual_light in context.punctual_lights]
 
 
 FAMILIES: Mapping[str, Family] = {

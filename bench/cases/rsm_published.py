@@ -13,19 +13,19 @@ from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from ..drawn import DrawnMaps
-from .rsm_gather import lamp_maps
+from .rsm_gather import punctual_maps
 
 
 @dataclass(frozen=True)
 class RsmPublishedFamily(Own):
-    """Irradiance by one bounce of all lamps; the setting is the number of samples of each."""
+    """Irradiance by one bounce of all lights; the setting is the number of samples of each."""
 
     SETTINGS: tuple[str, ...] = ("100", "400", "1600")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
-        gbuffer, drawn = context.gbuffer, lamp_maps(context)
+        gbuffer, drawn = context.gbuffer, punctual_maps(context)
         params = RsmPublishedParams(samples=samples)
         technique = RsmPublished(context.runtime, context.size, params)
 

@@ -19,19 +19,19 @@ from ..drawn import DrawnMaps
 from .skips import MOVING
 
 DRAWN = tuple(name for name in MOVING if name != "maps")
-"""What may be left out of a frame whose lamps move too."""
+"""What may be left out of a frame whose lights move too."""
 
 
 class Direct(Own):
-    """Irradiance by the lamps; the setting is the size of the shadow maps in texels."""
+    """Irradiance by the lights; the setting is the size of the shadow maps in texels."""
 
     SETTINGS = ("512", "1024", "2048")
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make shadow maps and shading ready."""
         size = count_of(setting, "texels along a side", 16, 8192)
-        if not context.lamps:
-            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        if not context.punctual_lights:
+            raise ValueError(f"{context.view.name} has no light: expected at least one")
         maps = DrawnMaps(context, size, flux=False)
         technique = Shade(context.runtime, context.size)
         seen = context.host_gbuffer
@@ -45,14 +45,15 @@ class Direct(Own):
 
         def image() -> NDArray[np.float32]:
             # A white surface of irradiance E has the radiance E / pi.
-            radiance = technique.run(white, context.lamps, shadows=maps.shadows()).download()
+            radiance = technique.run(white, context.punctual_lights,
+                shadows=maps.shadows()).download()
             return np.ascontiguousarray(np.float32(math.pi) * np.moveaxis(radiance, 0, -1))
 
         return Subject(
             run=image,
             image=image,
             quantity="direct",
-            samples=9.0 * len(context.lamps) * np.count_nonzero(context.seen),
+            samples=9.0 * len(context.punctual_lights) * np.count_nonzero(context.seen),
             truths={"world": context.direct},
             counted="shadow maps drawn",
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.frame.auxiliary_views import SIZE, FurtherViews
+from ssgi_cl.frame.auxiliary_views import SIZE, AuxiliaryViews
 from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
@@ -58,7 +58,7 @@ CORRECTIONS: Mapping[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class SsdoFamily(Own):
-    """Light of the lamps that near surfaces reflect; the setting is that of the method.
+    """Light of the lights that near surfaces reflect; the setting is that of the method.
 
     Attributes:
         method: see `SsdoParams`. The setting is the number of slices of "bitmask", else of samples.
@@ -80,8 +80,8 @@ class SsdoFamily(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Draw what the technique reads, and make it ready."""
         number = count_of(setting, "a number of samples or slices", 1, 256)
-        if not context.lamps:
-            raise ValueError(f"{context.view.name} has no lamp: expected at least one")
+        if not context.punctual_lights:
+            raise ValueError(f"{context.view.name} has no light: expected at least one")
         runtime = context.runtime
         view = DrawnView(context, self.layers, self.overscan, attributes=self.layers)
         counted: dict[str, Any] = {
@@ -94,15 +94,15 @@ class SsdoFamily(Own):
         )
         margin = view.gbuffer.margin
         technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
-        lamps = context.lamps
+        punctual_lights = context.punctual_lights
         maps = DrawnMaps(context, MAP_SIZE, flux=False)
-        further = FurtherViews(runtime, self.views, FAR_VIEWS if self.far else SIZE)
+        further = AuxiliaryViews(runtime, self.views, FAR_VIEWS if self.far else SIZE)
 
         def run() -> SsdoPlanes:
             gbuffer = _dark(view.draw())
-            views = further.drawn(context.view.scene, context.camera, gbuffer, lamps)
+            views = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
             return technique.run(
-                gbuffer, lamps, shadows=maps.shadows(),
+                gbuffer, punctual_lights, shadows=maps.shadows(),
                 views=map(_dark, views) if self.views else (),
             )
 
@@ -124,12 +124,12 @@ class SsdoFamily(Own):
             samples=float(pixels * reads * self.layers),
             truths={"world": context.bounce},
             counted="; ".join(filter(None, drawn)),
-            note="direct light of the lamps included",
+            note="direct light of the lights included",
         )
 
 
 def _dark(view: DeviceGBuffer) -> DeviceGBuffer:
-    """Return a view without emission: the truth is of lamps alone."""
+    """Return a view without emission: the truth is of lights alone."""
     view.emits = False
     return view
 
@@ -199,7 +199,7 @@ def _drawn(context: Context, kind: str, number: int) -> Subject:
     runtime, scene = context.runtime, context.view.scene
     layers = number if kind == "drawn" else 1
     rasterizer = Rasterizer(runtime, context.size, layers=layers, attributes=layers)
-    further = FurtherViews(runtime, number if kind == "cameras" else 0)
+    further = AuxiliaryViews(runtime, number if kind == "cameras" else 0)
     cameras = _moving(context.camera)
 
     def run() -> None:

@@ -53,7 +53,7 @@ class Upsampling(Own):
         )
         pixels = context.size[0] * context.size[1]
 
-        def twin() -> Truth:
+        def numpy_reference() -> Truth:
             given, host = ramp.astype(np.float32), context.host_gbuffer
             if self._blurred:
                 return exact(upsample_blur_reference(given, host, BLUR, step=step))
@@ -63,7 +63,7 @@ class Upsampling(Own):
             run=lambda: upsample.run(coarse, reduced, context.gbuffer),
             image=lambda: upsample.run(coarse, reduced, context.gbuffer).download()[0],
             moved=pixels * PIXEL_BYTES,
-            truths={"assumption": twin},
+            truths={"assumption": numpy_reference},
             note="upsampling and a 15 x 15 blur in one, of a ramp" if self._blurred
             else "the upsampling alone, of a ramp",
         )

@@ -21,7 +21,7 @@ from .vpl_splat import MANY, PIXEL_BYTES, lit
 SPECULAR, GLOSS = 0.5, 60.0
 """Reflectance and exponent that all surfaces get."""
 MAP_SIZE = 256
-"""Texels along a side of the lamps' maps; what lights are held to is each of them as a light."""
+"""Texels along a side of the lights' maps; what lights are held to is each of them as a light."""
 NO_LIGHTS = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 

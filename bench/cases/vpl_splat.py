@@ -19,7 +19,7 @@ from ssgi_cl.tuning.context import Context, exact
 from ..drawn import DrawnMaps, DrawnView
 
 MAP_SIZE = 512
-"""Texels along a side of the lamps' maps."""
+"""Texels along a side of the lights' maps."""
 PIXEL_BYTES = 4 * (1 + 3 + 3)
 """Depth and normal read, E written."""
 WALLS = (4, 0.1)
@@ -135,8 +135,8 @@ FAMILIES: Mapping[str, Family] = {
     "vpl": VplsByNumber(),
     "vpl-plain": VplsByNumber(cull=False),
     "vpl-interleaved": VplsByNumber(interleave=True),
-    "vpl-walls": VplsByNumber(interleave=True, visibility=True, solid=True, SETTINGS=MANY),
-    "vpl-walls-seen": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
+    "vpl-visibility": VplsByNumber(interleave=True, visibility=True, solid=True, SETTINGS=MANY),
+    "vpl-visibility-seen": VplsByNumber(interleave=True, visibility=True, SETTINGS=MANY),
     "vpl-cut": VplsByCut(),
     "vpl-cut-plain": VplsByCut(cull=False),
     "vpl-cut-restored": VplsByCut(restore=True),

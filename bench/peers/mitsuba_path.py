@@ -35,11 +35,11 @@ class MitsubaPath:
         """Build the search tree and find the visible points."""
         paths = count_of(setting, "paths per pixel", 1, MOST_PATHS)
         view = context.view
-        if not context.lamps:
-            raise ValueError(f"{view.name} has no lamp: expected at least one")
+        if not context.punctual_lights:
+            raise ValueError(f"{view.name} has no light: expected at least one")
         with within(VARIANT):
             tracer = context.shared(
-                "Mitsuba's paths", lambda: OneBounce(view.scene, context.lamps, VARIANT)
+                "Mitsuba's paths", lambda: OneBounce(view.scene, context.punctual_lights, VARIANT)
             )
             estimator = Estimator(context, tracer, paths)
         run = estimator.mean

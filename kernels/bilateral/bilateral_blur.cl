@@ -48,7 +48,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
     if (x >= size.x || y >= size.y) {
         return;
     }
-    if (ssgi_tiles_are(TILES_IS_CALM, tiles, params.tile_columns, params.tile_step, x,
+    if (ssgi_tiles_are(TILES_IS_INTERIOR, tiles, params.tile_columns, params.tile_step, x,
                        min(x + SSGI_LANES, size.x) - 1, y)) {
         for (int r = 0; r < min(BLUR_ROWS, size.y - y); ++r) {
             for (int c = 0; c < BLUR_COUNT; ++c) {

@@ -13,11 +13,11 @@
 //          surface covers what lies between its ends, cut off exactly at the radius; only a tap
 //          that is joined to none before it has a thickness: the same for all, or that of its
 //          pixel (SLICES_THICKNESS), no farther than the next layer (SLICES_NEXT).
-// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
-// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
+// Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_DEEPER (1..SLICES_TAPS),
 //          BITMASK_ANGLE, BITMASK_JOINED, SLICES_THICKNESS, SLICES_NEXT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
@@ -35,14 +35,14 @@
 
 // Cover the sectors of a slice that surfaces of all layers hide, layer by layer on each side, from
 // near to far; layers behind the first are read at every so-many-th tap.
-SSGI_INLINE void bitmask_slice(ssgi_plane near, const SsgiReceiver *receiver,
+SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                                const SsgiSlice *slice, const float centre,
                                const SliceParams params, BitmaskSurfaces *surfaces)
 {
     SsgiTaps taps;
     BitmaskPath path;
     bitmask_taps(receiver, slice, centre, params, &taps, &path);
-    ssgi_ask_taps(near, receiver, &taps, path.every, SLICES_DEEPER);
+    ssgi_ask_taps(inv_depth, receiver, &taps, path.every, SLICES_DEEPER);
     surfaces->covered = v_splat_int(0);
     surfaces->measure = bitmask_measure(slice);
     SsgiReceiver sided = *receiver;
@@ -56,16 +56,17 @@ SSGI_INLINE void bitmask_slice(ssgi_plane near, const SsgiReceiver *receiver,
             }
 #pragma unroll 1
             for (int t = every - 1; t < path.count; t += every) {
-                const SsgiTap tap = ssgi_tap(near, &sided, slice, &taps, side, t, layer);
+                const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, t, layer);
                 if (BITMASK_JOINED) {
                     const float per_px = bitmask_per_px(&path, t, layer);
-                    bitmask_join(near, &sided, slice, &tap, per_px, side, layer, params, surfaces);
+                    bitmask_join(inv_depth, &sided, slice, &tap, per_px, side, layer, params,
+                                 surfaces);
                 } else {
-                    bitmask_tap(near, &sided, slice, &tap, side, layer, surfaces);
+                    bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
                 }
             }
             if (BITMASK_JOINED) {
-                bitmask_end(near, &sided, slice, side, layer, params, surfaces);
+                bitmask_end(inv_depth, &sided, slice, side, layer, params, surfaces);
             }
         }
         ssgi_mirror(&sided);
@@ -73,7 +74,7 @@ SSGI_INLINE void bitmask_slice(ssgi_plane near, const SsgiReceiver *receiver,
 }
 
 // The fraction that slices of this radius (a length) find occluded.
-SSGI_INLINE vfloat bitmask_scan(ssgi_plane near, const SsgiReceiver *receiver,
+SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                                 const SsgiPattern *pattern, const float radius,
                                 const SliceParams params)
 {
@@ -83,7 +84,7 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane near, const SsgiReceiver *receiver,
         const SsgiSlice slice =
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         BitmaskSurfaces surfaces;
-        bitmask_slice(near, receiver, &slice, pattern->centre, params, &surfaces);
+        bitmask_slice(inv_depth, receiver, &slice, pattern->centre, params, &surfaces);
         const vfloat hidden = v_to_float(v_count_bits(surfaces.covered)) * (1.0f / 32.0f);
         occluded = v_fma(surfaces.measure.share, hidden, occluded);
         whole = whole + surfaces.measure.share;
@@ -91,9 +92,10 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane near, const SsgiReceiver *receiver,
     return occluded / whole;
 }
 
-__kernel void bitmask_ao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+__kernel void bitmask_ao(ssgi_plane inv_depth, ssgi_plane normal,
+                         __global const float *restrict table,
                          ssgi_optional __global const int *restrict tiles,
-                         __global float *restrict openness,
+                         __global float *restrict visibility,
                          const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
@@ -101,17 +103,17 @@ __kernel void bitmask_ao(ssgi_plane near, ssgi_plane normal, __global const floa
         return;
     }
     if (ssgi_item_is_open(&item, tiles, size, params)) {
-        ssgi_store_unoccluded(openness, 1, size, &item);
+        ssgi_store_unoccluded(visibility, 1, size, &item);
         return;
     }
     const SsgiReceiver receiver =
-        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+        ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat occluded = v_splat(0.0f);
     SsgiGroup group = ssgi_groups(receiver.active);
-    while (ssgi_next_group(near, &receiver, params, &group)) {
-        const vfloat found = bitmask_scan(near, &receiver, &pattern, group.radius, params);
+    while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
+        const vfloat found = bitmask_scan(inv_depth, &receiver, &pattern, group.radius, params);
         occluded = v_select(occluded, found, group.alike);
     }
-    ssgi_store_ao(occluded, &receiver, params, openness, size, &item);
+    ssgi_store_ao(occluded, &receiver, params, visibility, size, &item);
 }

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
-// gbuffer_normals: view-space unit normals that face the viewer, from world-space ones or from depth.
+// gbuffer_normals: view-space unit normals that face the viewer, from world-space ones or from
+// depth.
 //
 // A normal is turned round if it and the surface seen in the depth both say that it faces away, so
 // that smooth normals at a silhouette keep their side. Where the given normal is 0 (or none is
 // given) it is the cross product of the smaller depth differences on either side, which stays on
 // one surface at an edge. A pixel with neighbours in one direction alone takes the other difference
-// from one of these; a pixel without any is taken to lie across the line of sight.
+// from one of these; a pixel without any is taken to lie across the view ray.
 //
 // Reads:   depth   image `layer`: scene units, > 0; INFINITY where nothing is
 //          normal  images 3 layer + c: world space, unit length or 0 (GBUFFER_GIVEN 1)
@@ -184,7 +185,7 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
         rotation.zx * wx + rotation.zy * wy + rotation.zz * wz,
     };
     const vmask given = v_gt(v_abs(wx) + v_abs(wy) + v_abs(wz), zero);
-    // The line of sight of an orthographic camera is -z, of a perspective one the position.
+    // The view ray of an orthographic camera is -z, of a perspective one the position.
     const vfloat flatten = v_splat(camera.perspective);
     const vfloat towards = flatten * (n.x * p.x + n.y * p.y) - n.z * safe;
     const vfloat with_surface = n.x * g.x + n.y * g.y + n.z * g.z;

@@ -7,18 +7,19 @@
 //          sum is over what the same slices would see if nothing occluded, so that A is 1 there;
 //          slices are weighted by the azimuth they stand for. With GTAO_FALLOFF a horizon moves
 //          towards the tangent plane with distance, as in XeGTAO (Intel 2021).
-// Bent:    the mean unoccluded direction, weighted by cosine: the mean of all directions, 2/3 of the
-//          normal n, less what horizons hide. A side's directions up to the angle h sum up, towards
-//          the eye and across, to
+// Bent:    the mean unoccluded direction, weighted by cosine: the mean of all directions, 2/3 of
+//          the normal n, less what horizons hide. A side's directions up to the angle h sum up,
+//          towards the eye and across, to
 //              (cos g (1 - cos^3 h) + sin g sin^3 h) / 3,
 //              (cos g sin^3 h + sin g (2 - 3 cos h + cos^3 h)) / 3.
 //          Stored is the bend, what to add to n: blurred, it leaves the detail of normals alone.
-// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
-// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with GTAO_BENT 3
-//          more images, the bend in view space, about n's length at most; 0 where nothing is
+// Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with
+//          GTAO_BENT 3 more images, the bend in view space, about n's length at most; 0 where
+//          nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_BENT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
@@ -40,7 +41,7 @@ typedef struct {
     vfloat up, along; // sum of the hidden directions, times 3
 } GtaoSlice;
 
-// Cosine of an angle from the line of sight.
+// Cosine of an angle from the view ray.
 SSGI_INLINE vfloat gtao_cosine(const vfloat cot)
 {
     return cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
@@ -98,7 +99,7 @@ SSGI_INLINE void gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice,
 {
     const float x = slice->cosine * receiver->to_x;
     const float y = slice->sine * receiver->to_y;
-    // Across the line of sight r is the offset less q / r.r of r; over its length it is a unit.
+    // Across the view ray r is the offset less q / r.r of r; over its length it is a unit.
     const vfloat q = v_fma(receiver->x, v_splat(x), v_splat(receiver->y * y));
     const vfloat unit = v_sqrt(slice->weight) * receiver->length * (1.0f / fabs(receiver->to_x));
     const vfloat half_weight = weight * 0.5f; // of 3/2 and a third
@@ -135,7 +136,7 @@ SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const 
 
 // Find the fraction that slices of this radius (a length) find occluded, and with GTAO_BENT the
 // bend.
-SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
+SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                            const SsgiPattern *pattern, const float radius,
                            const SliceParams params, vfloat images[GTAO_IMAGES])
 {
@@ -151,7 +152,7 @@ SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         SsgiTaps taps;
         ssgi_taps(receiver, &slice, pattern->centre, params, &taps);
-        ssgi_ask_taps(near, receiver, &taps, 1, SLICES_TAPS);
+        ssgi_ask_taps(inv_depth, receiver, &taps, 1, SLICES_TAPS);
         vfloat highest[2] = {v_splat(0.0f), v_splat(0.0f)};
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
@@ -159,8 +160,8 @@ SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiPairTap both[2] = {
-                    ssgi_pair_tap(&pair, near, receiver, &taps, 0, t, layer),
-                    ssgi_pair_tap(&pair, near, receiver, &taps, 1, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 1, t, layer),
                 };
 #pragma unroll
                 for (int side = 0; side < 2; ++side) {
@@ -190,9 +191,9 @@ SSGI_INLINE void gtao_scan(ssgi_plane near, const SsgiReceiver *receiver,
     }
 }
 
-__kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+__kernel void gtao(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict openness,
+                   __global float *restrict visibility,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
@@ -200,11 +201,11 @@ __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *res
         return;
     }
     if (ssgi_item_is_open(&item, tiles, size, params)) {
-        ssgi_store_unoccluded(openness, GTAO_IMAGES, size, &item);
+        ssgi_store_unoccluded(visibility, GTAO_IMAGES, size, &item);
         return;
     }
     const SsgiReceiver receiver =
-        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+        ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat images[GTAO_IMAGES];
 #pragma unroll
@@ -212,16 +213,16 @@ __kernel void gtao(ssgi_plane near, ssgi_plane normal, __global const float *res
         images[i] = v_splat(0.0f);
     }
     SsgiGroup group = ssgi_groups(receiver.active);
-    while (ssgi_next_group(near, &receiver, params, &group)) {
+    while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
         vfloat found[GTAO_IMAGES];
-        gtao_scan(near, &receiver, &pattern, group.radius, params, found);
+        gtao_scan(inv_depth, &receiver, &pattern, group.radius, params, found);
 #pragma unroll
         for (int i = 0; i < GTAO_IMAGES; ++i) {
             images[i] = v_select(images[i], found[i], group.alike);
         }
     }
-    ssgi_store_ao(images[0], &receiver, params, openness, size, &item);
+    ssgi_store_ao(images[0], &receiver, params, visibility, size, &item);
     for (int i = 1; i < GTAO_IMAGES; ++i) {
-        ssgi_store_behind(images[i], v_splat(1.0f), openness, i, size, &item);
+        ssgi_store_behind(images[i], v_splat(1.0f), visibility, i, size, &item);
     }
 }

@@ -4,14 +4,14 @@
 // Method:  Bavoil and Sainz 2008, "Image-Space Horizon-Based Ambient Occlusion". From the tangent
 //          plane's elevation t plus a bias, each tap outwards that raises the horizon h to s adds
 //          W (sin s - sin h), W = 1 - attenuation r^2, r the distance in radii.
-// Departs: elevations are above the plane across the line of sight, not the image plane, so that
+// Departs: elevations are above the plane across the view ray, not the image plane, so that
 //          A is right off the axis too; directions weigh by the azimuth that they stand for; the
 //          sum is over what they could hide, which makes good the bias.
-// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
-// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
+// Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT (pairs of directions), SLICES_TAPS, SLICES_LAYERS (>= 1),
 //          HBAO_ATTENUATION, HBAO_BIAS (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
@@ -111,7 +111,7 @@ SSGI_INLINE void hbao_raise(const SsgiReceiver *receiver, const SsgiSlice *slice
 }
 
 // The fraction that slices of this radius (a length) find occluded.
-SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
+SSGI_INLINE vfloat hbao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                              const SsgiPattern *pattern, const float radius,
                              const SliceParams params)
 {
@@ -123,7 +123,7 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         SsgiTaps taps;
         ssgi_taps(receiver, &slice, pattern->centre, params, &taps);
-        ssgi_ask_taps(near, receiver, &taps, 1, SLICES_TAPS);
+        ssgi_ask_taps(inv_depth, receiver, &taps, 1, SLICES_TAPS);
         HbaoHorizons at = hbao_begin(receiver, &slice, params);
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
@@ -131,8 +131,8 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiPairTap both[2] = {
-                    ssgi_pair_tap(&pair, near, receiver, &taps, 0, t, layer),
-                    ssgi_pair_tap(&pair, near, receiver, &taps, 1, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 1, t, layer),
                 };
                 hbao_raise(receiver, &slice, both, params, &at);
             }
@@ -143,9 +143,9 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane near, const SsgiReceiver *receiver,
     return hidden / could_hide;
 }
 
-__kernel void hbao(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+__kernel void hbao(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict openness,
+                   __global float *restrict visibility,
                    const int2 size, const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
@@ -153,17 +153,17 @@ __kernel void hbao(ssgi_plane near, ssgi_plane normal, __global const float *res
         return;
     }
     if (ssgi_item_is_open(&item, tiles, size, params)) {
-        ssgi_store_unoccluded(openness, 1, size, &item);
+        ssgi_store_unoccluded(visibility, 1, size, &item);
         return;
     }
     const SsgiReceiver receiver =
-        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+        ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat occluded = v_splat(0.0f);
     SsgiGroup group = ssgi_groups(receiver.active);
-    while (ssgi_next_group(near, &receiver, params, &group)) {
-        const vfloat found = hbao_scan(near, &receiver, &pattern, group.radius, params);
+    while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
+        const vfloat found = hbao_scan(inv_depth, &receiver, &pattern, group.radius, params);
         occluded = v_select(occluded, found, group.alike);
     }
-    ssgi_store_ao(occluded, &receiver, params, openness, size, &item);
+    ssgi_store_ao(occluded, &receiver, params, visibility, size, &item);
 }

@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: MIT
-// light_shadows: add the direct irradiance of one lamp, shadowed by what the camera sees.
+// light_shadows: add the direct irradiance of one light, shadowed by what the camera sees.
 //
-// Method:  taps along the image of the way to the lamp; a tap is in the shadow where it lies behind
-//          a surface, and not behind its back, that rises above the receiver's tangent plane.
-//          Ritschel, Grosch and Seidel 2009 take such taps for point lights. The way leads to
-//          another point of the lamp's disc in each pixel of a 4 x 4 tile.
+// Method:  taps along the image of the way to the light; a tap is in the shadow where it lies
+//          behind a surface, and not behind its back, that rises above the receiver's tangent
+//          plane. Ritschel, Grosch and Seidel 2009 take such taps for point lights. The way leads
+//          to another point of the light's disc in each pixel of a 4 x 4 tile.
 // Departs: taps are evenly spread in the image, not on the way, and the way's depth is that where
 //          it passes the tap's pixel centre, so that a plane never shadows itself.
-// Reads:   depth   LAMP_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
+// Reads:   depth   LIGHT_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal  images 3 light.layer + c, likewise, view space, unit length
-//          thickness  of the front layer, likewise, scene units; with LAMP_THICKNESS 0 not read
+//          thickness  of the front layer, likewise, scene units; with LIGHT_THICKNESS 0 not read
 //          tile    [4 rows][3][16 columns]: a point of the unit disc; where in its part of the
 //                  way a tap lies, [0, 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (SHADE_ADD 1) or set
-// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_ADD (0, 1), LAMP_TAPS (1..256),
-//          LAMP_LAYERS (>= 1), LAMP_THICKNESS (0, 1)
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_ADD (0, 1), LIGHT_TAPS (1..256),
+//          LIGHT_LAYERS (>= 1), LIGHT_THICKNESS (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    LAMP_TAPS * LAMP_LAYERS scattered reads per lit pixel
+// Cost:    LIGHT_TAPS * LIGHT_LAYERS scattered reads per lit pixel
 
-#include "shade/lamp.clh"
+#include "shade/light.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LAMP_TAPS) ||                          \
-    !defined(LAMP_LAYERS) || !defined(LAMP_THICKNESS)
-#error "SHADE_KIND, SHADE_ADD, LAMP_TAPS, _LAYERS and _THICKNESS must be defined by the host"
+#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LIGHT_TAPS) ||                          \
+    !defined(LIGHT_LAYERS) || !defined(LIGHT_THICKNESS)
+#error "SHADE_KIND, SHADE_ADD, LIGHT_TAPS, _LAYERS and _THICKNESS must be defined by the host"
 #endif
 
-#define LAMP_ONSET 50.0f     // per radius
-#define LAMP_NEAREST_TAP 1.3f // px: at any angle it lies in another pixel than the receiver
+#define LIGHT_ONSET 50.0f     // per radius
+#define LIGHT_NEAREST_TAP 1.3f // px: at any angle it lies in another pixel than the receiver
 
 // Part of the way's image up to the border of the arrays, from c with a change of d.
-static inline vfloat lamp_inside(const vfloat c, const vfloat d, const int size)
+static inline vfloat light_inside(const vfloat c, const vfloat d, const int size)
 {
     const vfloat border = v_select(v_splat(0.0f), v_splat((float)size), v_gt(d, v_splat(0.0f)));
     const vfloat safe = v_copysign(v_max(v_abs(d), v_splat(1e-6f)), d);
@@ -37,13 +37,13 @@ static inline vfloat lamp_inside(const vfloat c, const vfloat d, const int size)
 }
 
 __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
-#if LAMP_THICKNESS
+#if LIGHT_THICKNESS
                            ssgi_plane thickness,
 #endif
                            __global const float *restrict tile,
                            __global float *restrict irradiance, const int2 size,
                            const SsgiCamera camera, const LightParams light,
-                           const LampShadowParams params)
+                           const LightShadowParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -57,28 +57,31 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
     const vfloat one = v_splat(1.0f);
     const vfloat own_column = v_to_float(v_iota() + at_x) + 0.5f;
     const vfloat own_row = v_splat((float)at_y + 0.5f);
-    const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
+    const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
     const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
     const vfloat nx = receiver.nx, ny = receiver.ny, nz = receiver.nz;
-    const LampAt lamp = lamp_at(light, &receiver);
-    const vmask lit = receiver.there & v_gt(lamp.strength, zero);
+    const LightAt punctual_light = light_at(light, &receiver);
+    const vmask lit = receiver.there & v_gt(punctual_light.strength, zero);
     vfloat shadow = zero;
     if (v_any(lit)) {
-        // To a point of the lamp's disc, at right angles to the way to its middle.
+        // To a point of the light's disc, at right angles to the way to its middle.
         __global const float *restrict pattern = tile + (y & 3) * 48 + (x & 3);
         const vfloat u = v_load(pattern) * params.extent, v = v_load(pattern + 16) * params.extent;
-        const vfloat sign = v_copysign(one, lamp.z);
-        const vfloat a = -1.0f / (sign + lamp.z); // basis: Duff et al. 2017
-        const vfloat b = lamp.x * lamp.y * a;
-        const vfloat reach = v_min(v_splat(params.radius), lamp.distance);
-        const vfloat far = SHADE_KIND == 2 ? reach : reach / lamp.distance;
-        const vfloat length = v_max(SHADE_KIND == 2 ? one : lamp.distance, v_splat(1e-18f));
-        const vfloat ux = v_fma(u, v_fma(sign * lamp.x, lamp.x * a, one), v * b);
-        const vfloat uy = v_fma(u, sign * b, v * v_fma(lamp.y, lamp.y * a, sign));
-        const vfloat uz = -v_fma(u, sign * lamp.x, v * lamp.y);
-        const vfloat wx = v_fma(lamp.x, length, ux) * far;
-        const vfloat wy = v_fma(lamp.y, length, uy) * far;
-        const vfloat wz = v_fma(lamp.z, length, uz) * far;
+        const vfloat sign = v_copysign(one, punctual_light.z);
+        const vfloat a = -1.0f / (sign + punctual_light.z); // basis: Duff et al. 2017
+        const vfloat b = punctual_light.x * punctual_light.y * a;
+        const vfloat reach = v_min(v_splat(params.radius), punctual_light.distance);
+        const vfloat far = SHADE_KIND == 2 ? reach : reach / punctual_light.distance;
+        const vfloat length = v_max(SHADE_KIND == 2 ? one : punctual_light.distance,
+                                    v_splat(1e-18f));
+        const vfloat ux = v_fma(u, v_fma(sign * punctual_light.x, punctual_light.x * a, one),
+                                v * b);
+        const vfloat uy = v_fma(u, sign * b, v * v_fma(punctual_light.y, punctual_light.y * a,
+                                                       sign));
+        const vfloat uz = -v_fma(u, sign * punctual_light.x, v * punctual_light.y);
+        const vfloat wx = v_fma(punctual_light.x, length, ux) * far;
+        const vfloat wy = v_fma(punctual_light.y, length, uy) * far;
+        const vfloat wz = v_fma(punctual_light.z, length, uz) * far;
         // A way that comes to the eye ends before it.
         const vfloat ahead = z * 0.99f;
         const vfloat kept = v_min(one, ahead / v_max(wz, ahead));
@@ -87,10 +90,10 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
         const vfloat dx = ssgi_column(camera, v_fma(wx, kept, px) * end_k) - own_column;
         const vfloat dy = ssgi_row(camera, v_fma(wy, kept, py) * end_k) - own_row;
         const vfloat square = v_max(v_fma(dx, dx, dy * dy), v_splat(1e-12f));
-        const vfloat nearest = LAMP_NEAREST_TAP * v_rsqrt(square);
-        const vfloat most = v_min(one, v_min(lamp_inside(own_column, dx, whole.x),
-                                             lamp_inside(own_row, dy, whole.y)));
-        const vfloat span = (most - nearest) * (1.0f / (float)LAMP_TAPS);
+        const vfloat nearest = LIGHT_NEAREST_TAP * v_rsqrt(square);
+        const vfloat most = v_min(one, v_min(light_inside(own_column, dx, whole.x),
+                                             light_inside(own_row, dy, whole.y)));
+        const vfloat span = (most - nearest) * (1.0f / (float)LIGHT_TAPS);
         const vmask marched = lit & v_gt(span, zero);
         // linear runs straight along the way's image.
         const bool perspective = camera.perspective != 0.0f;
@@ -100,9 +103,9 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
         const vfloat height = v_fma(nx, px, v_fma(ny, py, -(nz * z)));
         const float bias = params.radius * params.bias;
         const vfloat floor_height = height + v_fma(z, v_splat(params.depth_bias), v_splat(bias));
-        const float onset = LAMP_ONSET / params.radius;
+        const float onset = LIGHT_ONSET / params.radius;
         const vfloat jitter = v_load(pattern + 32);
-        for (int i = 0; i < LAMP_TAPS; ++i) {
+        for (int i = 0; i < LIGHT_TAPS; ++i) {
             const vfloat part = v_fma(jitter + (float)i, span, nearest);
             const vint column = v_iclamp(v_to_int(v_fma(part, dx, own_column)), 0, whole.x - 1);
             const vint row = v_iclamp(v_to_int(v_fma(part, dy, own_row)), 0, whole.y - 1);
@@ -115,13 +118,13 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
             const vfloat slope_x = ssgi_slope_x(camera, column_at);
             const vfloat slope_y = ssgi_slope_y(camera, row_at);
             vfloat seen = ssgi_gather(depth, whole, 0, column, row);
-            for (int layer = 0; layer < LAMP_LAYERS; ++layer) {
+            for (int layer = 0; layer < LIGHT_LAYERS; ++layer) {
                 vfloat next = v_splat(INFINITY);
-                if (layer + 1 < LAMP_LAYERS) {
+                if (layer + 1 < LIGHT_LAYERS) {
                     next = ssgi_gather(depth, whole, layer + 1, column, row);
                 }
                 vfloat thick = v_splat(params.thickness);
-#if LAMP_THICKNESS
+#if LIGHT_THICKNESS
                 if (layer == 0) {
                     thick = ssgi_gather(thickness, whole, 0, column, row);
                 }
@@ -140,5 +143,6 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
             }
         }
     }
-    lamp_store(lamp_bounded(lamp.strength, lit) * (1.0f - shadow), light, irradiance, size, x, y);
+    light_store(light_bounded(punctual_light.strength, lit) * (1.0f - shadow), light, irradiance,
+                size, x, y);
 }

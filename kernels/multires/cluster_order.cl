@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // cluster_order: lights put in the order in which runs of them are compact and face one way.
 //
-// Lights come along Hilbert curves over what the lamp sees, where neighbours may lie on different
+// Lights come along Hilbert curves over what the light sees, where neighbours may lie on different
 // surfaces. Sorted by the axis that is nearest to their normal, and along the curve within one
-// axis, runs of them seldom mix surfaces; in scenes of many small surfaces that is worth a factor of
-// ten in the error of the runs.
+// axis, runs of them seldom mix surfaces; in scenes of many small surfaces that is worth a factor
+// of ten in the error of the runs.
 // Reads:   lights   [segments][params.span][TREE_RECORD], see vpl/vpl_splat.cl
 // Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
 //          bounds   [segments][tree_first_bound(params.stride, 4)] likewise

@@ -10,7 +10,8 @@
 //          bounds   of all segments, see cluster.clh
 //          limits   [1] is the tolerance, W/m^2
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
-//          lists    [groups][params.room] numbers of records, in an order that depends on no lane
+//          lists    [groups][params.capacity] numbers of records, in an order that depends on no
+//                   lane
 //          counts   [groups]
 // Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit
 // Launch:  any number of work-items, each of which takes every so-many-th group
@@ -129,7 +130,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
         const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
                                          camera, params, kept + own * (CUT_SAMPLE * CUT_GROUP));
-        __global int *restrict to = lists + own * params.room;
+        __global int *restrict to = lists + own * params.capacity;
         // Of runs of 64 and 16.
         int states[TREE_MOST_RUNS];
         for (int run = 0; run < runs; run += SSGI_LANES) {

@@ -9,20 +9,21 @@
 //          is near the bound, some of each: else a point that passes it would jump by that error.
 // Reads:   coarse_linear  [coarse rows, columns], coarse_normal 3 x likewise, view space
 //          coarse_values  MULTIRES_CHANNELS x likewise
-//          coarse_rough   2 x likewise, as multires_rough writes it
+//          coarse_gradient   2 x likewise, as multires_rough writes it
 //          linear         [rows, columns] with margin, normal 3 x likewise
-//          bound          [1] error that values stay below, in their unit; INFINITY: geometry decides
+//          bound          [1] error that values stay below, in their unit; INFINITY: geometry
+//                         decides
 // Writes:  values  MULTIRES_CHANNELS x [rows, columns] 1 - share of what is interpolated, 0 where
 //                  nothing is
-//          shares  [rows, columns] of what is computed, 0 to 1; only next to points on the list
+//          fractions  [rows, columns] of what is computed, 0 to 1; only next to points on the list
 //          masks   of tiles, see multires/list.clh
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Params:  scale: of the bound at this level; margin_columns, margin_rows of linear and normal;
 //          depth_scale, normal_scale: see common/surface.clh
 //          begins, ends: of the bound, errors at which a point begins to be computed, and at which
 //          nothing else counts
-//          unbent: of the largest difference between corners, the error where no second difference
-//          is known; beyond: of half the slope beyond those that fit, where others don't. Measured
+//          no_second_difference: of the largest difference between corners, the error where no
+//          second difference is known; beyond: of half the slope beyond those that fit, where others don't. Measured
 //          in the hall and the Cornell box: each kind of point then errs as much at an equal
 //          estimate
 // Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item
@@ -47,11 +48,11 @@
 
 // Values at the points `odd` columns and `odd_row` rows from the first of four corners, of which
 // `own` is 1 / depth and normal; every second one from (column, row) on in the camera's pixels.
-// The first corner is (x, y) of `rough`, and `range` the largest difference to it. Returns which
+// The first corner is (x, y) of `gradient`, and `range` the largest difference to it. Returns which
 // share of the value is to be computed, which grows from 0 at an error of `begins` on by `rate`;
 // the rest is in `result`.
 MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloat range,
-                                      ssgi_plane rough, const int2 coarse, const int x,
+                                      ssgi_plane gradient, const int2 coarse, const int x,
                                       const int y, const int odd, const int odd_row,
                                       const vfloat own[4], const int column, const int row,
                                       const float begins, const float rate,
@@ -91,15 +92,15 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
     }
     const vfloat inverse = 1.0f / v_max(sum, v_splat(MULTIRES_LEAST));
     // Corners that count for less than others move the value towards those, by half of the way.
-    const vfloat uneven = 1.0f - least * inverse * (float)(1 << lines);
+    const vfloat weight_imbalance = 1.0f - least * inverse * (float)(1 << lines);
     const vmask all = v_gt(least, zero);
     const vmask known = v_gt(sum, v_splat(MULTIRES_LEAST));
     vfloat share = zero;
     // Nothing more needs to be known where even a tilted line between the corners would do.
-    const vfloat tilted = v_fma(uneven, v_splat(0.5f), v_splat(0.25f)) * range;
+    const vfloat tilted = v_fma(weight_imbalance, v_splat(0.5f), v_splat(0.25f)) * range;
     if (v_any(there & ~(known & all & v_lt(tilted, v_splat(begins))))) {
         vfloat slope = zero;
-        vfloat bend = v_splat(-1.0f);
+        vfloat second_difference = v_splat(-1.0f);
 #pragma unroll
         for (int i = 0; i < 4; ++i) {
             const int c = i & 1;
@@ -109,16 +110,19 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
             }
             const int near = min(y + r, coarse.y - 1);
             const vmask fits = v_gt(weight[i], zero);
-            slope = v_max(slope, v_select(zero, ssgi_load(rough, coarse, 0, x + c, near), fits));
-            bend = v_max(bend, v_select(v_splat(-1.0f), ssgi_load(rough, coarse, 1, x + c, near),
+            slope = v_max(slope, v_select(zero, ssgi_load(gradient, coarse, 0, x + c, near), fits));
+            second_difference = v_max(second_difference, v_select(v_splat(-1.0f),
+                                                                  ssgi_load(gradient, coarse, 1,
+                                                                            x + c, near),
                                         fits));
         }
         // Of the straight line between two points, of each line: an eighth of the second difference
         // between neighbours twice as close, thus a sixteenth of theirs where both have the same.
-        const vfloat curved = v_min(bend * (0.0625f * (float)lines), range * 0.5f);
-        const vfloat straight = v_select(range * params.unbent, curved, v_ge(bend, zero));
+        const vfloat curved = v_min(second_difference * (0.0625f * (float)lines), range * 0.5f);
+        const vfloat straight = v_select(range * params.no_second_difference, curved,
+                                         v_ge(second_difference, zero));
         const vfloat error =
-            v_fma(uneven * 0.5f, v_select(slope * params.beyond, range, all),
+            v_fma(weight_imbalance * 0.5f, v_select(slope * params.beyond, range, all),
                   v_select(zero, straight, all));
         const vfloat over = (v_select(error, v_min(error, tilted), all) - begins) * rate;
         share = v_select(v_splat(1.0f), v_min(v_max(over, zero), v_splat(1.0f)), known);
@@ -133,11 +137,11 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
 }
 
 __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_normal,
-                                   ssgi_plane coarse_values, ssgi_plane coarse_rough,
+                                   ssgi_plane coarse_values, ssgi_plane coarse_gradient,
                                    ssgi_plane linear, ssgi_plane normal,
                                    __global const float *restrict bound,
                                    __global float *restrict values,
-                                   __global float *restrict shares, __global int *restrict masks,
+                                   __global float *restrict fractions, __global int *restrict masks,
                                    const int2 size, const int2 coarse, const SsgiCamera camera,
                                    const MultiresParams params)
 {
@@ -193,7 +197,7 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
             }
             if (odd_row) {
                 share[0] =
-                    multires_phase(corner, below, coarse_rough, coarse, coarse_x, coarse_y, 0,
+                    multires_phase(corner, below, coarse_gradient, coarse, coarse_x, coarse_y, 0,
                                    odd_row, own[0], left, top, begins, rate, camera, params,
                                    result[0]);
             } else {
@@ -203,7 +207,8 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                     result[0][i] = corner[0].value[i];
                 }
             }
-            share[1] = multires_phase(corner, odd_row ? all : right, coarse_rough, coarse, coarse_x,
+            share[1] = multires_phase(corner, odd_row ? all : right, coarse_gradient, coarse,
+                                      coarse_x,
                                       coarse_y, 1, odd_row, own[1], left + 1, top, begins, rate,
                                       camera, params, result[1]);
 #pragma unroll
@@ -213,7 +218,7 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
             }
             int mark[2] = {0, 0};
             if (v_any(v_gt(v_max(share[0], share[1]), v_splat(0.0f)))) {
-                ssgi_store_phases(share, shares, size, 0, 2 * coarse_x, y, 0.0f);
+                ssgi_store_phases(share, fractions, size, 0, 2 * coarse_x, y, 0.0f);
                 vfloat row[2];
                 ssgi_weave_phases(share, row);
 #pragma unroll

@@ -22,7 +22,7 @@
 
 typedef struct {
     vfloat slope; // MULTIRES_UNKNOWN: neither neighbour fits
-    vfloat bend;  // -1: not both fit; 0 where the line ends
+    vfloat second_difference;  // -1: not both fit; 0 where the line ends
 } MultiresChange;
 
 // Along the line of `before`, `p` and `after`, which ends at p where `ends` is.
@@ -33,23 +33,25 @@ MULTIRES_INLINE MultiresChange multires_change(const MultiresPoint *before, cons
     const vfloat zero = v_splat(0.0f);
     const vmask fits = v_gt(weight, zero);
     const vmask fits_after = v_gt(weight_after, zero);
-    vfloat bend = zero;
+    vfloat second_difference = zero;
 #pragma unroll
     for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
         const vfloat both = before->value[i] + after->value[i];
-        bend = v_max(bend, v_abs(v_fma(p->value[i], v_splat(-2.0f), both)));
+        second_difference = v_max(second_difference, v_abs(v_fma(p->value[i], v_splat(-2.0f),
+                                                                 both)));
     }
     const vfloat slope = v_max(v_select(zero, multires_apart(before, p), fits),
                                v_select(zero, multires_apart(p, after), fits_after));
     MultiresChange change;
     change.slope = v_select(v_splat(MULTIRES_UNKNOWN), slope, fits | fits_after);
-    change.bend = v_select(v_select(v_splat(-1.0f), zero, ends), bend, fits & fits_after);
+    change.second_difference = v_select(v_select(v_splat(-1.0f), zero, ends), second_difference,
+                                        fits & fits_after);
     return change;
 }
 
 __kernel void multires_rough(ssgi_plane linear, ssgi_plane normal, ssgi_plane values,
                              __global const float *restrict bound,
-                             __global float *restrict rough, const int2 size,
+                             __global float *restrict gradient, const int2 size,
                              const SsgiCamera camera, const MultiresParams params)
 {
     const int x = ssgi_first_column();
@@ -71,8 +73,8 @@ __kernel void multires_rough(ssgi_plane linear, ssgi_plane normal, ssgi_plane va
     }
     const vmask even = v_le(spread, v_splat(bound[0] * params.scale));
     if (v_all(even)) {
-        ssgi_store(spread, rough, size, 0, x, y, 0.0f);
-        ssgi_store(v_splat(-1.0f), rough, size, 1, x, y, 0.0f);
+        ssgi_store(spread, gradient, size, 0, x, y, 0.0f);
+        ssgi_store(v_splat(-1.0f), gradient, size, 1, x, y, 0.0f);
         return;
     }
 #pragma unroll
@@ -97,9 +99,12 @@ __kernel void multires_rough(ssgi_plane linear, ssgi_plane normal, ssgi_plane va
         multires_change(&points[1], p, &points[2], weight[1], weight[2], ends);
     const MultiresChange down =
         multires_change(&points[3], p, &points[4], weight[3], weight[4], ends_down);
-    ssgi_store(v_select(v_max(right.slope, down.slope), spread, even), rough, size, 0, x, y, 0.0f);
+    ssgi_store(v_select(v_max(right.slope, down.slope), spread, even), gradient, size, 0, x, y,
+               0.0f);
     const vmask known =
-        v_ge(v_min(right.bend, down.bend), v_splat(0.0f)) & ~(ends & ends_down) & ~even;
-    ssgi_store(v_select(v_splat(-1.0f), v_max(right.bend, down.bend), known), rough, size, 1, x, y,
+        v_ge(v_min(right.second_difference, down.second_difference),
+             v_splat(0.0f)) & ~(ends & ends_down) & ~even;
+    ssgi_store(v_select(v_splat(-1.0f), v_max(right.second_difference, down.second_difference),
+                        known), gradient, size, 1, x, y,
                0.0f);
 }

@@ -4,7 +4,7 @@
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 // Writes:  values  MULTIRES_CHANNELS x [rows, columns], without margin: 0, to which all that is
 //                  computed is added
-//          shares  [rows, columns] 1, 0 where nothing is
+//          fractions  [rows, columns] 1, 0 where nothing is
 //          masks   of tiles, see multires/list.clh
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Launch:  a row of a tile per work-item
@@ -17,7 +17,7 @@
 #endif
 
 __kernel void multires_start(ssgi_plane depth, __global float *restrict values,
-                             __global float *restrict shares, __global int *restrict masks,
+                             __global float *restrict fractions, __global int *restrict masks,
                              const int2 size, const int2 whole, const int2 margin)
 {
     const int left = (int)get_global_id(0) * MULTIRES_TILE;
@@ -33,7 +33,7 @@ __kernel void multires_start(ssgi_plane depth, __global float *restrict values,
         for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
             ssgi_store(v_splat(0.0f), values, size, i, x, y, 0.0f);
         }
-        ssgi_store(share, shares, size, 0, x, y, 0.0f);
+        ssgi_store(share, fractions, size, 0, x, y, 0.0f);
         mask |= multires_marks(share, x, size.x) << (x - left);
     }
     masks[multires_mask(size, left, y)] = mask;

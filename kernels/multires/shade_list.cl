@@ -7,18 +7,18 @@
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          lights   [segments][params.span][TREE_RECORD] of which the parts; with SHADE_PARTS alone
-//          occupancy, grid_box  with VPL_SIGHT alone; see vpl/grid.clh
-//          shares   [rows, columns] what the light counts for, see multires_interpolate
+//          occupancy, grid_box  with VPL_VISIBILITY alone; see vpl/grid.clh
+//          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
-//          VPL_SIGHT (1: walls block light), VPL_GRID (32..256 cells along a side),
+//          VPL_VISIBILITY (1: walls block light), VPL_GRID (32..256 cells along a side),
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
-// Cost:    24 operations and a division per sample and light of its list; with VPL_SIGHT, some 20
-//          reads per sample and line of sight
+// Cost:    24 operations and a division per sample and light of its list; with VPL_VISIBILITY, some
+//          20 reads per sample and view ray
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
@@ -26,7 +26,7 @@
 #include "vpl/grid.clh"
 #include "vpl/light.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_SIGHT) ||     \
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_VISIBILITY) ||     \
     !defined(VPL_GRID) || !defined(SHADE_LINE) || !defined(SHADE_PARTS)
 #error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS, _LINE and _PARTS must be defined"
 #endif
@@ -35,7 +35,7 @@
 #define SHADE_PIECE (SSGI_LANES * SHADE_ROWS)
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
-#if VPL_SIGHT
+#if VPL_VISIBILITY
 // Record whose target a record's shadow ray goes to: the run of 4^SHADE_LINE lights that it belongs
 // to, or itself where it is a longer one.
 static inline int shade_run(const int record, const int stride)
@@ -84,11 +84,11 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #if SHADE_PARTS
                          __global const float *restrict lights,
 #endif
-#if VPL_SIGHT
+#if VPL_VISIBILITY
                          __global const int *restrict occupancy,
                          __global const float *restrict grid_box,
 #endif
-                         ssgi_plane shares, __global float *restrict values, const int2 size,
+                         ssgi_plane fractions, __global float *restrict values, const int2 size,
                          const VplParams params, const CutParams cut)
 {
     const int listed = list[0];
@@ -111,7 +111,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             at[r] = cut_kept(kept, r * SSGI_LANES);
             sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
-#if VPL_SIGHT
+#if VPL_VISIBILITY
         VplCell eye[SHADE_ROWS];
         vmask open[SHADE_ROWS];
 #pragma unroll
@@ -122,9 +122,9 @@ __kernel void shade_list(__global const int *restrict list, __global const float
         }
         int latest = -1; // run that `open` is about
 #endif
-        cut_ask_values(shares, values, list, start, start + SHADE_PIECE, size);
+        cut_ask_values(fractions, values, list, start, start + SHADE_PIECE, size);
         const int count = counts[group];
-        __global const int *restrict chosen = lists + group * params.room;
+        __global const int *restrict chosen = lists + group * params.capacity;
         for (int block = 0; block < count; block += SHADE_BLOCK) {
             const int end = min(block + SHADE_BLOCK, count);
             vfloat part[SHADE_ROWS][3];
@@ -134,7 +134,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             }
             for (int i = block; i < end; ++i) {
                 __global const float *restrict light = records + chosen[i] * TREE_RECORD;
-#if VPL_SIGHT
+#if VPL_VISIBILITY
                 const int run = shade_run(chosen[i], params.stride);
                 if (run != latest) {
                     latest = run;
@@ -147,7 +147,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #endif
 #pragma unroll
                 for (int r = 0; r < SHADE_ROWS; ++r) {
-#if VPL_SIGHT
+#if VPL_VISIBILITY
                     vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
 #else
                     vfloat w = vpl_weight(light, at[r], params);
@@ -155,7 +155,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #if SHADE_PARTS
                     if (chosen[i] < params.stride) {
                         vfloat near = vpl_parts_share(light, at[r], params);
-#if VPL_SIGHT
+#if VPL_VISIBILITY
                         near = v_select(zero, near, open[r]);
 #endif
                         w = v_fma(-near, w, w);
@@ -188,7 +188,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             const vint pixel = cut_pixels(list, start + r * SSGI_LANES);
             const vint column = pixel & 0xffff, row = pixel >> 16;
             const vint to = row * ssgi_pitch(size) + column;
-            const vfloat share = ssgi_gather(shares, size, 0, column, row);
+            const vfloat share = ssgi_gather(fractions, size, 0, column, row);
 #pragma unroll
             for (int j = 0; j < 3; ++j) {
                 __global float *restrict image = values + ssgi_index(size, j, 0, 0);

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // subsplat_refine: which texels of a level are subsplats: even enough, under a parent that is not.
 //
-// Method:  Nichols, Shopf and Wyman 2009, "Hierarchical Image-Space Radiosity for Interactive Global
-//          Illumination" (stencil refinement): all levels decide for themselves, and each pixel that
-//          shows a surface comes to lie in one subsplat.
+// Method:  Nichols, Shopf and Wyman 2009, "Hierarchical Image-Space Radiosity for Interactive
+//          Global Illumination" (stencil refinement): all levels decide for themselves, and each
+//          pixel that shows a surface comes to lie in one subsplat.
 // Reads:   variation  5 x [rows, columns] of this level, see variation.clh
 //          coarser    likewise of the next coarser one
 // Writes:  values  3 x [rows, columns]: 0, to which light is added
-//          shares  [rows, columns] 1 where there is a subsplat, else 0
+//          fractions  [rows, columns] 1 where there is a subsplat, else 0
 //          masks   of tiles, see multires/list.clh
 // Params:  coarser_size = (columns, rows); limits of this level, INFINITY for the finest; those of
 //          the coarser one, -INFINITY where there is none
@@ -20,7 +20,7 @@
 #include "multires_published/parents.clh"
 
 __kernel void subsplat_refine(ssgi_plane variation, ssgi_plane coarser,
-                              __global float *restrict values, __global float *restrict shares,
+                              __global float *restrict values, __global float *restrict fractions,
                               __global int *restrict masks, const int2 size,
                               const int2 coarser_size, const SubsplatParams limits)
 {
@@ -42,7 +42,7 @@ __kernel void subsplat_refine(ssgi_plane variation, ssgi_plane coarser,
         for (int i = 0; i < 3; ++i) {
             ssgi_store(v_splat(0.0f), values, size, i, x, y, 0.0f);
         }
-        ssgi_store(share, shares, size, 0, x, y, 0.0f);
+        ssgi_store(share, fractions, size, 0, x, y, 0.0f);
         mask |= multires_marks(share, x, size.x) << (x - left);
     }
     masks[multires_mask(size, left, y)] = mask;

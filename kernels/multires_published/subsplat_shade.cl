@@ -3,7 +3,7 @@
 //
 // Method:  Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination", with the
 //          form factor of a point and a disc: E = sum of flux cos cos / (pi d^2 + A).
-// Departs: a light's A is the area that it stands for, not estimated from its distance to the lamp
+// Departs: a light's A is the area that it stands for, not estimated from its distance to the light
 //          and the number of lights, so d^2 needs no lower limit. E is irradiance: albedo is not in
 //          it.
 // Reads:   depth, normal  the front layer, with margin; scene units, view space

@@ -3,10 +3,10 @@
 //
 // Method:  the interpolation of Nichols and Wyman 2009, "Multiresolution Splatting for Indirect
 //          Illumination", as in the authors' program for "GPU Pro" (2010). A tap is a coarse texel
-//          around the parent, or where that holds no light the level's own texel on the same side. 3
-//          x 3 taps have the weights of a tent, its middle 1; those without light count 0, corners
-//          also where neither of the two edges beside them has any; what is left is renormalised.
-//          Texels without light of either level stay so: no halo.
+//          around the parent, or where that holds no light the level's own texel on the same side.
+//          3 x 3 taps have the weights of a tent, its middle 1; those without light count 0,
+//          corners also where neither of the two edges beside them has any; what is left is
+//          renormalised. Texels without light of either level stay so: no halo.
 // Reads:   coarse_values, coarse_shares  3 x and 1 x [rows, columns] of the coarser level: light in
 //                W/m^2 and 1 where there is any, else 0
 //          fine_values, fine_shares  likewise of the level's own subsplats
@@ -46,9 +46,9 @@ static inline void subsplat_row(ssgi_plane coarse, ssgi_plane fine, const int2 c
                     v_select(c_right, c, border.parent_last));
 }
 
-__kernel void subsplat_upsample(ssgi_plane coarse_values, ssgi_plane coarse_shares,
-                                ssgi_plane fine_values, ssgi_plane fine_shares,
-                                __global float *restrict values, __global float *restrict shares,
+__kernel void subsplat_upsample(ssgi_plane coarse_values, ssgi_plane coarse_fractions,
+                                ssgi_plane fine_values, ssgi_plane fine_fractions,
+                                __global float *restrict values, __global float *restrict fractions,
                                 const int2 size, const int2 coarse_size)
 {
     const int x = ssgi_first_column();
@@ -70,12 +70,12 @@ __kernel void subsplat_upsample(ssgi_plane coarse_values, ssgi_plane coarse_shar
         fine_row[i] = clamp(y + i - 1, 0, size.y - 1);
         coarse_row[i] = clamp(y / 2 + i - 1, 0, coarse_size.y - 1);
         // First of the coarse level alone.
-        subsplat_row(coarse_shares, fine_shares, coarse_size, size, 0, x, coarse_row[i],
+        subsplat_row(coarse_fractions, fine_fractions, coarse_size, size, 0, x, coarse_row[i],
                      fine_row[i], border, zero, there + 3 * i);
         for (int j = 0; j < 3; ++j) {
             open[3 * i + j] = 1.0f - there[3 * i + j];
         }
-        subsplat_row(coarse_shares, fine_shares, coarse_size, size, 0, x, coarse_row[i],
+        subsplat_row(coarse_fractions, fine_fractions, coarse_size, size, 0, x, coarse_row[i],
                      fine_row[i], border, open + 3 * i, there + 3 * i);
     }
     const vmask odd = v_ieq(column & 1, v_splat_int(1));
@@ -111,5 +111,5 @@ __kernel void subsplat_upsample(ssgi_plane coarse_values, ssgi_plane coarse_shar
         const vfloat value = v_max(v_fma(off, scale, taps[4] * there[4]), v_splat(0.0f));
         ssgi_store(value, values, size, j, x, y, 0.0f);
     }
-    ssgi_store(there[4], shares, size, 0, x, y, 0.0f);
+    ssgi_store(there[4], fractions, size, 0, x, y, 0.0f);
 }

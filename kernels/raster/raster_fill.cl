@@ -6,7 +6,7 @@
 //
 // Reads:   records, places  see records.clh, raster_setup
 // Writes:  cursors   [2][tile count] the first moved on; see raster_scan
-//          list      record numbers; at most params.pair_room
+//          list      record numbers; at most params.pair_capacity
 //          counters  read only
 // Params:  size = (work-items, 1)
 // Launch:  any number of work-items; each takes a run of records, which lie close together
@@ -23,14 +23,14 @@ __kernel void raster_fill(__global const int *restrict records,
     if (first >= size.x) {
         return;
     }
-    const int count = min(counters[RASTER_RECORDS], view.room);
+    const int count = min(counters[RASTER_RECORDS], view.capacity);
     const int share = (count + size.x - 1) / size.x;
     const int end = min(first * share + share, count);
     for (int i = first * share; i < end; ++i) {
         const int2 place = places[i];
         if (place.x >= 0) {
             const int at = cursors[view.tiles_x * view.tiles_y + place.x] + place.y;
-            if (at < view.pair_room) {
+            if (at < view.pair_capacity) {
                 list[at] = i;
             }
             continue;
@@ -48,7 +48,7 @@ __kernel void raster_fill(__global const int *restrict records,
             for (int x = range.x; x <= range.z; ++x) {
                 if (!(block && raster_misses(here))) {
                     const int at = atomic_inc(cursors + y * view.tiles_x + x);
-                    if (at < view.pair_room) {
+                    if (at < view.pair_capacity) {
                         list[at] = i;
                     }
                 }

@@ -11,7 +11,7 @@
 //          corners   3 x [triangles] vertex indices
 //          vertices  [count][RASTER_VERTEX] quads
 //          view, screen  see raster_vertices
-// Writes:  records   see records.clh; at most params.room
+// Writes:  records   see records.clh; at most params.capacity
 //          places    [records] of those that may cover one tile alone, its number and their place
 //                    among such records of the tile; of others -1
 //          tiles     [2][tile count] number of records that may cover the tile and others, and of
@@ -77,16 +77,16 @@ static inline void raster_records(const int *triangles, const int count, const R
     v_ikeep(t.clip, clip);
     // One step of a shared counter for all: one by one they would hold up each other's cores.
     const int index = atomic_add(lists.counters + RASTER_RECORDS, count);
-    const int room = min(count, params.room - index);
+    const int capacity = min(count, params.capacity - index);
     __global int *singles = lists.tiles + params.tiles_x * params.tiles_y;
     int end = 0, place = 0; // of a run within one tile
-    for (int lane = 0; lane < room; ++lane) {
+    for (int lane = 0; lane < capacity; ++lane) {
         if (tile[lane] >= 0) {
             for (int i = 0; i < RASTER_RECORD / 4; ++i) {
                 lists.records[(index + lane) * (RASTER_RECORD / 4) + i] = quads[i][lane];
             }
             if (lane >= end) {
-                for (end = lane + 1; end < room && tile[end] == tile[lane]; ++end) {
+                for (end = lane + 1; end < capacity && tile[end] == tile[lane]; ++end) {
                 }
                 place = atomic_add(singles + tile[lane], end - lane);
             }

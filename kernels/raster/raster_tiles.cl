@@ -39,7 +39,7 @@ typedef struct {
 // What depends on a pixel's own column or row alone, not on where lanes begin.
 typedef struct {
     vfloat columns[RASTER_WIDE / SSGI_LANES]; // middle, px from the image without margin
-    float slopes[RASTER_HIGH];                // along columns, of the line of sight
+    float slopes[RASTER_HIGH];                // along columns, of the view ray
 } RasterPixels;
 
 // The edges a -> b of as many records as there are lanes.
@@ -262,8 +262,10 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
     }
 }
 
-__kernel void raster_tiles(__global const int *restrict records, __global const int *restrict starts,
-                           __global const int *restrict list, __global const float *restrict previous,
+__kernel void raster_tiles(__global const int *restrict records,
+                           __global const int *restrict starts,
+                           __global const int *restrict list,
+                           __global const float *restrict previous,
                            __global const int *restrict corners,
                            __global const float *restrict positions_view,
                            __global const float *restrict uvs, __global const int *restrict cutouts,
@@ -282,7 +284,7 @@ __kernel void raster_tiles(__global const int *restrict records, __global const 
     RasterPixels pixels;
     raster_find_pixels(&in, camera, view, &pixels);
     const RasterTextures of = {textures, texels, decode};
-    const int end = min(starts[in.tile + 1], view.pair_room);
+    const int end = min(starts[in.tile + 1], view.pair_capacity);
     for (int i = starts[in.tile]; i < end; i += SSGI_LANES) {
         RasterBatch batch;
         raster_read(records, list, i, end, &in, camera, &batch);

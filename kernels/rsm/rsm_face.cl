@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // rsm_face: one face of a drawn reflective shadow map, brought to where all faces are.
 //
-// Method:  a texel's position is where its line of sight ends; the surface that it stands for is
+// Method:  a texel's position is where its view ray ends; the surface that it stands for is
 //          the section across its beam there, over the cosine at which it meets the surface.
 // Reads:   depth   [rows, columns] from the light, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] world space, unit length, to either side

@@ -5,8 +5,9 @@
 //          disk round the pixel's place, denser in the middle, weighted by what they lack there.
 // Departs: point lights have a cap of the sphere of directions in place of a disk, so that no face
 //          of the map ends it; pixels that the light does not see have a place too, see place.clh.
-//          With RSM_GATHER_POINTS 0 each texel is a disc, see receiver.clh; with 1 it is a point, as
-//          published (equation 1), moved along minus its normal against the singularity in corners.
+//          With RSM_GATHER_POINTS 0 each texel is a disc, see receiver.clh; with 1 it is a point,
+//          as published (equation 1), moved along minus its normal against the singularity in
+//          corners.
 // Reads:   depth, normal  the pixels, with margin; view space
 //          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
 //          texels   records, see records.clh
@@ -14,7 +15,7 @@
 //                   stands for, or direction x, y, z round +z and the solid angle
 //          turns    [4 rows][cosines, sines][4 columns] of the angle by which pixels of a tile turn
 //                   the pattern; read with RSM_GATHER_ROTATED
-//          shares   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
+//          fractions   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
 // Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With params.add the light is
 //                      added to what is there; with RSM_GATHER_LISTED that share of it is added, at
 //                      the listed pixels alone
@@ -39,7 +40,7 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
                               __global const float *restrict turns,
 #endif
 #if RSM_GATHER_LISTED
-                              ssgi_plane shares,
+                              ssgi_plane fractions,
 #endif
                               __global float *restrict irradiance,
                               const int2 size, // of the result
@@ -49,7 +50,7 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
     for (int start = RSM_FIRST; start < RSM_END(size); start += RSM_STRIDE) {
         const RsmReceiver r = rsm_receiver(depth, normal, RSM_LIST start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, RSM_SHARES irradiance, params);
+            rsm_write(rsm_nothing(), r, start, size, RSM_FRACTIONS irradiance, params);
             continue;
         }
         const RsmPlace place = rsm_place(r, map, light);
@@ -98,6 +99,6 @@ __kernel void rsm_gather_disk(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, RSM_SHARES irradiance, params);
+        rsm_write(sum, r, start, size, RSM_FRACTIONS irradiance, params);
     }
 }

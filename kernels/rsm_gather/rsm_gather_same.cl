@@ -6,7 +6,7 @@
 // Reads:   depth, normal  the pixels, with margin; view space
 //          list     with RSM_GATHER_LISTED: a count and so many pixels, see receiver.clh
 //          samples  params.samples records, see records.clh
-//          shares   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
+//          fractions   with RSM_GATHER_LISTED: [rows, columns] what of the light counts
 // Writes:  irradiance  3 x [rows, columns] W/m^2; 0 where nothing is. With params.add the light is
 //                      added to what is there; with RSM_GATHER_LISTED that share of it is added, at
 //                      the listed pixels alone
@@ -26,7 +26,7 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
 #endif
                               __global const float *restrict samples,
 #if RSM_GATHER_LISTED
-                              ssgi_plane shares,
+                              ssgi_plane fractions,
 #endif
                               __global float *restrict irradiance,
                               const int2 size, // of the result
@@ -35,7 +35,7 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
     for (int start = RSM_FIRST; start < RSM_END(size); start += RSM_STRIDE) {
         const RsmReceiver r = rsm_receiver(depth, normal, RSM_LIST start, size, camera, params);
         if (!v_any(r.there)) {
-            rsm_write(rsm_nothing(), r, start, size, RSM_SHARES irradiance, params);
+            rsm_write(rsm_nothing(), r, start, size, RSM_FRACTIONS irradiance, params);
             continue;
         }
         RsmSum sum = rsm_nothing();
@@ -57,6 +57,6 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
             }
             rsm_add(&sum, run);
         }
-        rsm_write(sum, r, start, size, RSM_SHARES irradiance, params);
+        rsm_write(sum, r, start, size, RSM_FRACTIONS irradiance, params);
     }
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// rsm_published_interpolate: light from the low-resolution pass where it suits, and where it doesn't.
+// rsm_published_interpolate: light from the low-resolution pass where it suits, and where it
+// doesn't.
 //
 // Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 4.2: of the four
 //          low-resolution pixels around, those with a similar normal and a near position are
@@ -8,7 +9,7 @@
 // Reads:   depth, normal  the front layer, with margin; scene units, view space
 //          lattice  3 x [rows, columns] W/m^2 at the pixels of the lattice, see lattice.clh
 // Writes:  values  3 x [rows, columns] interpolated light, 0 where it is to be gathered
-//          shares  [rows, columns] 1 where it is to be gathered, else 0
+//          fractions  [rows, columns] 1 where it is to be gathered, else 0
 //          masks   of tiles, see multires/list.clh
 // Params:  whole = (columns, rows) with margin; reach = the largest distance of a suitable pixel's
 //          position over the receiver's k (depth, or 1 with an orthographic camera), squared;
@@ -60,7 +61,7 @@ static inline vmask rsm_suits(const RsmSurface own, const RsmSurface other,
 
 __kernel void rsm_published_interpolate(ssgi_plane depth, ssgi_plane normal, ssgi_plane lattice,
                                         __global float *restrict values,
-                                        __global float *restrict shares,
+                                        __global float *restrict fractions,
                                         __global int *restrict masks, const int2 size,
                                         const int2 whole, const SsgiCamera camera,
                                         const RsmInterpolateParams params)
@@ -73,7 +74,8 @@ __kernel void rsm_published_interpolate(ssgi_plane depth, ssgi_plane normal, ssg
     const int step = params.step;
     const vfloat zero = v_splat(0.0f);
     const vint row = v_splat_int(y);
-    // In blocks, from the middle of the first; whole part and rest of a number that may be negative.
+    // In blocks, from the middle of the first; whole part and rest of a number that may be
+    // negative.
     const float down = (float)(y - step / 2) / (float)step;
     const float top = floor(down);
     int mask = 0;
@@ -104,7 +106,7 @@ __kernel void rsm_published_interpolate(ssgi_plane depth, ssgi_plane normal, ssg
             ssgi_store(v_select(zero, light[j] * inverse, fits), values, size, j, x, y, 0.0f);
         }
         const vfloat share = v_select(zero, v_splat(1.0f), own.there & ~fits);
-        ssgi_store(share, shares, size, 0, x, y, 0.0f);
+        ssgi_store(share, fractions, size, 0, x, y, 0.0f);
         mask |= multires_marks(share, x, size.x) << (x - left);
     }
     masks[multires_mask(size, left, y)] = mask;

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
 // rsm_published_lattice: marks the pixels of the low-resolution pass.
 //
-// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 4.2: indirect light is
-//          computed for a low-resolution image of the camera's view first.
+// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 4.2: indirect light
+//          is computed for a low-resolution image of the camera's view first.
 // Departs: that image is not drawn; it has the middle pixels of blocks of the full-size one.
 // Reads:   depth   the front layer, with margin, scene units; INFINITY where nothing is
 // Writes:  values  3 x [rows, columns]: 0, to which light is added
-//          shares  [rows, columns] 1 at pixels of the lattice that show a surface, else 0
+//          fractions  [rows, columns] 1 at pixels of the lattice that show a surface, else 0
 //          masks   of tiles, see multires/list.clh
-// Params:  whole = (columns, rows) with margin; margin = (columns, rows); step = pixels along a block
+// Params:  whole = (columns, rows) with margin; margin = (columns, rows); step = pixels along a
+//          block
 // Launch:  a row of a tile per work-item
 
 #include "common/gbuffer.clh"
@@ -16,7 +17,8 @@
 #include "rsm_published/lattice.clh"
 
 __kernel void rsm_published_lattice(ssgi_plane depth, __global float *restrict values,
-                                    __global float *restrict shares, __global int *restrict masks,
+                                    __global float *restrict fractions,
+                                    __global int *restrict masks,
                                     const int2 size, const int2 whole, const int2 margin,
                                     const int step)
 {
@@ -37,7 +39,7 @@ __kernel void rsm_published_lattice(ssgi_plane depth, __global float *restrict v
         for (int i = 0; i < 3; ++i) {
             ssgi_store(v_splat(0.0f), values, size, i, x, y, 0.0f);
         }
-        ssgi_store(share, shares, size, 0, x, y, 0.0f);
+        ssgi_store(share, fractions, size, 0, x, y, 0.0f);
         mask |= multires_marks(share, x, size.x) << (x - left);
     }
     masks[multires_mask(size, left, y)] = mask;

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: MIT
 // shade_combine: radiance of each pixel from direct, ambient and indirect irradiance.
 //
-// L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims ambient
-// light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by colour,
-// by the albedo (Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect
+// L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims
+// ambient light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by
+// colour, by the albedo (Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect
 // Occlusion").
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
-//          openness  [rows, columns] A (SHADE_AO 1)
+//          visibility  [rows, columns] A (SHADE_AO 1)
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1; 2: times A, which it reads too)
 //          ambient   W/m^2 (SHADE_AMBIENT 1), see shade/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
-// Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT (any
-//          ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too; AMBIENT_SIZE, see `ambient`
+// Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT
+//          (any ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 too; AMBIENT_SIZE, see
+//          `ambient`
 // Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -54,7 +55,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
                             ssgi_plane direct,
 #endif
 #if SHADE_AO
-                            ssgi_plane openness,
+                            ssgi_plane visibility,
 #endif
 #if SHADE_INDIRECT
                             ssgi_plane indirect,
@@ -96,7 +97,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const vfloat nz = params.zx * vx + params.zy * vy + params.zz * vz;
     ssgi_ambient(ambient, nx, ny, nz, light);
 #if SHADE_AO
-    const vfloat a = ssgi_load(openness, size, 0, x, y);
+    const vfloat a = ssgi_load(visibility, size, 0, x, y);
     for (int c = 0; c < 3; ++c) {
 #if SHADE_BOUNCES
         light[c] = light[c] * shade_brightened(a, ssgi_load(albedo, whole, c, at_x, at_y));
@@ -136,7 +137,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
 #if SHADE_INDIRECT
         const vfloat bounced = ssgi_load(indirect, size, c, x, y);
 #if SHADE_INDIRECT == 2
-        light[c] = v_fma(bounced, ssgi_load(openness, size, 0, x, y), light[c]);
+        light[c] = v_fma(bounced, ssgi_load(visibility, size, 0, x, y), light[c]);
 #else
         light[c] = light[c] + bounced;
 #endif

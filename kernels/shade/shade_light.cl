@@ -16,7 +16,7 @@
 // Cost:    16 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
 //          those would find, 20 elsewhere
 
-#include "shade/lamp.clh"
+#include "shade/light.clh"
 #include "shade/shadow.clh"
 
 #if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
@@ -43,14 +43,14 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     const vfloat seen = ssgi_load(depth, whole, light.layer, at_x, at_y);
     if (!v_any(v_lt(seen, v_splat(INFINITY)))) {
 #if !SHADE_ADD
-        lamp_store(zero, light, irradiance, size, x, y);
+        light_store(zero, light, irradiance, size, x, y);
 #endif
         return;
     }
-    const LampReceiver receiver = lamp_receiver(depth, normal, whole, at_x, at_y, camera, light);
-    const vfloat unhidden = lamp_at(light, &receiver).strength;
+    const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
+    const vfloat unhidden = light_at(light, &receiver).strength;
     const vmask lit = receiver.there & v_gt(unhidden, zero);
-    vfloat strength = lamp_bounded(unhidden, lit);
+    vfloat strength = light_bounded(unhidden, lit);
 #if SHADE_SHADOW
     if (v_any(lit)) {
         const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
@@ -92,5 +92,5 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         strength = strength * share;
     }
 #endif
-    lamp_store(strength, light, irradiance, size, x, y);
+    light_store(strength, light, irradiance, size, x, y);
 }

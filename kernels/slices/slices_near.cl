@@ -12,7 +12,7 @@
 //                 depth in pixels' widths, INFINITY where nothing is (orthographic);
 //                 with NEAR_THICKNESS another image behind them, thickness in scene units
 // Macros:  NEAR_LAYERS (>= 1), NEAR_THICKNESS (0, 1)
-// Launch:  SSGI_LANES floats of a row of `near` per work-item
+// Launch:  SSGI_LANES floats of a row of `inv_depth` per work-item
 // Cost:    1 read and 1 write per pixel and layer
 
 #include "common/camera.clh"
@@ -26,7 +26,7 @@ __kernel void slices_near(ssgi_plane depth,
 #if NEAR_THICKNESS
                           ssgi_plane thickness,
 #endif
-                          __global float *restrict near, const int2 size,
+                          __global float *restrict inv_depth, const int2 size,
                           const int2 fine_size, const int columns, const int lead, const int step,
                           const int first_x, const int first_y, const float ortho_unit,
                           const SsgiCamera camera)
@@ -45,10 +45,11 @@ __kernel void slices_near(ssgi_plane depth,
         const vfloat value = perspective
                                  ? v_select(v_splat(0.0f), 1.0f / z, there)
                                  : v_select(v_splat(INFINITY), z * ortho_unit, there);
-        ssgi_store(value, near, size, layer, x, y, perspective ? 0.0f : INFINITY);
+        ssgi_store(value, inv_depth, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
 #if NEAR_THICKNESS
     const vfloat thick = ssgi_load_sorted(thickness, &from, 0);
-    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), near, size, NEAR_LAYERS, x, y, 0.0f);
+    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), inv_depth, size, NEAR_LAYERS, x, y,
+               0.0f);
 #endif
 }

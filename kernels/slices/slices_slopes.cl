@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT
-// slices_slopes: the planes that surfaces lie in, as changes of `near` round its pixels.
+// slices_slopes: the planes that surfaces lie in, as changes of `inv_depth` round its pixels.
 //
-// Layers that have normals lie in the planes across them: of a deeper layer the neighbours may be of
-// other surfaces, and of a detail as fine as a pixel all are. No plane is nearer to the line of sight
-// than SLOPES_LEAST_FACING. Of the others, in a row and in a column the difference to that neighbour
-// counts whose own line misses the pixel the least, so that it stays on one surface at an edge and
-// at a crease; the mean of both counts where they differ no more than the neighbours' lines bend.
+// Layers that have normals lie in the planes across them: of a deeper layer the neighbours may be
+// of other surfaces, and of a detail as fine as a pixel all are. No plane is nearer to the view ray
+// than SLOPES_LEAST_N_DOT_V. Of the others, in a row and in a column the difference to that
+// neighbour counts whose own line misses the pixel the least, so that it stays on one surface at an
+// edge and at a crease; the mean of both counts where they differ no more than the neighbours'
+// lines bend.
 //
 // Reads:   depth   SLOPES_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal  3 SLOPES_NORMALS x likewise, view space, unit length, on either side
 // Writes:  slopes  2 SLOPES_LAYERS x [rows, 4 stride], where slices_near puts the pixels: change of
-//                  `near` along columns, then along rows, per slope of the line of sight
+//                  `inv_depth` along columns, then along rows, per slope of the view ray
 //                  (perspective) or per pixel's width (orthographic); 0 where nothing is
 // Macros:  SLOPES_LAYERS (>= 1), SLOPES_NORMALS (1 to SLOPES_LAYERS): layers that have normals
 // Launch:  SSGI_LANES floats of a row of `slopes` per work-item
@@ -23,10 +24,10 @@
 #error "SLOPES_LAYERS and SLOPES_NORMALS must be defined by the host"
 #endif
 
-#define SLOPES_LEAST_FACING 0.05f // cosine between normal and line of sight
+#define SLOPES_LEAST_N_DOT_V 0.05f // cosine between normal and view ray
 #define SLOPES_TINY 1e-30f
 
-// `near` of depths; that of the pixel itself where nothing is.
+// `inv_depth` of depths; that of the pixel itself where nothing is.
 static inline vfloat slopes_near(const vfloat z, const vfloat own, const SsgiCamera camera,
                                  const float unit)
 {
@@ -40,7 +41,7 @@ typedef struct {
     vfloat z[5];
 } SlopesLine;
 
-// The change of `near` from one pixel to the next; 0 if there is no neighbour.
+// The change of `inv_depth` from one pixel to the next; 0 if there is no neighbour.
 static inline vfloat slopes_change(const SlopesLine *line, const SsgiCamera camera,
                                    const float unit)
 {
@@ -64,7 +65,7 @@ static inline vfloat slopes_change(const SlopesLine *line, const SsgiCamera came
     return v_select(one, 0.5f * (down + up), alike);
 }
 
-// The changes of `near` along the plane across a layer's normal, per slope of the line of sight.
+// The changes of `inv_depth` along the plane across a layer's normal, per slope of the view ray.
 static inline void slopes_of_plane(ssgi_plane normal, const SsgiSorted *at, const int layer,
                                    const vfloat z, const SsgiCamera camera, vfloat *along,
                                    vfloat *down)
@@ -77,11 +78,11 @@ static inline void slopes_of_plane(ssgi_plane normal, const SsgiSorted *at, cons
     const vfloat y = ssgi_slope_y(camera, v_to_float(at->from_y) + 0.5f) * camera.perspective;
     const vfloat sight = v_fma(nx, x, v_fma(ny, y, -nz));
     const vfloat length = v_sqrt(v_fma(x, x, v_fma(y, y, one)));
-    const vfloat facing =
-        v_copysign(v_max(v_abs(sight), length * SLOPES_LEAST_FACING), sight);
+    const vfloat n_dot_v =
+        v_copysign(v_max(v_abs(sight), length * SLOPES_LEAST_N_DOT_V), sight);
     const vfloat gain = camera.perspective != 0.0f
-                            ? 1.0f / (v_max(z, v_splat(SLOPES_TINY)) * facing)
-                            : -1.0f / facing;
+                            ? 1.0f / (v_max(z, v_splat(SLOPES_TINY)) * n_dot_v)
+                            : -1.0f / n_dot_v;
     *along = nx * gain;
     *down = ny * gain;
 }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 // ssao: ambient occlusion from points in a ball round each pixel, compared with the depth buffer.
 //
-// Method:  Mittring 2007, "Finding Next Gen: CryEngine 2"; Filion and McNaughton 2008, "StarCraft II
-//          Effects and Techniques". A = 1 - max over radii of mean over samples of f(d / radius),
-//          where d is how far the sample lies behind the surface that the camera sees there.
+// Method:  Mittring 2007, "Finding Next Gen: CryEngine 2"; Filion and McNaughton 2008, "StarCraft
+//          II Effects and Techniques". A = 1 - max over radii of mean over samples of f(d /
+//          radius), where d is how far the sample lies behind the surface that the camera sees
+//          there.
 // Departs: with the hemisphere flip, a surface occludes only if it rises above the receiver's
 //          tangent plane, so that a plane never occludes itself, at any tilt; and occlusion sets in
 //          over a fiftieth of a radius, so that a rounding seldom shows. A is raised to
@@ -14,7 +15,7 @@
 //                   reflected about the random vector of each pixel of a 4 x 4 tile
 //          curve    SSAO_CURVE_SIZE values of f at equal steps from 0 to params.curve_end
 //          tiles    bits of tiles/open.clh, tile_columns a row; none if that is 0
-// Writes:  openness [rows, columns] without margin, A in [0, 1]; 1 where nothing is
+// Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SSAO_MOST_SAMPLES (1..256), SSAO_RADII (1..4), SSAO_HEMISPHERE (0, 1),
 //          SSAO_FALLOFF (0 exponential, 1 ramp and power, 2 curve), SSAO_CURVE_SIZE (>= 2),
 //          SSAO_OUTSIDE (0 unknown: not counted, 1 a border of constant depth)
@@ -55,7 +56,7 @@ static inline vfloat ssao_occlusion(const vfloat d, __global const float *restri
 __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *restrict samples,
                    __global const float *restrict curve,
                    ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict openness, const int2 size, // of the result
+                   __global float *restrict visibility, const int2 size, // of the result
                    const SsgiCamera camera, const SsaoParams params)
 {
     const int x = ssgi_first_column();
@@ -65,7 +66,7 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     }
     if (ssgi_tiles_are(TILES_IS_OPEN, tiles, params.tile_columns, params.tile_step, x,
                        min(x + SSGI_LANES, size.x) - 1, y)) {
-        ssgi_store(v_splat(1.0f), openness, size, 0, x, y, 1.0f);
+        ssgi_store(v_splat(1.0f), visibility, size, 0, x, y, 1.0f);
         return;
     }
     const int2 whole = (int2)(size.x + params.margin_left + params.margin_right,
@@ -76,7 +77,7 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat own = ssgi_load(depth, whole, 0, at_x, at_y);
     const vmask there = v_lt(own, v_splat(INFINITY));
     if (!v_any(there)) {
-        ssgi_store(v_splat(1.0f), openness, size, 0, x, y, 1.0f);
+        ssgi_store(v_splat(1.0f), visibility, size, 0, x, y, 1.0f);
         return;
     }
     const vfloat z = v_select(v_splat(1.0f), own, there);
@@ -173,5 +174,5 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat a = params.contrast == 1.0f
                          ? open
                          : v_min(v_pow(open, v_splat(params.contrast)), v_splat(1.0f));
-    ssgi_store(v_select(v_splat(1.0f), a, there), openness, size, 0, x, y, 1.0f);
+    ssgi_store(v_select(v_splat(1.0f), a, there), visibility, size, 0, x, y, 1.0f);
 }

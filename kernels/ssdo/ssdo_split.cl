@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
-// ssdo_split: direct light and the bounce of each pixel, from what was gathered and from lamps.
+// ssdo_split: direct light and the bounce of each pixel, from what was gathered and from lights.
 //
-// direct = lamps + sky + A sky_constant; bounce is what was gathered.
+// direct = lights + sky + A sky_constant; bounce is what was gathered.
 // Reads:   depth     image 0, with margin; INFINITY where nothing is
 //          gathered  A; from image SPLIT_FIRST on 3 of the sky's irradiance (SPLIT_SKY 1), 3 of the
 //                    bounce's (SPLIT_BOUNCE 1), W/m^2
-//          lamps     3 images, W/m^2, with a margin of its own (SPLIT_LAMPS 1)
+//          lights     3 images, W/m^2, with a margin of its own (SPLIT_LIGHTS 1)
 // Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
 //          SPLIT_BOUNCE 1
 // Macros:  SPLIT_GATHERED (whether there is `gathered` at all: else A is 1 and the bounce 0),
-//          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LAMPS: 0 or 1; SPLIT_FIRST (>= 1)
+//          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LIGHTS: 0 or 1; SPLIT_FIRST (>= 1)
 // Params:  irradiance of constant environments where A is 1; margins
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    memory: up to 11 planes read, 6 written
@@ -17,7 +17,7 @@
 #include "common/gbuffer.clh"
 
 #if !defined(SPLIT_GATHERED) || !defined(SPLIT_SKY) || !defined(SPLIT_BOUNCE) ||                   \
-    !defined(SPLIT_LAMPS) || !defined(SPLIT_FIRST)
+    !defined(SPLIT_LIGHTS) || !defined(SPLIT_FIRST)
 #error "SPLIT_GATHERED, _SKY, _BOUNCE, _LAMPS and _FIRST must be defined by the host"
 #endif
 
@@ -25,8 +25,8 @@ __kernel void ssdo_split(ssgi_plane depth,
 #if SPLIT_GATHERED
                          ssgi_plane gathered,
 #endif
-#if SPLIT_LAMPS
-                         ssgi_plane lamps,
+#if SPLIT_LIGHTS
+                         ssgi_plane punctual_lights,
 #endif
                          __global float *restrict direct,
                          ssgi_optional __global float *restrict bounce,
@@ -47,18 +47,19 @@ __kernel void ssdo_split(ssgi_plane depth,
 #else
     const vfloat a = v_splat(1.0f);
 #endif
-#if SPLIT_LAMPS
-    const int2 lamps_size =
-        (int2)(size.x + 2 * params.lamps_columns, size.y + 2 * params.lamps_rows);
+#if SPLIT_LIGHTS
+    const int2 lights_size =
+        (int2)(size.x + 2 * params.lights_columns, size.y + 2 * params.lights_rows);
 #endif
     for (int c = 0; c < 3; ++c) {
         vfloat sum = a * (c == 0 ? params.red : c == 1 ? params.green : params.blue);
 #if SPLIT_SKY
         sum = sum + ssgi_load(gathered, size, SPLIT_FIRST + c, x, y);
 #endif
-#if SPLIT_LAMPS
+#if SPLIT_LIGHTS
         sum = sum +
-              ssgi_load(lamps, lamps_size, c, x + params.lamps_columns, y + params.lamps_rows);
+              ssgi_load(punctual_lights, lights_size, c, x + params.lights_columns,
+                        y + params.lights_rows);
 #endif
         ssgi_store(v_select(zero, sum, there), direct, size, c, x, y, 0.0f);
 #if SPLIT_BOUNCE

@@ -15,7 +15,7 @@
 // Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
 //          the direction in its middle, from a map that is filtered to the width of a step.
 // Bent:    Hidden directions are looked up in BITMASK_BENT cones likewise, see bend.clh.
-// Reads:   near    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          slopes  2 SLICES_LAYERS x likewise, from slices_slopes
@@ -73,7 +73,7 @@ typedef struct {
 
 // Find the pieces of a slice, and cover the sectors that they hide, side by side, on each from near
 // to far and of each tap the layers from front to back.
-SSGI_INLINE void ssdo_slice(ssgi_plane near, const SsgiReceiver *receiver,
+SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                             const SsdoGiven *given, const SsgiPattern *pattern, SsgiSlice *slice,
                             const SliceParams params, Pieces *pieces)
 {
@@ -90,14 +90,14 @@ SSGI_INLINE void ssdo_slice(ssgi_plane near, const SsgiReceiver *receiver,
         SsgiTaps taps;
         PieceEnds ends;
         piece_taps(receiver, slice, pattern->centre, params, &taps, &ends);
-        piece_ask(near, receiver, given->slopes, &taps, side);
+        piece_ask(inv_depth, receiver, given->slopes, &taps, side);
         pieces_begin_side(&sided, pieces);
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
-                const SsgiTap tap = ssgi_tap(near, &sided, slice, &taps, side, t, layer);
-                piece_find(near, &sided, given, &tap, &ends, side, t, layer, pieces);
+                const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, t, layer);
+                piece_find(inv_depth, &sided, given, &tap, &ends, side, t, layer, pieces);
                 if (SSGI_LANES == 1) {
                     pieces_cover(&sided, slice, given, side, pieces);
                 }
@@ -112,7 +112,8 @@ SSGI_INLINE void ssdo_slice(ssgi_plane near, const SsgiReceiver *receiver,
 
 // Find what slices of this radius (a length) see: the fraction that is occluded, the images behind
 // A, and with BITMASK_KEPT the bits of each slice.
-SSGI_INLINE void ssdo_scan(ssgi_plane near, const SsgiReceiver *receiver, const SsdoGiven *given,
+SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
+                           const SsdoGiven *given,
                            const SsgiPattern *pattern, const float radius,
                            const SliceParams params, vfloat images[SSDO_IMAGES],
                            vint kept[2 * SLICES_COUNT])
@@ -127,7 +128,7 @@ SSGI_INLINE void ssdo_scan(ssgi_plane near, const SsgiReceiver *receiver, const 
         SsgiSlice slice =
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         Pieces pieces;
-        ssdo_slice(near, receiver, given, pattern, &slice, params, &pieces);
+        ssdo_slice(inv_depth, receiver, given, pattern, &slice, params, &pieces);
         const vfloat share = pieces.measure.share;
         const vfloat hidden = v_to_float(v_count_bits(pieces.covered)) * (1.0f / 32.0f);
         images[0] = v_fma(share, hidden, images[0]);
@@ -171,7 +172,8 @@ SSGI_INLINE void ssdo_store_kept(const vint kept[2 * SLICES_COUNT], const SsgiRe
     }
 }
 
-__kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const float *restrict table,
+__kernel void ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal,
+                           __global const float *restrict table,
                            __global const float *restrict slopes,
                            ssgi_optional __global const float *restrict sky,
                            ssgi_optional __global const float *restrict sent,
@@ -199,7 +201,7 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
         return;
     }
     SsgiReceiver receiver =
-        ssgi_receiver(near, normal, size, item.first, item.phase, item.row, camera, params);
+        ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
     receiver.active = open ? v_splat_int(0) : receiver.active;
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat images[SSDO_IMAGES];
@@ -217,10 +219,10 @@ __kernel void ssdo_bitmask(ssgi_plane near, ssgi_plane normal, __global const fl
         receivers = receiver.there;
     }
     SsgiGroup group = ssgi_groups(receivers);
-    while (ssgi_next_group(near, &receiver, params, &group)) {
+    while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
         vfloat found[SSDO_IMAGES];
         vint found_bits[2 * SLICES_COUNT];
-        ssdo_scan(near, &receiver, &given, &pattern, group.radius, params, found, found_bits);
+        ssdo_scan(inv_depth, &receiver, &given, &pattern, group.radius, params, found, found_bits);
 #pragma unroll
         for (int i = 0; i < SSDO_IMAGES; ++i) {
             images[i] = v_select(images[i], found[i], group.alike);

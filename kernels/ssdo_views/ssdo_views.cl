@@ -3,16 +3,18 @@
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", add cameras that see what the first one misses.
-// Departs: sectors are free that nothing covers, or the side of a surface that the first camera does
-//          not see: what shines from there is open. The free sectors of a slice are split into VIEWS_STRATA parts, equal steps of the sine
-//          from the normal. A ray goes in the direction of one free sector of each; where it meets
-//          a surface of the other camera (see surfaces.clh), that covers all free sectors of the
-//          part. So each sector is covered once, whatever number of cameras follow one another,
-//          and its measure is that of ssdo_bitmask. Distances of taps from a place two pixels of
-//          the other camera before the receiver grow by a constant factor up to the radius: what
-//          is near is met at the other camera's resolution, and what is far in as few taps as its
-//          size needs. Surfaces that an earlier view shows are not met: that view has decided which
-//          sectors they cover, and to ask again covers more (see ssdo_views_unseen.cl).
+// Departs: sectors are free that nothing covers, or the side of a surface that the first camera
+// does
+//          not see: what shines from there is open. The free sectors of a slice are split into
+//          VIEWS_STRATA parts, equal steps of the sine from the normal. A ray goes in the direction
+//          of one free sector of each; where it meets a surface of the other camera (see
+//          surfaces.clh), that covers all free sectors of the part. So each sector is covered once,
+//          whatever number of cameras follow one another, and its measure is that of ssdo_bitmask.
+//          Distances of taps from a place two pixels of the other camera before the receiver grow
+//          by a constant factor up to the radius: what is near is met at the other camera's
+//          resolution, and what is far in as few taps as its size needs. Surfaces that an earlier
+//          view shows are not met: that view has decided which sectors they cover, and to ask again
+//          covers more (see ssdo_views_unseen.cl).
 // Reads:   linear   [rows, columns] with margin: 1 / depth (orthographic: depth), or INFINITY
 //          normal   3 x likewise, view space, unit length
 //          table    [4 rows][VIEWS_SLICES][3][16 columns]: cosine and sine of a slice's angle from
@@ -23,8 +25,8 @@
 //          radiance 3 VIEWS_SENDERS x likewise, W m^-2 sr^-1
 // Writes:  light    image 0: A, less what is newly covered; from image VIEWS_BOUNCE on: 3 of
 //                   irradiance, W/m^2, added to (VIEWS_SENDERS > 0)
-//          masks    2 VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered sector,
-//                   and for each of them whose sender is unknown
+//          masks    2 VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered
+//                   sector, and for each of them whose sender is unknown
 // Macros:  VIEWS_SLICES (1..32), VIEWS_STRATA (1..16), VIEWS_TAPS (1..64), VIEWS_LAYERS (>= 1),
 //          VIEWS_NORMALS (1..VIEWS_LAYERS; deeper layers are taken to lie across the viewing
 //          direction), VIEWS_SENDERS (0..VIEWS_NORMALS), VIEWS_BOUNCE (>= 1)
@@ -133,7 +135,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vfloat middle = v_exp2(octaves * 0.5f);
     at.floor = v_fma(at.nx, ox, v_fma(at.ny, oy, at.nz * oz)) +
                v_fma(z, v_splat(params.depth_bias), pixel * params.bias);
-    const ViewsSight sight = views_sight(camera, slope_x, slope_y);
+    const ViewsViewRay sight = views_view_ray(camera, slope_x, slope_y);
     const int2 others = (int2)(params.columns, params.rows);
 
     __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: MIT
-// tiles_calm: which open tiles have none but open tiles round them, so that a blur leaves them alone.
+// tiles_calm: which open tiles have none but open tiles round them, so that a blur leaves them
+// alone.
 //
 // Reads:   open  [rows of tiles, columns of tiles] bits, from tiles_open
-// Writes:  calm  the same, with TILES_IS_CALM where it holds; what is outside the image is no tile
+// Writes:  calm  the same, with TILES_IS_INTERIOR where it holds; what is outside the image is no
+//                tile
 // Launch:  a tile per work-item
 
 #include "common/gbuffer.clh"
 #include "tiles/open.clh"
 
-__kernel void tiles_calm(__global const int *restrict open, __global int *restrict calm,
+__kernel void tiles_calm(__global const int *restrict open, __global int *restrict interior,
                          const int2 size)
 {
     const int x = (int)get_global_id(0);
@@ -22,5 +24,5 @@ __kernel void tiles_calm(__global const int *restrict open, __global int *restri
             all &= open[j * size.x + i];
         }
     }
-    calm[y * size.x + x] = open[y * size.x + x] | (all != 0 ? TILES_IS_CALM : 0);
+    interior[y * size.x + x] = open[y * size.x + x] | (all != 0 ? TILES_IS_INTERIOR : 0);
 }

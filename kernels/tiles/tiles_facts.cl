@@ -21,7 +21,7 @@
 #error "TILES_LAYERS and TILES_PIECES must be defined by the host"
 #endif
 
-// Least cosine to the line of sight of a normal that is relied on.
+// Least cosine to the view ray of a normal that is relied on.
 #define TILES_FACING (TILES_PIECES ? 0.051f : 0.003f)
 #ifndef TILES_FLAT
 #error "ssgi_cl/device/constants.py defines TILES_FLAT"
@@ -40,13 +40,13 @@ static inline vmask tiles_tangent(const SsgiCamera camera, const vfloat linear, 
     const vfloat u = v_select(v_splat(1.0f), linear, there);
     const vfloat sx = ssgi_slope_x(camera, column) * camera.perspective;
     const float sy = fma(row, camera.to_y, camera.at_y) * camera.perspective;
-    const vfloat facing = v_fma(nx, sx, v_fma(ny, v_splat(sy), -nz));
-    // The line of sight is (sx, sy, -1), of length <= 1 + (sx^2 + sy^2) / 2.
+    const vfloat n_dot_v = v_fma(nx, sx, v_fma(ny, v_splat(sy), -nz));
+    // The view ray is (sx, sy, -1), of length <= 1 + (sx^2 + sy^2) / 2.
     const vfloat least = v_fma(v_fma(sx, sx, v_splat(sy * sy)), v_splat(-0.5f * TILES_FACING),
                                v_splat(-TILES_FACING));
-    const vmask known = there & v_lt(facing, least);
+    const vmask known = there & v_lt(n_dot_v, least);
     const vfloat scale = (perspective ? u : v_splat(1.0f)) /
-                         v_select(v_splat(-1.0f), facing, known);
+                         v_select(v_splat(-1.0f), n_dot_v, known);
     *v = perspective ? u : -u;
     *v_x = nx * camera.to_x * scale;
     *v_y = ny * camera.to_y * scale;
@@ -54,7 +54,7 @@ static inline vmask tiles_tangent(const SsgiCamera camera, const vfloat linear, 
 }
 
 __kernel void tiles_facts(ssgi_plane linear, ssgi_plane normal, ssgi_plane depth,
-                          __global float *restrict facts, const int2 size, // tiles
+                          __global float *restrict summary, const int2 size, // tiles
                           const int2 whole, const int2 start, const SsgiCamera camera)
 {
     const int tile_x = (int)get_global_id(0);
@@ -158,6 +158,6 @@ __kernel void tiles_facts(ssgi_plane linear, ssgi_plane normal, ssgi_plane depth
     const float plane = fma(tiles_first(nx), x, fma(tiles_first(ny), y, -tiles_first(nz) * z));
     found[TILES_OFFSET] = flat ? plane : -INFINITY;
     for (int image = 0; image < TILES_COUNT; ++image) {
-        facts[ssgi_index(size, image, tile_x, tile_y)] = found[image];
+        summary[ssgi_index(size, image, tile_x, tile_y)] = found[image];
     }
 }

@@ -3,16 +3,16 @@
 //
 // A tile is open if it is empty; if the radius covers less than a pixel; or if it is flat: nothing
 // within reach rises above any of its pixels' tangent planes. On a plane v (tiles/facts.clh) is
-// linear in the pixel position, so that planes which bound a tile from above and tangent planes from
-// below compare at the corners of the tiles within reach. What is on the very plane differs by
+// linear in the pixel position, so that planes which bound a tile from above and tangent planes
+// from below compare at the corners of the tiles within reach. What is on the very plane differs by
 // roundings: it may rise by a part of the bias that techniques have against the same.
 // With TILES_PIECES taps stand for pieces of their planes (ssdo_bitmask/pieces.clh): all that is
 // within reach must be flat and of one layer, and its planes are compared as far beyond their tiles
 // as pieces go.
-// Reads:   facts  TILES_COUNT x [rows of tiles, columns of tiles], those of the margin too
+// Reads:   summary  TILES_COUNT x [rows of tiles, columns of tiles], those of the margin too
 // Writes:  open   [rows of tiles, columns of tiles] of the image: bits of tiles/open.clh
 // Macros:  TILES_PIECES (0, 1)
-// Params:  slopes of lines of sight by the image's pixel; reach in pixels and its limits, slack
+// Params:  slopes of view rays by the image's pixel; reach in pixels and its limits, slack
 //          relative to v; see ssgi_cl.techniques.tiles.Reach
 // Launch:  a tile per work-item
 // Cost:    7 loads and 50 operations for each tile within reach, up to the first that rises
@@ -37,7 +37,7 @@ static inline float tiles_end(const int last, const float beyond)
                      : (float)-TILES_MIDDLE - beyond;
 }
 
-// By how much a length across a line of sight is longer in the image than it is in its middle, at
+// By how much a length across a view ray is longer in the image than it is in its middle, at
 // most, in the tiles from this column on that scan together.
 static inline float tiles_slant(const TileParams params, const int tile_x, const int tile_y)
 {
@@ -50,7 +50,7 @@ static inline float tiles_slant(const TileParams params, const int tile_x, const
     return sqrt(fma(x, x, fma(y, y, 1.0f)));
 }
 
-__kernel void tiles_open(ssgi_plane facts, __global int *restrict open, const int2 size,
+__kernel void tiles_open(ssgi_plane summary, __global int *restrict open, const int2 size,
                          const TileParams params)
 {
     const int tile_x = (int)get_global_id(0);
@@ -64,7 +64,7 @@ __kernel void tiles_open(ssgi_plane facts, __global int *restrict open, const in
     float own[TILES_COUNT];
     for (int image = 0; image < TILES_COUNT; ++image) {
         own[image] =
-            as_float(v_first(v_bits(ssgi_load(facts, whole, image, own_x, own_y))));
+            as_float(v_first(v_bits(ssgi_load(summary, whole, image, own_x, own_y))));
     }
     const bool perspective = params.perspective != 0.0f;
     const float nearest = own[TILES_NEAREST];
@@ -79,7 +79,7 @@ __kernel void tiles_open(ssgi_plane facts, __global int *restrict open, const in
         const int group = tile_x / params.group * params.group + params.lead_columns;
         for (int x = group; x < min(group + params.group, whole.x); ++x) {
             longest = max(longest, as_float(v_first(v_bits(
-                                       ssgi_load(facts, whole, TILES_NEAREST, x, own_y)))));
+                                       ssgi_load(summary, whole, TILES_NEAREST, x, own_y)))));
         }
         const float along = perspective ? longest : 1.0f;
         const float slant =
@@ -94,19 +94,19 @@ __kernel void tiles_open(ssgi_plane facts, __global int *restrict open, const in
         const int last = min(own_y + reach, whole.y - 1);
         for (int y = max(own_y - reach, 0); flat && y <= last; ++y) {
             for (int x = left; flat && x <= right; x += SSGI_LANES) {
-                const vfloat v = ssgi_load(facts, whole, TILES_V, x, y) +
-                                 ssgi_load(facts, whole, TILES_ABOVE, x, y);
-                const vfloat v_x = ssgi_load(facts, whole, TILES_V_X, x, y);
-                const vfloat v_y = ssgi_load(facts, whole, TILES_V_Y, x, y);
+                const vfloat v = ssgi_load(summary, whole, TILES_V, x, y) +
+                                 ssgi_load(summary, whole, TILES_ABOVE, x, y);
+                const vfloat v_x = ssgi_load(summary, whole, TILES_V_X, x, y);
+                const vfloat v_y = ssgi_load(summary, whole, TILES_V_Y, x, y);
                 vmask rises = v_splat_int(0);
 #if TILES_PIECES
-                const vmask there = v_gt(ssgi_load(facts, whole, TILES_NEAREST, x, y),
+                const vmask there = v_gt(ssgi_load(summary, whole, TILES_NEAREST, x, y),
                                          v_splat(-INFINITY));
-                rises = v_gt(ssgi_load(facts, whole, TILES_LAYER, x, y), v_splat(1.0f)) |
-                        (there & ~v_lt(ssgi_load(facts, whole, TILES_BELOW, x, y),
+                rises = v_gt(ssgi_load(summary, whole, TILES_LAYER, x, y), v_splat(1.0f)) |
+                        (there & ~v_lt(ssgi_load(summary, whole, TILES_BELOW, x, y),
                                        v_splat(INFINITY)));
-                const vfloat turned = (ssgi_load(facts, whole, TILES_BELOW_X, x, y) +
-                                       ssgi_load(facts, whole, TILES_BELOW_Y, x, y)) *
+                const vfloat turned = (ssgi_load(summary, whole, TILES_BELOW_X, x, y) +
+                                       ssgi_load(summary, whole, TILES_BELOW_Y, x, y)) *
                                       beyond;
 #endif
                 for (int corner = 0; corner < 4; ++corner) {

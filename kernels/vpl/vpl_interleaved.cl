@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: MIT
-// vpl_interleaved: irradiance by virtual point lights, of which each pixel of a 4 x 4 tile takes one
-// in 16, with an estimate of what stands between.
+// vpl_interleaved: irradiance by virtual point lights, of which each pixel of a 4 x 4 tile takes
+// one in 16, with an estimate of what stands between.
 //
 // Method:  Keller and Heidrich 2001, "Interleaved Sampling"; Segovia et al. 2006, "Non-interleaved
-//          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours on
-//          the reflective shadow map share a shadow ray to one of them, chosen in proportion to
+//          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours
+//          on the reflective shadow map share a shadow ray to one of them, chosen in proportion to
 //          flux, which is followed through the grid of vpl_occupy.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
-//          lists   [tiles][16][params.room] and counts [tiles][16], see vpl_lists
+//          lists   [tiles][16][params.capacity] and counts [tiles][16], see vpl_lists
 //          occupancy, grid_box  see vpl_occupy
 //          near, near_counts  see vpl_near (VPL_PARTS 1)
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
-// Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_SIGHT (0: light passes
-//          through walls, 1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that share
-//          a line), VPL_PARTS (1: in place of one in 16 of the lights near by, each pixel takes one
-//          in 16 of the parts of all of them)
-// Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such pixels
+// Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_VISIBILITY (0: light
+//          passes through walls, 1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that
+//          share a line), VPL_PARTS (1: in place of one in 16 of the lights near by, each pixel
+//          takes one in 16 of the parts of all of them)
+// Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such
+//          pixels
 // Cost:    1 / 16 of vpl_splat, and some 20 reads for each pixel and line
 
 #include "common/camera.clh"
@@ -27,14 +28,14 @@
 #include "vpl/lobe.clh"
 #include "vpl/receiver.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_SIGHT) ||        \
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_VISIBILITY) ||        \
     !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_GLOSSY) || !defined(VPL_PARTS)
 #error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _GLOSSY, _PARTS must be defined"
 #endif
 
 #define VPL_PIECES (16 / SSGI_LANES)
 
-#if VPL_SIGHT
+#if VPL_VISIBILITY
 // In (0, 1), of a subset of a tile and a group of its lights: an additive recurrence (Roberts 2018,
 // the R2 sequence), so that any few neighbours have numbers that are spread evenly.
 static inline float vpl_number(const int x, const int y, const int group)
@@ -61,7 +62,7 @@ static inline vmask vpl_hidden(__global const int *restrict occupancy,
 }
 #endif
 
-#if VPL_SIGHT || VPL_PARTS
+#if VPL_VISIBILITY || VPL_PARTS
 // Part `subset` of light segment * params.span + number.
 static inline int vpl_part(const int light, const int subset, const VplParams params)
 {
@@ -70,7 +71,7 @@ static inline int vpl_part(const int light, const int subset, const VplParams pa
 }
 #endif
 
-#if VPL_SIGHT
+#if VPL_VISIBILITY
 // The light of a list that a group's shadow ray goes to: each with a probability in proportion to
 // its flux. If all were alike, those would be favoured that have little: where light reaches the
 // image there are many of them. `part` (>= 0): the lights' parts of that number.
@@ -123,18 +124,18 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                         v_imin(y, v_splat_int(size.y - 1)));
     const vmask shone = at.there & inside;
     const int own = (tile_y * tiles.x + tile_x) * 16 + subset;
-    __global const int *restrict list = lists + own * params.room;
+    __global const int *restrict list = lists + own * params.capacity;
     const int count = v_any(shone) ? counts[own] : 0;
     lights += (params.segment + subset) * params.span * VPL_FLOATS;
     const vfloat zero = v_splat(0.0f);
-#if VPL_SIGHT
+#if VPL_VISIBILITY
     const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, params);
     const int pattern_x = tile_x * 4 + (subset & 3), pattern_y = tile_y * 4 + (subset >> 2);
 #endif
     vfloat sum[3] = {zero, zero, zero};
 #if VPL_PARTS
     const int near_by = v_any(shone) ? near_counts[own / 16] : 0;
-    __global const int *restrict near_list = near + own / 16 * params.near_room;
+    __global const int *restrict near_list = near + own / 16 * params.near_capacity;
     __global const float *restrict all_lights = lights - subset * params.span * VPL_FLOATS;
     for (int first = 0; first < near_by; first += VPL_SHARE) {
         const int end = min(first + VPL_SHARE, near_by);
@@ -154,7 +155,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         if (!v_any(wanted)) {
             continue;
         }
-#if VPL_SIGHT
+#if VPL_VISIBILITY
         const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
             vpl_target(all_lights, near_list + first, end - first, fraction, subset, params);
@@ -184,7 +185,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
                 part[j] = v_fma(w, v_splat(light[8 + j]), part[j]);
             }
         }
-#if VPL_SIGHT
+#if VPL_VISIBILITY
         const vmask wanted = v_gt(all, zero) & shone;
         if (!v_any(wanted)) {
             continue;

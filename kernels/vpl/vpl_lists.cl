@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: MIT
 // vpl_lists: for each tile, the virtual point lights that may give any of its pixels something.
 //
-// Method:  A light whose irradiance per flux w = cos cos / (pi d^2 + A) is nowhere in the tile above
-//          the cut is left out. Three bounds: where cos / (pi d^2) is above the cut there lies, for a
-//          diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R along its
-//          normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light behind the
-//          tile; the greatest cosines over the least distance between light and tile.
+// Method:  A light whose irradiance per flux w = cos cos / (pi d^2 + A) is nowhere in the tile
+//          above the cut is left out. Three bounds: where cos / (pi d^2) is above the cut there
+//          lies, for a diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R
+//          along its normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light
+//          behind the tile; the greatest cosines over the least distance between light and tile.
 //          Of a light with a lobe, in place of the sphere: the least angle between its axis and the
-//          ball round the tile, and a plane between the tile's box and the cone in which the lobe is
-//          above the cut. Both are tighter than an ellipsoid round the lobe where the tile is small
-//          beside it.
-//          All of them are conservative, so that a tile's pixels get the same bits from its list as
-//          from all lights.
+//          ball round the tile, and a plane between the tile's box and the cone in which the lobe
+//          is above the cut. Both are tighter than an ellipsoid round the lobe where the tile is
+//          small beside it.
+//          All of them are conservative, so that a tile's pixels get bit-identical results from its
+//          list as from all lights.
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
 //          lights  [segments][VPL_BOUNDS][params.stride] positions (0-2), normals (3-5), area (6);
 //                  VPL_GLOSSY 1: axes in place of normals, and normals (7-9), n - 1 (10), 2 pi F
 //                  (11); see glossy.clh
-// Writes:  lists   [tiles][VPL_SUBSETS][params.room] numbers of the lights; -1 - n for light n whose
-//                  parts, params.stride + 16 n to + 15, precede it
+// Writes:  lists   [tiles][VPL_SUBSETS][params.capacity] numbers of the lights; -1 - n for light n
+//                  whose parts, params.stride + 16 n to + 15, precede it
 //          counts  [tiles][VPL_SUBSETS]
 // Macros:  VPL_CUT (0: only what gives nothing is left out, 1), VPL_SUBSETS (1, 16: light i of
 //          params.count is number i / 16 of the subset i % 16, which has a segment of its own),
@@ -47,13 +47,13 @@
 #endif
 
 #if VPL_PARTS
-// Appends light `number` if it is kept, marked and with its 16 parts if it is close and there is room
-// for them beside all lights to come; returns the new count.
+// Appends light `number` if it is kept, marked and with its 16 parts if it is close and there is
+// room for them beside all lights to come; returns the new count.
 static inline int vpl_append(__global int *restrict list, const int count, const int number,
                              const int number_of, const int kept, const int close,
                              const VplParams params)
 {
-    if (close && count + 17 + number_of - number <= params.room) {
+    if (close && count + 17 + number_of - number <= params.capacity) {
         for (int j = 0; j < 16; ++j) {
             list[count + j] = params.stride + 16 * number + j;
         }
@@ -117,7 +117,7 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
     }
     lights += (params.segment + subset) * VPL_OWN_BOUNDS * params.stride;
     const int number_of = (params.count - subset + VPL_SUBSETS - 1) / VPL_SUBSETS;
-    __global int *restrict list = lists + own * params.room;
+    __global int *restrict list = lists + own * params.capacity;
     const vfloat zero = v_splat(0.0f);
     float extent = 0.0f;
 #if VPL_GLOSSY

@@ -3,8 +3,9 @@
 //
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
 //          lights  [segments][VPL_BOUNDS][params.stride]; see vpl_lists
-// Writes:  near    [tiles][params.near_room] lights of all 16 segments of the batch that are closer
-//                  than sqrt(params.refine A) to the tile, segment * params.span + number each
+// Writes:  near    [tiles][params.near_capacity] lights of all 16 segments of the batch that are
+//                  closer than sqrt(params.refine A) to the tile, segment * params.span + number
+//                  each
 //          counts  [tiles]; 0 where there is no room for all of them, which then stay whole
 // Launch:  a work-item for each tile; lanes are lights
 
@@ -28,7 +29,7 @@ __kernel void vpl_near(__global const float *restrict boxes, __global const floa
     }
     const int tile = tile_y * tiles.x + tile_x;
     __global const float *restrict box = boxes + tile * VPL_BOX;
-    __global int *restrict list = near + tile * params.near_room;
+    __global int *restrict list = near + tile * params.near_capacity;
     int count = 0;
     for (int subset = 0; subset < 16 && box[13] > 0.0f; ++subset) {
         __global const float *restrict own =
@@ -45,7 +46,7 @@ __kernel void vpl_near(__global const float *restrict boxes, __global const floa
             const vmask close = v_lt(squared, area * params.refine) &
                                 v_ilt(v_iota() + i, v_splat_int(number_of));
             // A place beyond the last is written to before the mask moves on, or doesn't.
-            if (v_any(close) && count + SSGI_LANES <= params.near_room) {
+            if (v_any(close) && count + SSGI_LANES <= params.near_capacity) {
                 const vint number = v_iota() + (i + subset * params.span);
 #if SSGI_LANES == 1
                 list[count] = number;

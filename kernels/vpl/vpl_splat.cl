@@ -2,17 +2,17 @@
 // vpl_splat: irradiance by virtual point lights, each tile by its list of them.
 //
 // Method:  Keller 1997, "Instant Radiosity"; Dachsbacher and Stamminger 2006, "Splatting Indirect
-//          Illumination". E = sum over lights of flux * w with the form factor of a point and a disc
-//          of the light's area A, w = cos cos / (pi d^2 + A) (Nichols and Wyman 2009).
+//          Illumination". E = sum over lights of flux * w with the form factor of a point and a
+//          disc of the light's area A, w = cos cos / (pi d^2 + A) (Nichols and Wyman 2009).
 // Departs: the cut fades w linearly from 2 cut down to cut, so that splats have no edge.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
-//          lists   [tiles][params.room] and counts [tiles], see vpl_lists
+//          lists   [tiles][params.capacity] and counts [tiles], see vpl_lists
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
-// Macros:  VPL_NEAR (0 disc, 1 clamped: max(pi d^2, A) for the sum), VPL_CUT (0, 1; 2: what 1 leaves
-//          out), VPL_LISTS (0: all lights, 1), VPL_ADD (1: to what is there), VPL_PARTS (1: as
-//          in vpl_lists, with VPL_LISTS), VPL_ROWS (of a work-item, 1 to 16, divides 16),
+// Macros:  VPL_NEAR (0 disc, 1 clamped: max(pi d^2, A) for the sum), VPL_CUT (0, 1; 2: what 1
+//          leaves out), VPL_LISTS (0: all lights, 1), VPL_ADD (1: to what is there), VPL_PARTS (1:
+//          as in vpl_lists, with VPL_LISTS), VPL_ROWS (of a work-item, 1 to 16, divides 16),
 //          VPL_GLOSSY (0 diffuse lights, 1 with Phong lobes)
 // Launch:  SSGI_LANES pixels of VPL_ROWS rows per work-item
 // Cost:    24 operations and a division per pixel and light, of lobes 70, four and a root
@@ -55,7 +55,7 @@ __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const floa
 #if VPL_LISTS
     const int tile = y / VPL_TILE * vpl_tiles(size).x + x / VPL_TILE;
     const int listed = counts[tile];
-    __global const int *restrict list = lists + tile * params.room;
+    __global const int *restrict list = lists + tile * params.capacity;
 #else
     const int listed = params.count;
 #endif

@@ -86,7 +86,7 @@ def apply_command(
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
-    Depth is linear along the line of sight, in scene units; 1e10 and more is where nothing is.
+    Depth is linear along the view ray, in scene units; 1e10 and more is where nothing is.
     Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
     the file's are in world space, as those of `ssgi render` and of Blender are. The result covers
     the file's data window, overscan included.

@@ -73,20 +73,20 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
     units = f"{info.units} compute unit{'s' if info.units != 1 else ''}"
     click.echo(wrapped(info.label, ""))
     click.echo(f"  {info.kind}, {units}{', used by default' if default else ''}")
-    for form in drivers.FORMS:
-        speed = info.speeds.get(str(form), "not tried")
-        mark = "*" if form == info.best else " "
+    for variant in drivers.KERNEL_VARIANTS:
+        speed = info.speeds.get(str(variant), "not tried")
+        mark = "*" if variant == info.best else " "
         if isinstance(speed, str):
-            click.echo(f"  {mark} {form!s:17} does not run:")
+            click.echo(f"  {mark} {variant!s:17} does not run:")
             for line in speed.splitlines():
                 if line.strip():
                     click.echo(wrapped(line, " " * 8))
         else:
             why = ""
-            if form == info.best:
+            if variant == info.best:
                 within = "fastest" if speed == info.speed else "widest within 15 %"
                 why = f"  in use: {within}"
-            click.echo(f"  {mark} {form!s:17} {speed:7.0f}{why}")
+            click.echo(f"  {mark} {variant!s:17} {speed:7.0f}{why}")
     if info.best is None:
         click.echo("  no form of the kernels runs on it, so it is not used")
     if info.failures and info.driver:

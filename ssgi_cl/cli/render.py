@@ -69,7 +69,7 @@ _OUTDOORS = (DirectionalLight, Environment)
               "picture's diagonal where surfaces are seen.")
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option("--indirect", type=click.Choice(BOUNCES), help="Add the light that surfaces reflect "
-              "once: of lamps, by virtual point lights (multires, the fastest, and vpl, which all "
+              "once: of lights, by virtual point lights (multires, the fastest, and vpl, which all "
               "triangles block) or gathered, or of all lights within --ao-radius by ssdo, which "
               "hides ambient light too; by default none.")
 @click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
@@ -101,7 +101,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     room, colonnade, foliage, machine, street or terrain.
 
     A file's scene is lit by the lights that the file describes (glTF, KHR_lights_punctual), one
-    without by a sun and a sky, a closed room by a lamp. What a file says that is not drawn is
+    without by a sun and a sky, a closed room by a light. What a file says that is not drawn is
     listed. Times are milliseconds on the device.
     """
     endings: tuple[str, ...] = ()

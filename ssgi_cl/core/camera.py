@@ -127,7 +127,7 @@ class Camera(Immutable):
 
         Args:
             eye, target: [3], world space, scene units.
-            up: [3], world space; must not be parallel to the line of sight.
+            up: [3], world space; must not be parallel to the view ray.
             yfov: vertical field of view in radians, in (0, pi).
             width, height: pixels.
             near: scene units; by default 1e-3 of the distance from `eye` to `target`.
@@ -166,7 +166,7 @@ class Camera(Immutable):
         Args:
             view_height: height of the visible box in scene units, > 0; its width follows from the
                 aspect ratio.
-            near, far: scene units along the line of sight; `far` is 1e3 times the distance from
+            near, far: scene units along the view ray; `far` is 1e3 times the distance from
                 `eye` to `target` by default.
             The rest is as in `look_at`.
         """
@@ -232,7 +232,7 @@ class Camera(Immutable):
 
     @property
     def is_orthographic(self) -> bool:
-        """Whether all lines of sight are parallel."""
+        """Whether all view rays are parallel."""
         return bool(self.projection[3, 3] == 1.0)
 
     @property
@@ -332,8 +332,8 @@ def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[
     length = float(np.linalg.norm(right))
     if length < 1e-6:
         raise ValueError(
-            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the line of "
-            f"sight {(-backward).tolist()}"
+            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the view "
+            f"ray {(-backward).tolist()}"
         )
     right /= length
     view = np.eye(4)

@@ -10,10 +10,10 @@ from ssgi_cl.core.camera import Camera
 Doubles = NDArray[np.float64]
 
 
-def lines_of_sight(
+def visibility_rays(
     camera: Camera, rows: slice, origin: Doubles, scale: float = 1.0
 ) -> tuple[Doubles, Doubles]:
-    """Return [n, 3] where lines of sight start, and [n, 3] by what they advance per unit depth.
+    """Return [n, 3] where view rays start, and [n, 3] by what they advance per unit depth.
 
     World space relative to `origin`, times `scale`; pixel centres of some rows, row by row.
     """
@@ -35,7 +35,7 @@ def depths_in_sphere(
     camera: Camera, start: Doubles, along: Doubles, middle: Doubles, reach: float,
     scale: float = 1.0,
 ) -> tuple[Doubles, Doubles, Doubles]:
-    """Return depths [n] between which lines of sight may meet a scene, and that of its middle.
+    """Return depths [n] between which view rays may meet a scene, and that of its middle.
 
     A ray that starts and ends at the sphere round the scene, `reach` round `middle`, and within the
     camera's planes, keeps its precision: far from it float32 is coarse. Where the first is not less
@@ -43,7 +43,7 @@ def depths_in_sphere(
 
     Args:
         camera: whose near and far plane count.
-        start, along, scale: see `lines_of_sight`.
+        start, along, scale: see `visibility_rays`.
         middle, reach: of the sphere, in the coordinates of the lines.
     """
     speed = np.linalg.norm(along, axis=-1)

@@ -47,7 +47,7 @@ class GBuffer:
         specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
-            seen of them along the line of sight, scene units, >= 0 (+inf: without end), or None.
+            seen of them along the view ray, scene units, >= 0 (+inf: without end), or None.
         nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
             (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
             are reconstructed from depth.

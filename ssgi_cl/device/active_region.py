@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Window:
+class Region:
     """Pixels of an image outside which nothing is seen; None in place of one is all.
 
     Attributes:
@@ -50,19 +50,19 @@ class Window:
         """Whether it has no pixel."""
         return self.rows == 0
 
-    def union(self, other: Window) -> Window:
+    def union(self, other: Region) -> Region:
         """Return the least window that holds both."""
         if self.empty or other.empty:
             return other if self.empty else self
         first = min(self.row, other.row), min(self.column, other.column)
         end = max(self.end[0], other.end[0]), max(self.end[1], other.end[1])
-        return Window.between(first, end)
+        return Region.between(first, end)
 
-    def inside(self, size: Size, margin: Size = (0, 0)) -> Window:
+    def inside(self, size: Size, margin: Size = (0, 0)) -> Region:
         """Return what of it lies in an image of this size, whose first pixel is at `margin`."""
         first = max(self.row - margin[0], 0), max(self.column - margin[1], 0)
         end = min(self.end[0] - margin[0], size[0]), min(self.end[1] - margin[1], size[1])
-        return Window.between(first, end)
+        return Region.between(first, end)
 
     def cells(self, cell: Size) -> tuple[Size, Size]:
         """Return the first cell of (rows, columns) pixels that it meets, and how many it meets."""
@@ -71,10 +71,10 @@ class Window:
             return first, (0, 0)
         return first, (-(-self.end[0] // cell[0]) - first[0], -(-self.end[1] // cell[1]) - first[1])
 
-    def reduced(self, step: int) -> Window:
+    def reduced(self, step: int) -> Region:
         """Return the window of every step-th pixel of the image, from the first on."""
         first, (rows, columns) = self.cells((step, step))
-        return Window(*first, rows, columns)
+        return Region(*first, rows, columns)
 
     def beyond(self, size: Size) -> Size | None:
         """Return a pixel of an image of this size that lies outside, None if there is none."""
@@ -85,25 +85,25 @@ class Window:
         return all(f <= p < e for f, p, e in zip(self.first, pixel, self.end, strict=True))
 
 
-def copy_window(
-    source: NDArray[Any], target: NDArray[Any], window: Window | None, beyond: Size | None
+def copy_region(
+    source: NDArray[Any], target: NDArray[Any], region: Region | None, beyond: Size | None
 ) -> None:
     """Copy an image [rows, columns, channels].
 
     Where `beyond` is a pixel outside the window, it stands for all of them.
     """
-    if window is None or beyond is None:
+    if region is None or beyond is None:
         np.copyto(target, source)
         return
     target[0] = source[beyond]
     target[1:] = target[0]
-    part = slice(window.row, window.end[0]), slice(window.column, window.end[1])
+    part = slice(region.row, region.end[0]), slice(region.column, region.end[1])
     # One channel by one: numpy is slow where strides are in different order.
     for channel in range(target.shape[2]):
         np.copyto(target[(*part, channel)], source[(*part, channel)])
 
 
-class Trace:
+class PreviousRegion:
     """What the latest run left of a result, which the next one has to cover too.
 
     Where a run works in a window, all pixels beyond hold the background already. So it has to work
@@ -111,21 +111,21 @@ class Trace:
     """
 
     def __init__(self) -> None:
-        self._left: Window | None = None
+        self._left: Region | None = None
         self._background: object = None
 
     @contextmanager
     def over(
-        self, window: Window | None, background: object = None
-    ) -> Iterator[Window | None]:
-        """Give where a run works that shows anything in `window` alone, and note that it did so.
+        self, region: Region | None, background: object = None
+    ) -> Iterator[Region | None]:
+        """Give where a run works that shows anything in `region` alone, and note that it did so.
 
         `background` tells the value beyond: where it changes, the run works everywhere. It does
         too after a run that raised.
         """
-        known = window is not None and self._left is not None and background == self._background
-        over = window.union(self._left) if known and window and self._left else None
+        known = region is not None and self._left is not None and background == self._background
+        over = region.union(self._left) if known and region and self._left else None
         self._left = None
         yield over
         self._background = background
-        self._left = window
+        self._left = region

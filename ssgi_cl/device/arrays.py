@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device.active_region import Window, copy_window
+from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.constants import SSGI_GUARD
 from ssgi_cl.device.opencl import opencl
 
@@ -156,11 +156,11 @@ class Plane:
             np.copyto(self._images(memory), values)
 
     def download(
-        self, out: NDArray[np.float32] | None = None, window: Window | None = None
+        self, out: NDArray[np.float32] | None = None, region: Region | None = None
     ) -> NDArray[np.float32]:
         """Return a copy [count, rows, columns], written to `out` if given (any strides).
 
-        Outside of `window` all pixels of an image are the same.
+        Outside of `region` all pixels of an image are the same.
         """
         cl = opencl()
 
@@ -168,7 +168,7 @@ class Plane:
             self.runtime.memory.require_host(4 * self.count * self.size[0] * self.size[1])
             out = np.empty((self.count, *self.size), np.float32)
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
-        beyond = None if window is None else window.beyond(self.size)
+        beyond = None if region is None else region.beyond(self.size)
         if self.runtime.shares_memory:
             memory, _ = cl.enqueue_map_buffer(
                 queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
@@ -178,7 +178,7 @@ class Plane:
             cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
         images = self._images(memory)
         if beyond is not None:
-            copy_window(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), window, beyond)
+            copy_region(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), region, beyond)
         else:
             # One by one: numpy is slow where strides are in different order.
             for target, image in zip(out, images, strict=True):

@@ -21,8 +21,8 @@ SLICES_SIMILAR = 0.4
 """Those whose 1 / depth is at least this part of the nearest's share its slices."""
 SLICES_NEAREST_TAP = 1.3
 """Distance of the nearest tap, px: at any angle it lies in another pixel than the receiver."""
-SLICES_LEAST_FACING = 0.05
-"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+SLICES_LEAST_N_DOT_V = 0.05
+"""Cosine between normal and view ray that a grazing or averted normal is taken to have."""
 
 TILES_SIDE = 16
 """Pixels along the side of a tile that is classified."""

@@ -19,11 +19,21 @@ from ssgi_cl.core.atomic import replacement
 from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.device import probing, records
 from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.info import FORMS, DeviceInfo, Form, Found
+from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found, KernelVariant
 
 __all__ = [
-    "FORMS", "INSTALL", "DeviceInfo", "Form", "cache_folder", "choose", "confirm", "devices",
-    "driver_files", "look_again", "problems", "standing",
+    "INSTALL",
+    "KERNEL_VARIANTS",
+    "DeviceInfo",
+    "KernelVariant",
+    "cache_folder",
+    "choose",
+    "confirm",
+    "devices",
+    "driver_files",
+    "look_again",
+    "problems",
+    "standing",
 ]
 
 INSTALL = (
@@ -111,8 +121,8 @@ def choose(name: str | None) -> DeviceInfo:
     if not found:
         lines += [f"  {reason}" for reason in problems()]
     for info in fitting:
-        form, why = next(iter(info.failures.items()), ("no form", "not tried"))
-        lines += [f"{info.label}, {form}: {why.strip()}", standing(info)]
+        variant, why = next(iter(info.failures.items()), ("no form", "not tried"))
+        lines += [f"{info.label}, {variant}: {why.strip()}", standing(info)]
     if not any(info.best for info in found):
         lines.append(INSTALL)
     why = "no kernel runs on it" if fitting else "no such OpenCL device"
@@ -139,7 +149,7 @@ def look_again(driver: Path | None = None) -> None:
     _forget_devices()
 
 
-def confirm(info: DeviceInfo, form: Form, speed: Callable[[], float]) -> None:
+def confirm(info: DeviceInfo, variant: KernelVariant, speed: Callable[[], float]) -> None:
     """Hold the recorded speed of a form to what it is in this process, where its driver is loaded.
 
     The first processes that use a record do so, in about 30 ms each. If one finds it too high, the
@@ -150,7 +160,7 @@ def confirm(info: DeviceInfo, form: Form, speed: Callable[[], float]) -> None:
         info, form: the device and the variant in use.
         speed: measures it, in million reads a second.
     """
-    recorded = info.speeds.get(str(form))
+    recorded = info.speeds.get(str(variant))
     driver = Path(info.driver)
     if info.kind != "cpu" or not isinstance(recorded, float):
         return

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import Floats, GBuffer
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
@@ -79,9 +79,9 @@ class DeviceGBuffer:
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = False
-        self.window: Window | None = None
-        self.traces = [Trace() for _ in range(layers)]
-        self._derived = Trace()
+        self.region: Region | None = None
+        self.previous_regions = [PreviousRegion() for _ in range(layers)]
+        self._derived = PreviousRegion()
         self.thickness: Plane | None = None
         self._thickness: Plane | None = None
         self.camera: Camera | None = None
@@ -119,12 +119,12 @@ class DeviceGBuffer:
     def take_world(self) -> None:
         """Make room for `normal_world`, which is about to be written.
 
-        What is kept is 0 outside of what `traces` say; other memory has anything there.
+        What is kept is 0 outside of what `previous_regions` say; other memory has anything there.
         """
         self.sides = None
         if self.keeps_world and self._own_world is None:
             self._own_world = self.runtime.plane(self._images, self.whole)
-            self.traces = [Trace() for _ in range(self.layers)]
+            self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
         if self.keeps_world:
             self._normal_world = self._own_world
         else:
@@ -142,8 +142,8 @@ class DeviceGBuffer:
                 f"the G-buffer has size, margin and layers {shape}: expected "
                 f"{(self.size, self.margin, self.layers)}"
             )
-        self.window = None
-        self.traces = [Trace() for _ in range(self.layers)]
+        self.region = None
+        self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
         self.take_world()
@@ -205,11 +205,11 @@ class DeviceGBuffer:
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
         rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
-        with self._derived.over(self.window) as window:
+        with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
                 self._kernels[given].run(
                     "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""), self.whole,
-                    window=window,
+                    region=region,
                     depth=self.depth, normal=self.normal_world, linear=self.linear,
                     normal_view=self.normal, camera=self.camera_struct, rotation=rotation,
                     layer=layer,
@@ -221,11 +221,11 @@ class DeviceGBuffer:
             self._normal_world = None
 
     @property
-    def seen(self) -> Window | None:
-        """`window` in pixels of the camera's image."""
-        return None if self.window is None else self.window.inside(self.size, self.margin)
+    def seen(self) -> Region | None:
+        """`region` in pixels of the camera's image."""
+        return None if self.region is None else self.region.inside(self.size, self.margin)
 
-    def seen_every(self, step: int) -> Window | None:
+    def seen_every(self, step: int) -> Region | None:
         """Return `seen` in a result that has every step-th pixel of the camera's image."""
         seen = self.seen
         return None if seen is None else seen.reduced(step)

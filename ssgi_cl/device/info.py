@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Form:
+class KernelVariant:
     """One build of the kernels.
 
     Attributes:
@@ -30,7 +30,8 @@ class Form:
         return f"{self.lanes} lane{'s' if self.lanes > 1 else ''}, {self.storage}"
 
 
-FORMS = (Form(1, "image"), Form(1, "buffer"), Form(8, "buffer"), Form(16, "buffer"))
+KERNEL_VARIANTS = (KernelVariant(1, "image"), KernelVariant(1, "buffer"),
+    KernelVariant(8, "buffer"), KernelVariant(16, "buffer"))
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,17 @@ class DeviceInfo:
     speeds: dict[str, float | str] = field(default_factory=dict)
 
     @property
-    def best(self) -> Form | None:
+    def best(self) -> KernelVariant | None:
         """The fastest form, or None if none runs; the wider of two within 15 % of each other.
 
         Kernels compute more for each read than the probe does, which favours wide vectors.
         """
-        timed = [form for form in FORMS if isinstance(self.speeds.get(str(form)), float)]
-        fastest = max((float(self.speeds[str(form)]) for form in timed), default=0.0)
-        close = [form for form in timed if float(self.speeds[str(form)]) >= 0.85 * fastest]
-        return max(close, key=lambda form: (form.lanes, form.storage == "buffer"), default=None)
+        timed = [variant for variant in KERNEL_VARIANTS if isinstance(self.speeds.get(str(variant)),
+            float)]
+        fastest = max((float(self.speeds[str(variant)]) for variant in timed), default=0.0)
+        close = [variant for variant in timed if float(self.speeds[str(variant)]) >= 0.85 * fastest]
+        return max(close, key=lambda variant: (variant.lanes, variant.storage == "buffer"),
+            default=None)
 
     @property
     def speed(self) -> float:
@@ -74,8 +77,8 @@ class DeviceInfo:
 
     @property
     def failures(self) -> dict[str, str]:
-        """Form as text -> why it does not run, for those that don't."""
-        return {form: why for form, why in self.speeds.items() if isinstance(why, str)}
+        """Kernel variant as text -> why it does not run, for those that don't."""
+        return {variant: why for variant, why in self.speeds.items() if isinstance(why, str)}
 
 
 @dataclass(frozen=True)

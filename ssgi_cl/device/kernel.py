@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ssgi_cl.core.errors import DeviceError, KernelBuildError
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arguments import Arguments
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.opencl import opencl
@@ -57,7 +57,7 @@ class Kernel:
         except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
             raise KernelBuildError(
                 f"{source} has no kernel {self.name} on {runtime.info.label}, "
-                f"{runtime.form}: {error}"
+                f"{runtime.variant}: {error}"
             ) from error
         self.signature = Signature.of(name, text, macros)
         self._arguments = Arguments(self.signature, structs)
@@ -71,7 +71,7 @@ class Kernel:
         *,
         grid: Size | None = None,
         local: Size | None = None,
-        window: Window | None = None,
+        region: Region | None = None,
         cell: Size | None = None,
         **arguments: Any,
     ) -> None:
@@ -94,11 +94,11 @@ class Kernel:
         Raises:
             TypeError: an argument is missing, unknown or of another type than the kernel's.
         """
-        lanes = self.runtime.form.lanes
+        lanes = self.runtime.variant.lanes
         first: Size | None = None
         rows, columns = grid or (size[0], -(-size[1] // lanes))
-        if window is not None:
-            first, (rows, columns) = window.cells(cell or (1, lanes))
+        if region is not None:
+            first, (rows, columns) = region.cells(cell or (1, lanes))
         if rows == 0 or columns == 0:
             return
         if self._arguments.takes_size:

@@ -40,21 +40,21 @@ def list_devices() -> None:
             print(json.dumps(entry), flush=True)
 
 
-def time_forms(platform: int, device: int, names: list[str]) -> None:
+def time_variants(platform: int, device: int, names: list[str]) -> None:
     """Print the speed of each named form on one device, or why it does not run.
 
     A form that runs gets a line at its first run and another at the end, which holds. The forms
     take turns, so that what else the machine does meets all of them alike, and the median counts.
     """
     from ssgi_cl.core.errors import SsgiError
-    from ssgi_cl.device.info import FORMS, DeviceInfo
+    from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
     from ssgi_cl.device.runtime import Runtime
 
     running: dict[str, Callable[[], float]] = {}
     for name in names:
-        form = next(form for form in FORMS if str(form) == name)
+        variant = next(variant for variant in KERNEL_VARIANTS if str(variant) == name)
         try:
-            runtime = Runtime(DeviceInfo("", platform, device, "this device", "", 0), form)
+            runtime = Runtime(DeviceInfo("", platform, device, "this device", "", 0), variant)
             running[name] = timer(runtime)
             speed: float | str = million_reads(running[name]())
         except SsgiError as error:
@@ -79,6 +79,6 @@ def _why_not_loaded(driver: Path) -> str:
 
 if __name__ == "__main__":
     if len(sys.argv) > 3:
-        time_forms(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
+        time_variants(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
     else:
         list_devices()

@@ -21,7 +21,7 @@ from statistics import median
 from typing import Any
 
 from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.info import FORMS, DeviceInfo, Found
+from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found
 from ssgi_cl.device.pocl_cache import clear_damaged
 
 PROBE_SECONDS = 60
@@ -112,20 +112,20 @@ def consensus(rounds: Sequence[dict[str, float]]) -> dict[str, float] | None:
     They agree on a form if there are two at least and most of them lie near their median.
     """
     agreed = {}
-    for form in rounds[0]:
-        speeds = [speeds[form] for speeds in rounds if form in speeds]
+    for variant in rounds[0]:
+        speeds = [speeds[variant] for speeds in rounds if variant in speeds]
         middle = median(speeds)
         near = sum(abs(speed - middle) <= AGREEMENT * middle for speed in speeds)
         if len(speeds) < 2 or 2 * near <= len(speeds):
             return None
-        agreed[form] = round(middle, 1)
+        agreed[variant] = round(middle, 1)
     return agreed
 
 
 def _timed(environment: dict[str, str], where: list[str]) -> dict[str, float | str]:
     """Return the speed of each form, or why it does not run."""
     first = _one_round(environment, where)
-    running = {form: speed for form, speed in first.items() if isinstance(speed, float)}
+    running = {variant: speed for variant, speed in first.items() if isinstance(speed, float)}
     rounds = [running]
     agreed = consensus(rounds)
     while running and agreed is None and len(rounds) < MOST_ROUNDS:
@@ -134,8 +134,8 @@ def _timed(environment: dict[str, str], where: list[str]) -> dict[str, float | s
                        if isinstance(answer["speed"], float)})
         agreed = consensus(rounds)
     if agreed is None:  # the machine is busy: the medians are the best there is
-        agreed = {form: median(speeds[form] for speeds in rounds if form in speeds)
-                  for form in running}
+        agreed = {variant: median(speeds[variant] for speeds in rounds if variant in speeds)
+                  for variant in running}
     return first | agreed
 
 
@@ -144,24 +144,24 @@ def _one_round(environment: dict[str, str], where: list[str]) -> dict[str, float
 
     One is enough where failures are in doubt: they are not recorded anyway.
     """
-    deaths: dict[str, list[str]] = {str(form): [] for form in FORMS}
+    deaths: dict[str, list[str]] = {str(variant): [] for variant in KERNEL_VARIANTS}
     most = 1 if doubtful() else 2
     mended = False
     while True:
         # All the others anew: forms are only fairly timed side by side.
-        asked = [form for form, endings in deaths.items() if len(endings) < most]
+        asked = [variant for variant, endings in deaths.items() if len(endings) < most]
         answers = run_probe(environment, [*where, *asked]) if asked else Answers([])
         speeds = {answer["form"]: answer["speed"] for answer in answers.lines}
         # The process died at the first form without an answer.
-        missing = next((form for form in asked if form not in speeds), None)
+        missing = next((variant for variant in asked if variant not in speeds), None)
         if missing is None:
             break
         if not mended and clear_damaged():
             mended = True  # it may have died of that
             continue
         deaths[missing].append(answers.ending or "ends without a word")
-    return speeds | {form: f"the driver crashes or hangs on it: it {endings[-1]}"
-                     for form, endings in deaths.items() if len(endings) == most}
+    return speeds | {variant: f"the driver crashes or hangs on it: it {endings[-1]}"
+                     for variant, endings in deaths.items() if len(endings) == most}
 
 
 def _ending(status: int) -> str:

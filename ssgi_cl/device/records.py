@@ -41,8 +41,8 @@ _MODULES = ("probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py"
 def record_file(driver: Path) -> Path:
     """Return the file of what is known of a driver's devices as the machine is set up now."""
     parts = [
-        str(driver), sources.flatten("probe/probe_gather.cl"), *_driver_facts(driver),
-        *machine_facts(), *settings(),
+        str(driver), sources.flatten("probe/probe_gather.cl"), *_driver_description(driver),
+        *machine_description(), *settings(),
     ]
     here = Path(__file__)
     parts += [here.with_name(name).read_text(encoding="utf-8") for name in _MODULES]
@@ -119,7 +119,7 @@ def settings() -> list[str]:
     )
 
 
-def machine_facts(root: Path = Path("/")) -> list[str]:
+def machine_description(root: Path = Path("/")) -> list[str]:
     """Return what tells machines apart that share a home: processors and cards.
 
     Args:
@@ -141,7 +141,7 @@ def machine_facts(root: Path = Path("/")) -> list[str]:
     return facts
 
 
-def _driver_facts(driver: Path) -> list[str]:
+def _driver_description(driver: Path) -> list[str]:
     facts = []
     with suppress(OSError, UnicodeDecodeError):  # probing will tell
         text = driver.read_text(encoding="utf-8").strip()

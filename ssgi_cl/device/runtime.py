@@ -25,7 +25,7 @@ from ssgi_cl.core.keywords import check_keywords
 from ssgi_cl.device import drivers, image_limits, pocl_cache, sources
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
@@ -89,7 +89,7 @@ class Runtime:
 
     Attributes:
         info: the device.
-        form: the build of the kernels that it gets.
+        variant: the kernel variant that it gets: lanes and storage.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
         lock: held by what another thread's work on this device must not come between.
@@ -97,11 +97,11 @@ class Runtime:
         allocated_bytes, builds: device memory taken and programs compiled so far, in all.
     """
 
-    def __init__(self, info: DeviceInfo, form: Form) -> None:
+    def __init__(self, info: DeviceInfo, variant: KernelVariant) -> None:
         cl = opencl()
 
         self.info = info
-        self.form = form
+        self.variant = variant
         self.allocated_bytes = 0
         self.builds = 0
         device = listed_device(info)
@@ -110,7 +110,7 @@ class Runtime:
                 f"{info.label}: the driver does not list this device as it is set up now; "
                 "`ssgi devices --refresh` looks again"
             )
-        if form.storage == "image" and not device.image_support:
+        if variant.storage == "image" and not device.image_support:
             raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
         self.context = cl.Context([device])
         profiling = cl.command_queue_properties.PROFILING_ENABLE
@@ -118,7 +118,7 @@ class Runtime:
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.device = device
         check_groups(info.label, device)
-        self._image_limits = ImageLimits.of(device) if form.storage == "image" else None
+        self._image_limits = ImageLimits.of(device) if variant.storage == "image" else None
         self.memory = DeviceMemory(
             info.label, device.global_mem_size, device.max_mem_alloc_size,
             on_host=self.shares_memory,
@@ -135,6 +135,12 @@ class Runtime:
         self._depth = 0  # of calls within calls, in the thread that has the lock
         self._working = False
         self._touched = False
+
+    @property
+    def form(self) -> KernelVariant:
+        """The former name of `variant`, for one release."""
+        warnings.warn("Runtime.form is now Runtime.variant", DeprecationWarning, stacklevel=2)
+        return self.variant
 
     @classmethod
     def open(
@@ -169,21 +175,23 @@ class Runtime:
     @classmethod
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
         name = name or os.environ.get("SSGI_CL_DEVICE") or None
-        info, form = _chosen(name, lanes, storage)
-        key = (info.driver, info.platform, info.device, form, os.environ.get(image_limits.VARIABLE))
+        info, variant = _chosen(name, lanes, storage)
+        key = (
+            info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE)
+        )
         runtime = _OPENED.get(key)
         if runtime is None:
             _load_driver(info)
             if listed_device(info) is None:  # the record is of another configuration
                 drivers.look_again(Path(info.driver))
-                info, form = _chosen(name, lanes, storage)
+                info, variant = _chosen(name, lanes, storage)
                 _load_driver(info)
-            runtime = _OPENED[key] = cls(info, form)
-            drivers.confirm(info, form, lambda: speed_in_use(cls(info, form)))
+            runtime = _OPENED[key] = cls(info, variant)
+            drivers.confirm(info, variant, lambda: speed_in_use(cls(info, variant)))
         return runtime
 
     def __repr__(self) -> str:
-        return f"<Runtime {self.info.label}, {self.form}>"
+        return f"<Runtime {self.info.label}, {self.variant}>"
 
     @property
     def room(self) -> DeviceMemory:
@@ -302,12 +310,12 @@ class Runtime:
 
         with self.lock:
             self.take(size, owner)
-            return self._with_room(allocated)
+            return self._with_capacity(allocated)
 
     def take(self, size: int, owner: object) -> None:
         """Count `size` bytes as taken while `owner` lives; DeviceMemoryError if they don't fit."""
         self.memory.check_piece(size)  # which nothing that is let go changes
-        self._with_room(lambda: self.memory.take(size, owner))
+        self._with_capacity(lambda: self.memory.take(size, owner))
         self.allocated_bytes += size
 
     def require(self, size: int, what: str) -> None:
@@ -319,9 +327,9 @@ class Runtime:
             self.memory.count(size)
             return
         with self.lock:
-            self._with_room(lambda: self.memory.require(size, what))
+            self._with_capacity(lambda: self.memory.require(size, what))
 
-    def _with_room(self, take: Callable[[], T]) -> T:
+    def _with_capacity(self, take: Callable[[], T]) -> T:
         """Return what `take` returns, tried again each time after the oldest of what earlier calls
         left was let go."""
         while True:
@@ -461,8 +469,8 @@ class Runtime:
     ) -> Kernel:
         limits = self._image_limits
         defined = {
-            "SSGI_LANES": min(self.form.lanes, most_lanes),
-            "SSGI_IMAGES": int(self.form.storage == "image"),
+            "SSGI_LANES": min(self.variant.lanes, most_lanes),
+            "SSGI_IMAGES": int(self.variant.storage == "image"),
             **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
             **dict(sorted(macros.items())),
         }
@@ -594,17 +602,19 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def _chosen(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, Form]:
+def _chosen(
+    name: str | None, lanes: int | None, storage: str | None
+) -> tuple[DeviceInfo, KernelVariant]:
     """Return the device and the form of the kernels that `Runtime.open` is asked for."""
     info = drivers.choose(name)
-    form = info.best
-    assert form is not None  # noqa: S101  choose() returns usable devices only
+    variant = info.best
+    assert variant is not None  # noqa: S101  choose() returns usable devices only
     if lanes is not None or storage is not None:
-        form = Form(form.lanes if lanes is None else lanes, storage or "buffer")
-        reason = info.speeds.get(str(form))
+        variant = KernelVariant(variant.lanes if lanes is None else lanes, storage or "buffer")
+        reason = info.speeds.get(str(variant))
         if isinstance(reason, str):
-            raise DeviceError(f"{info.label} cannot run {form}: {reason}")
-    return info, form
+            raise DeviceError(f"{info.label} cannot run {variant}: {reason}")
+    return info, variant
 
 
 _NO_HEADER = "-D_OPENCL_H_"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.opencl import opencl
 
@@ -153,11 +153,11 @@ class TransientPlane(Plane):
         self._image: Any = None
         self._image_is_current = False
 
-    def within(self, window: Window | None) -> Window | None:
-        """Return `window`, outside of which all pixels are set to the background, if it is one."""
-        if window is not None:
+    def within(self, region: Region | None) -> Region | None:
+        """Return `region`, outside of which all pixels are set to the background, if it is one."""
+        if region is not None:
             self.clear()
-        return window
+        return region
 
     def clear(self) -> None:
         """Queue what sets all pixels to the background."""
@@ -449,22 +449,22 @@ class Target:
         self.size = size
         self.outside = outside
         self._plane = runtime.plane(count, size, outside) if kept else None
-        self._trace = Trace()
+        self._previous = PreviousRegion()
 
     @contextmanager
     def over(
-        self, window: Window | None, *, background: Sequence[float] | None = None
-    ) -> Iterator[tuple[Plane, Window | None]]:
-        """Give the plane, and where in it a pass works that shows anything in `window` alone.
+        self, region: Region | None, *, background: Sequence[float] | None = None
+    ) -> Iterator[tuple[Plane, Region | None]]:
+        """Give the plane, and where in it a pass works that shows anything in `region` alone.
 
         `background` is the value of each image beyond, the outside value by default.
         """
         if self._plane is not None:
-            with self._trace.over(window) as over:
+            with self._previous.over(region) as over:
                 yield self._plane, over
             return
         plane = self.runtime.transient.plane(self.count, self.size, self.outside, background)
-        yield plane, plane.within(window) if isinstance(plane, TransientPlane) else window
+        yield plane, plane.within(region) if isinstance(plane, TransientPlane) else region
 
 
 @dataclass(frozen=True, eq=False)

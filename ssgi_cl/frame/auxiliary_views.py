@@ -20,17 +20,17 @@ from ssgi_cl.techniques.indirect.auxiliary_cameras import auxiliary_cameras
 SIZE = 0.5
 """Rows and columns of each camera, in parts of the first one's, by default."""
 AT_LAMPS = 0.5
-"""Share of the cameras, at most, that stand at lamps."""
+"""Share of the cameras, at most, that stand at lights."""
 
 AtLight = SpotLight | DirectionalLight
-"""A lamp that one camera sees all of."""
+"""A light that one camera sees all of."""
 
 
-class FurtherViews:
+class AuxiliaryViews:
     """Places cameras and draws what they see.
 
     Up to half of them stand at spot and directional lights, in their order: such a camera sees
-    every surface that the lamp shines on, and so all that sends its light on. The others stand
+    every surface that the light shines on, and so all that sends its light on. The others stand
     where `auxiliary_cameras` says; point lights would need six each, and what those see of next
     rooms leaks through walls that no camera sees.
 
@@ -55,26 +55,26 @@ class FurtherViews:
 
         Those of one size are drawn into the same memory: use one before asking for the next. A
         camera that sees nothing gives none.
-        Cameras stay where they are as long as scene, camera and lamps are the same.
+        Cameras stay where they are as long as scene, camera and lights are the same.
         """
-        lamps: tuple[AtLight, ...] = tuple(
+        punctual_lights: tuple[AtLight, ...] = tuple(
             light for light in lights if isinstance(light, (SpotLight, DirectionalLight))
         )[: int(AT_LAMPS * self.count)]
-        made_of = scene.key, camera, lamps
+        made_of = scene.key, camera, punctual_lights
         if not same(self._made_of, made_of):
             self._made_of = None
-            self._cameras = self._places(scene, camera, seen, lamps)
+            self._cameras = self._places(scene, camera, seen, punctual_lights)
             self._made_of = made_of
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
                 self._rasterizers[extra.size] = Rasterizer(
-                    self.runtime, extra.size, windows=True, keeps_world=False
+                    self.runtime, extra.size, regions=True, keeps_world=False
                 )
             target = self._rasterizers[extra.size].render(
                 device_scene(scene, self.runtime), extra
             )
-            if target.window is not None and target.window.empty:
-                self.runtime.skip("further view", "the camera sees no triangle")
+            if target.region is not None and target.region.empty:
+                self.runtime.skip("auxiliary view", "the camera sees no triangle")
                 target.release_world()
                 continue
             target.derive()
@@ -82,9 +82,11 @@ class FurtherViews:
             yield target
 
     def _places(
-        self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lamps: Sequence[AtLight]
+        self, scene: Scene, camera: Camera, seen: DeviceGBuffer, punctual_lights: Sequence[AtLight]
     ) -> list[Camera]:
         side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
-        at_lamps = [each for lamp in lamps for each in light_cameras(lamp, scene.bounds, side)]
-        more = self.count - len(at_lamps)
-        return at_lamps + auxiliary_cameras(camera, seen, more, size=self.size)
+        at_lights = [
+            each for light in punctual_lights for each in light_cameras(light, scene.bounds, side)
+        ]
+        more = self.count - len(at_lights)
+        return at_lights + auxiliary_cameras(camera, seen, more, size=self.size)

@@ -196,7 +196,7 @@ class GraphLog:
             ))
         memory, info = self.runtime.memory, self.runtime.info
         return GraphRecord(
-            f"{info.label}, {self.runtime.form}", tuple(sorted(self.outputs)), tuple(stages),
+            f"{info.label}, {self.runtime.variant}", tuple(sorted(self.outputs)), tuple(stages),
             tuple(self._resources(stages)),
             {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
         )

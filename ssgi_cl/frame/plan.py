@@ -10,6 +10,7 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.params import Params
 
 _VALUES = (Camera, SpotLight, PointLight, DirectionalLight, Environment)
 _PLAIN = (bool, int, float, str, frozenset, type(None))
@@ -21,17 +22,18 @@ for the image."""
 SKIPS = {
     "outputs": "what no output takes: neither light nor picture where only AO is asked for",
     "dark": "ambient occlusion where there is no ambient light",
-    "maps": "maps of lamps, where neither lamp nor scene changed, and reading those texels of "
+    "maps": "maps of lights, where neither light nor scene changed, and reading those texels of "
     "kept maps that blocks of 8 x 8 prove to be all lit or all in shadow",
     "unchanged": "stages all of whose inputs are those of the frame before: G-buffer, ambient "
     "occlusion, light, picture",
     "tiles": "ambient occlusion or SSDO and its blur in tiles where A is proven to be 1 and the "
     "bounce 0: empty, so far away that the radius is below a pixel, or flat",
     "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
-    "lights": "lamps from which everything seen is turned away or outside the cone, and their maps",
+    "lights": "lights that reach no visible surface: all are turned away or outside the cone; and "
+    "their shadow maps",
     "layers": "depth layers that have no pixel",
 }
-"""What may be left out of a frame. Each leaves the same bits."""
+"""What may be left out of a frame. Each leaves bit-identical results."""
 
 
 def chosen_skips(skips: object) -> frozenset[str]:
@@ -108,8 +110,8 @@ class Needs:
 
 
 def same(a: object, b: object) -> bool:
-    """Return whether two inputs are the same: cameras, lights and plain values by their values, all
-    else, such as a scene, as objects."""
+    """Return whether two inputs are the same: cameras, lights, parameters and plain values by their
+    values, all else, such as a scene, as objects."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -120,4 +122,4 @@ def same(a: object, b: object) -> bool:
         return np.array_equal(a, np.asarray(b))
     if isinstance(a, _VALUES):
         return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
-    return isinstance(a, _PLAIN) and bool(a == b)
+    return isinstance(a, (*_PLAIN, Params)) and bool(a == b)

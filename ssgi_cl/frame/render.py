@@ -78,10 +78,10 @@ def render(
             `default_ao_radius`); for a new camera that takes a depth map of 96 x 72 pixels.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
-        indirect: how light is reflected once. That of all lamps: "multires" (`multires_splat`,
+        indirect: how light is reflected once. That of all lights: "multires" (`multires_splat`,
             the fastest), "vpl" (`vpl_splat`), "gather" (`rsm_gather`; nothing blocks it); all
             triangles of the scene, seen or not, block that of the first two. That of
-            lamps and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
+            lights and environments by surfaces within `ao_radius`: "ssdo" (`ssdo`, which hides the
             light of environments too, so `ao` is not needed). What surfaces emit is
             seen and lights nothing. True for "multires", None or False for none.
         method: how `indirect` computes it, out of the methods of its technique: those of
@@ -140,7 +140,7 @@ def render(
     if indirect_ao and (dims is None or indirect in (None, "ssdo")):
         raise ValueError(
             f"indirect_ao is True: expected False with ao={ao!r} and indirect={indirect!r}, it "
-            "needs ambient occlusion and the bounce of lamps"
+            "needs ambient occlusion and the bounce of lights"
         )
     if glossy_vpls and indirect != "vpl":
         raise ValueError(

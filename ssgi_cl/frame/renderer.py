@@ -13,7 +13,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.graph import Graph
 from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
 from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
@@ -23,6 +23,7 @@ from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.stage import Stage, Values
 from ssgi_cl.frame.stages import (
     AO,
+    AO_PARAMS,
     CAMERA,
     DIRECT,
     EXPOSURE,
@@ -30,6 +31,7 @@ from ssgi_cl.frame.stages import (
     IDLE_LIGHTS,
     IMAGE,
     INDIRECT,
+    INDIRECT_PARAMS,
     LIGHTS,
     MULTI_BOUNCE,
     PIXELS,
@@ -79,7 +81,7 @@ class Renderer:
         shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
             which each may reflect light.
         curve: see `tonemap`.
-        indirect_ao: whether ambient occlusion dims the bounce of lamps too.
+        indirect_ao: whether ambient occlusion dims the bounce of lights too.
         skips: what may be left out: True for all of `plan.SKIPS`, False for none, or their names.
     """
 
@@ -106,7 +108,7 @@ class Renderer:
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            windows="window" in self.skips, keeps_world=False,
+            regions="window" in self.skips, keeps_world=False,
         )
         maps = LightMaps(
             runtime, shadow_size, flux=indirect is not None and not ssdo,
@@ -116,14 +118,14 @@ class Renderer:
         tiles: Tiles | None = None
         if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
             tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
-        shade = Shade(runtime, size, lamps=not ssdo)
+        shade = Shade(runtime, size, punctual_lights=not ssdo)
         costs: dict[str, float] = {}
         self._rest = TileRest()
         condition: Callable[[Values], str | None] = self._rest.condition
         self._openers: list[Opener | Occluder] = []
         self._bounce: OneBounce | None = None
-        self._ao: tuple[str, Occluder] | None = None  # name of the stage, and what it runs
-        self._indirect: tuple[str, Ssdo | OneBounce] | None = None
+        self._ao: Occluder | None = None
+        self._indirect: Ssdo | OneBounce | None = None
         near: list[Stage] = []
         light = [DIRECT]
         look: Callable[[DeviceGBuffer], None] | None = None
@@ -131,14 +133,14 @@ class Renderer:
             params = replace(indirect, bent_normals=False)  # a picture has none
             technique = Ssdo(runtime, size, params, margin, layers, attributes)
             condition = ssdo_tiles_condition(technique, self.rasterizer.target, condition)
-            self._indirect = "ssdo", technique
+            self._indirect = technique
             look = technique.look
             opener = Opener(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
             near = [
                 maps_stage(maps, keep=keep, reflects=False, all_lights=True),
                 *ssdo_stages(
-                    technique, opener, tiles, FurtherViews(runtime, views) if views else None
+                    technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None
                 ),
             ]
             light.append(INDIRECT)
@@ -150,7 +152,7 @@ class Renderer:
             if ao is not None:
                 occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
                 self._openers.append(occluder)
-                self._ao = occluder.name, occluder
+                self._ao = occluder
                 near.append(
                     occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao)
                 )
@@ -164,7 +166,7 @@ class Renderer:
             ]
             if self._bounce is not None:
                 near.append(one_bounce_stage(self._bounce, runtime))
-                self._indirect = "bounce", self._bounce
+                self._indirect = self._bounce
                 light.append(INDIRECT)
         stages = [
             gbuffer_stage(self.rasterizer, look),
@@ -184,15 +186,18 @@ class Renderer:
 
         Nothing is compiled or allocated for them. ValueError: they differ in more than values.
         """
-        for prepared, params in ((self._ao, ao), (self._indirect, indirect)):
-            if prepared is None or params is None:
-                continue
-            stage, technique = prepared
-            if isinstance(params, SsdoParams):
-                params = replace(params, bent_normals=False)  # a picture has none
-            if params != technique.params:
-                self._graph.forget(stage)
-            technique.params = params
+        if self._ao is not None and ao is not None:
+            self._ao.params = ao
+        technique: Any = self._indirect
+        if technique is not None and indirect is not None:
+            if isinstance(indirect, SsdoParams):
+                indirect = replace(indirect, bent_normals=False)  # a picture has none
+            technique.params = indirect
+
+    def _params(self) -> dict[str, Any]:
+        """Return the parameters of the next frame as resources of the graph."""
+        prepared = {AO_PARAMS: self._ao, INDIRECT_PARAMS: self._indirect}
+        return {name: each.params for name, each in prepared.items() if each is not None}
 
     def __call__(
         self,
@@ -224,7 +229,7 @@ class Renderer:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._log is not None:
             return self._log.record()
-        given = (SCENE, CAMERA, LIGHTS, MULTI_BOUNCE)
+        given = (SCENE, CAMERA, LIGHTS, MULTI_BOUNCE, *self._params())
         return self._graph.planned(given, self._resources(Needs.of(None, self.skips))).record()
 
     def _resources(self, needs: Needs) -> set[str]:
@@ -249,7 +254,7 @@ class Renderer:
         lights = tuple(lights)
         given = {
             SCENE: scene, CAMERA: camera, LIGHTS: lights, MULTI_BOUNCE: multi_bounce,
-            EXPOSURE: exposure,
+            EXPOSURE: exposure, **self._params(),
         }
         self._rest.begin(scene.key, len(lights))
         if gbuffer or "gbuffer" in needs.outputs:
@@ -260,8 +265,8 @@ class Renderer:
             made, seen = run.values, run.values[GBUFFER]
             image, bounced = made.get(IMAGE), made.get(INDIRECT)
             picture = image.copy() if image is not None and "image" in needs.outputs else None
-            openness, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
-            ao = None if openness is None else openness.download(window=seen.seen)[0]
+            visibility, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
+            ao = None if visibility is None else visibility.download(region=seen.seen)[0]
             indirect = None if reflected is None else pixels(reflected)
             kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
             levels = None

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.lights import Environment, Light
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.auxiliary_views import FurtherViews
+from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
 from ssgi_cl.frame.tile_classifier import Occluder, Opener
@@ -31,6 +31,7 @@ from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
+AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect light"
 GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
 SHADOWS, RSM = "shadow maps", "reflective shadow map"
@@ -41,6 +42,8 @@ RESOURCES = (
     Resource(CAMERA, given=True),
     Resource(LIGHTS, given=True),
     Resource(MULTI_BOUNCE, given=True),
+    Resource(AO_PARAMS, given=True),
+    Resource(INDIRECT_PARAMS, given=True),
     Resource(EXPOSURE, given=True, by_value=True),
     Resource(RSM, absent="no light that a map could be made of"),
 )
@@ -60,8 +63,8 @@ def gbuffer_stage(
 
     def run(r: Values) -> DeviceGBuffer:
         seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
-        if seen.window is not None:
-            rows, columns = seen.window.rows, seen.window.columns
+        if seen.region is not None:
+            rows, columns = seen.region.rows, seen.region.columns
             why = f"nothing is seen outside of {columns} x {rows} pixels"
             runtime.skip("window", why, 0.0)
         seen.derive()
@@ -114,7 +117,7 @@ def occlusion_stage(
 
     hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
-        name=ao.name, reads=(GBUFFER,), hints=hints, writes=(AO,), condition=condition,
+        name=ao.name, reads=(GBUFFER, AO_PARAMS), hints=hints, writes=(AO,), condition=condition,
         run=lambda r: ao.run(r[GBUFFER], tiles, r.get(TILES)), culled="no output that it changes",
     )
 
@@ -125,19 +128,20 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
     `costs` are those of the graph.
     """
     def condition(facts: Values) -> str | None:
-        lamps = any(not isinstance(light, Environment) for light in facts[LIGHTS])
-        return None if lamps else "no spot, point or directional light"
+        punctual_lights = any(not isinstance(light, Environment) for light in facts[LIGHTS])
+        return None if punctual_lights else "no spot, point or directional light"
 
     def run(r: Values) -> set[int]:
         if r[TILES] is None:
             return set()
-        lamps = {
+        punctual_lights = {
             index: light for index, light in enumerate(r[LIGHTS])
             if not isinstance(light, Environment) and power(light).any()
         }
-        reach = reaching(list(lamps.values()), r[TILES].boxes, r[CAMERA])
+        reach = reaching(list(punctual_lights.values()), r[TILES].boxes, r[CAMERA])
         idle = {
-            index: light for (index, light), reaches in zip(lamps.items(), reach, strict=True)
+            index: light for (index, light),
+            reaches in zip(punctual_lights.items(), reach, strict=True)
             if not reaches
         }
         for light in idle.values():
@@ -193,13 +197,14 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
         return bounce.run(r[GBUFFER], r[RSM], scene)
 
     return Stage(
-        name="bounce", reads=(GBUFFER, RSM, *((SCENE,) if bounce.blocked else ())),
+        name="bounce",
+        reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((SCENE,) if bounce.blocked else ())),
         writes=(INDIRECT,), run=run, label=bounce.name,
     )
 
 
 def ssdo_stages(
-    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: FurtherViews | None
+    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: AuxiliaryViews | None
 ) -> list[Stage]:
     """Return the stage of directional occlusion, and that of the occlusion which it replaces.
 
@@ -222,7 +227,7 @@ def ssdo_stages(
         condition=lambda facts: "ssdo hides ambient light by itself",
     )
     return [replaced, Stage(
-        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS),
+        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
         hints=(AO,) if tiles is None else (AO, TILES), writes=(DIRECT, INDIRECT), run=run,
     )]
 
@@ -240,7 +245,7 @@ def combine_stage(
     """
     def run(r: Values) -> Plane:
         return shade.combine(
-            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, openness=r.get(AO),
+            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
         )
 
@@ -267,10 +272,10 @@ def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
     ]
 
 
-def pixels(plane: Plane, window: Window | None = None) -> NDArray[np.float32]:
+def pixels(plane: Plane, region: Region | None = None) -> NDArray[np.float32]:
     """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
     found = np.empty((*plane.size, plane.count), np.float32)
-    plane.download(np.moveaxis(found, -1, 0), window)
+    plane.download(np.moveaxis(found, -1, 0), region)
     return found
 
 

@@ -11,7 +11,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import TransientPlane
 from ssgi_cl.frame.render_params import ao_technique
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
-from ssgi_cl.techniques.tiles import OpenTiles, Reach, TileFacts, Tiles
+from ssgi_cl.techniques.tiles import OpenTiles, Reach, Tiles, TileSummary
 
 WORTH = 0.125
 """Share of open tiles that saves what it costs to find them."""
@@ -65,7 +65,7 @@ class Opener:
         self.pays = False
         self._cost = cost
         self._busy = 0  # tiles that the latest frame computed
-        self._pace = (0, 0.0)  # of the frame with the most: their number, ms for each
+        self._speed = (0, 0.0)  # of the frame with the most: their number, ms for each
 
     def find(
         self, seen: DeviceGBuffer, tiles: Tiles | None, reach: Reach | None
@@ -81,13 +81,13 @@ class Opener:
         self.pays = known.open >= WORTH * known.total
         if not known.open:
             return None  # so that kernels need not look at the tiles
-        self.runtime.skip(f"{self.name} tiles", known.why, known.open * self._pace[1])
+        self.runtime.skip(f"{self.name} tiles", known.why, known.open * self._speed[1])
         return known
 
     def learn(self, costs: Mapping[str, float]) -> None:
         """Take from what the passes of a frame took, in ms by name, what a tile takes."""
-        if self._busy and self._busy >= self._pace[0] and self._cost in costs:
-            self._pace = self._busy, costs[self._cost] / self._busy
+        if self._busy and self._busy >= self._speed[0] and self._cost in costs:
+            self._speed = self._busy, costs[self._cost] / self._busy
 
 
 class Occluder:
@@ -117,17 +117,17 @@ class Occluder:
         self.pays = False
         self._opener = Opener(runtime, self.name, self.name)
 
-    def run(self, seen: DeviceGBuffer, tiles: Tiles | None, facts: TileFacts | None) -> Plane:
+    def run(self, seen: DeviceGBuffer, tiles: Tiles | None, summary: TileSummary | None) -> Plane:
         """Queue the passes; return the plane of A.
 
-        `facts` are what `tiles` found in the G-buffer, both None if nothing is to be left out.
+        `summary` are what `tiles` found in the G-buffer, both None if nothing is to be left out.
         """
         layers = None
-        if facts is not None and "layers" in self._skips and facts.layers < self._layers:
-            layers = facts.layers
+        if summary is not None and "layers" in self._skips and summary.layers < self._layers:
+            layers = summary.layers
             missing = f"{self._layers - layers} of {self._layers} have no pixel"
             self.runtime.skip(f"{self.name} layers", missing)
-        look = facts is not None and "tiles" in self._skips
+        look = summary is not None and "tiles" in self._skips
         known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
         self.pays = layers is not None or self._opener.pays
         if known is not None and known.open == known.total and self._has_one:

@@ -138,13 +138,13 @@ def report(
         print(json.dumps({
             **facts,
             "device": runtime.info.label,
-            "form": str(runtime.form),
+            "form": str(runtime.variant),
             "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None,
                         "saved_ms": round(p.saved, 4)} for p in passes],
             "files": [printable(str(path)) for path in files],
         }, indent=1))
         return
-    click.echo(f"{runtime.info.label}, {runtime.form}")
+    click.echo(f"{runtime.info.label}, {runtime.variant}")
     table = Table("pass", "ms")
     table.columns[1].justify = "right"
     for name, (count, ms, skipped) in _merged(passes).items():

@@ -243,7 +243,7 @@ def read_gbuffer(
     """
     name = os.fspath(path)
     if size is not None:
-        _check_windows(name, size)
+        _check_regions(name, size)
     given = dict(channels or {})
     unknown = sorted(set(given) - {"depth", *_STEMS_OF})
     if unknown:
@@ -270,7 +270,7 @@ def read_gbuffer(
     return arrays
 
 
-def _check_windows(name: str, size: tuple[int, int]) -> None:
+def _check_regions(name: str, size: tuple[int, int]) -> None:
     """Raise ValueError unless the windows of a file are those of a camera of this size."""
     header = read_header(Path(name))
     data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 FIT_POWER = 4
 """Exponent n of a fit: (1 - d^2 / (2 n sigma^2))^n is the Gaussian of d as n grows."""
 
-LEAST_FACING = 0.0017
-"""About the cosine between a normal and the line of sight below which a surface counts as no more
+LEAST_N_DOT_V = 0.0017
+"""About the cosine between a normal and the view ray below which a surface counts as no more
 tilted: exactly so in the middle of the view."""
 
 
@@ -64,7 +64,7 @@ def off_plane(
     """Return how far surfaces lie off the tangent planes of pixels, relative to the depth.
 
     Args:
-        view: whose lines of sight count.
+        view: whose view rays count.
         row, column: of the other surface's pixel centre.
         other: its depth.
         pixel: row, column, depth and normal of the pixels whose tangent planes count.
@@ -73,13 +73,13 @@ def off_plane(
     sx, sy = view.slopes(row, column)
     own_sx, own_sy = view.slopes(own_row, own_column)
     p = 0.0 if view.camera.is_orthographic else 1.0
-    facing = -(normal[..., 0] * own_sx * p + normal[..., 1] * own_sy * p - normal[..., 2])
-    facing = np.maximum(facing, LEAST_FACING * (1.0 + 0.5 * p * (own_sx**2 + own_sy**2)))
+    n_dot_v = -(normal[..., 0] * own_sx * p + normal[..., 1] * own_sy * p - normal[..., 2])
+    n_dot_v = np.maximum(n_dot_v, LEAST_N_DOT_V * (1.0 + 0.5 * p * (own_sx**2 + own_sy**2)))
     # Where n . (x, y, z) is that of the pixel: depth changes by n . dx / n . forward; 1 / depth by
     # its share of the pixel's own.
     step = normal[..., 0] * (sx - own_sx) + normal[..., 1] * (sy - own_sy)
     own = view.flatness(depth)
-    plane = own + step / facing if view.camera.is_orthographic else own - own * step / facing
+    plane = own + step / n_dot_v if view.camera.is_orthographic else own - own * step / n_dot_v
     return np.abs(view.flatness(other) - plane) / np.abs(own)
 
 

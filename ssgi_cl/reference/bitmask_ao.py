@@ -28,7 +28,7 @@ def bitmask_reference(
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
     first = replace(params, taps=taps_of(params, gbuffer.layers)[0])
     return finished(
-        gbuffer, first, lambda scan: openness(scan, params),
+        gbuffer, first, lambda scan: visibility(scan, params),
         params.thickness, params.end,
     )
 
@@ -45,7 +45,7 @@ def taps_of(params: BitmaskParams, layers: int) -> tuple[int, int]:
     return first, (first + 2) // 3
 
 
-def openness(scan: Scan, params: BitmaskParams) -> Doubles:
+def visibility(scan: Scan, params: BitmaskParams) -> Doubles:
     """Return A before blur: the share of sectors that no tap covers."""
     hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
     number = np.arange(SECTORS)
@@ -130,7 +130,7 @@ def turn(c: Doubles) -> Doubles:
 
 
 def _seen(cot: Doubles, plane: Slice, side: int) -> Doubles:
-    """Return the cosine-weighted measure from the line of sight to a cotangent on a side."""
+    """Return the cosine-weighted measure from the view ray to a cotangent on a side."""
     sine = 1.0 / np.hypot(1.0, cot)
     bent = (0.5 * np.pi - turn(cot * sine)) * plane.sin_normal
     result: Doubles = 0.5 * (sine**2 * plane.cos_normal + side * bent)

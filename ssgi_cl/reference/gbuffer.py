@@ -75,7 +75,7 @@ class SurfaceView:
         return array[rows : rows + self.size[0], columns : columns + self.size[1]]
 
     def slopes(self, row: Doubles, column: Doubles) -> tuple[Doubles, Doubles]:
-        """Return x and y of the line of sight at depth 1 (orthographic: at any depth).
+        """Return x and y of the view ray at depth 1 (orthographic: at any depth).
 
         `row` and `column` count in the arrays, from their top left corner, centres at +0.5.
         """
@@ -157,7 +157,7 @@ def _from_depth(view: SurfaceView) -> Doubles:
     """Cross product of the differences to the neighbours that differ less in depth.
 
     Where a pixel has neighbours in one direction alone, the other difference is that of one of
-    these; without any, the surface is taken to lie across the line of sight.
+    these; without any, the surface is taken to lie across the view ray.
     """
     position = view.positions()
     there = np.isfinite(view.depth)

@@ -21,7 +21,7 @@ LEAST_OPEN = 0.02
 
 def gtao_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    return finished(gbuffer, params, lambda scan: openness(scan, params))
+    return finished(gbuffer, params, lambda scan: visibility(scan, params))
 
 
 def bent_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
@@ -32,14 +32,14 @@ def bent_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
     normal = full.inner(full.normal)
     there = np.isfinite(full.inner(full.depth))[..., None]
     bent = normal + np.where(there, bend, 0.0)
-    facing = np.sum(bent * normal, axis=-1, keepdims=True)
-    bent = bent + normal * np.maximum(LEAST_OPEN - facing, 0.0)
+    n_dot_v = np.sum(bent * normal, axis=-1, keepdims=True)
+    bent = bent + normal * np.maximum(LEAST_OPEN - n_dot_v, 0.0)
     bent = bent / np.where(there, np.linalg.norm(bent, axis=-1, keepdims=True), 1.0)
     world: Doubles = bent @ gbuffer.camera.view[:3, :3]
     return world
 
 
-def openness(scan: Scan, params: GtaoParams) -> Doubles:
+def visibility(scan: Scan, params: GtaoParams) -> Doubles:
     """Return A before blur: 1 - what the horizons hide, over what slices see without them."""
     hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
     for plane in scan.slices():
@@ -82,7 +82,7 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
 def horizons(
     scan: Scan, params: GtaoParams, plane: Slice, side: int
 ) -> tuple[Doubles, Doubles]:
-    """Return the angles of the tangent plane and of the horizon from the line of sight."""
+    """Return the angles of the tangent plane and of the horizon from the view ray."""
     edge = np.arctan2(1.0, side * plane.edge)
     cosine = np.cos(edge)
     for taps in scan.taps_of_all_layers(plane, side):
@@ -98,7 +98,7 @@ def horizons(
 
 
 def arc_integral(angle: Doubles, plane: Slice, side: int) -> Doubles:
-    """Return what is seen between the line of sight and an angle from it (Jimenez et al., eq. 7).
+    """Return what is seen between the view ray and an angle from it (Jimenez et al., eq. 7).
 
     (cos g + 2 h sin g - cos(2 h - g)) / 4, the normal's angle g counted towards the side.
     """
@@ -108,10 +108,10 @@ def arc_integral(angle: Doubles, plane: Slice, side: int) -> Doubles:
 
 
 def arc_directions(angle: Doubles, plane: Slice, side: int) -> tuple[Doubles, Doubles]:
-    """Return the sum of the directions between the line of sight and an angle h from it.
+    """Return the sum of the directions between the view ray and an angle h from it.
 
     The integral of (cos t, sin t) cos(t - g) sin t over t from 0 to h: its parts towards the eye
-    and, across the line of sight, towards the side.
+    and, across the view ray, towards the side.
     """
     sin_g, cos_g = side * plane.sin_normal, plane.cos_normal
     c, s = np.cos(angle), np.sin(angle)

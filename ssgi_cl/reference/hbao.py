@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 def hbao_reference(gbuffer: GBuffer, params: HbaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    return finished(gbuffer, params, lambda scan: openness(scan, params))
+    return finished(gbuffer, params, lambda scan: visibility(scan, params))
 
 
-def openness(scan: Scan, params: HbaoParams) -> Doubles:
+def visibility(scan: Scan, params: HbaoParams) -> Doubles:
     """Return A before blur: 1 - what the horizons hide, over what they could."""
     hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
     for plane in scan.slices():

@@ -1,4 +1,4 @@
-"""Screen-space shadows of lamps in float64, as defined in `techniques.shading.light_shadows`."""
+"""Screen-space shadows of lights in float64, as defined in `techniques.shading.light_shadows`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import tile_disk
-from ssgi_cl.reference.shade import Lamp, direct_reference
+from ssgi_cl.reference.shade import PunctualLight, direct_reference
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.shading.light_shadows import LampShadowParams
+    from ssgi_cl.techniques.shading.light_shadows import LightShadowParams
 
 DEPTH_BIAS = 2e-6
 """Height of a surface that counts as none, relative to depth: 34 * 2^-24."""
@@ -26,9 +26,9 @@ NEAREST_END = 0.01
 
 
 def light_shadows_reference(
-    gbuffer: GBuffer, lights: Sequence[Light], params: LampShadowParams
+    gbuffer: GBuffer, lights: Sequence[Light], params: LightShadowParams
 ) -> Doubles:
-    """Return irradiance [rows, columns, 3] in W/m^2 of all lamps, none with a shadow map."""
+    """Return irradiance [rows, columns, 3] in W/m^2 of all lights, none with a shadow map."""
     view = SurfaceView.of(gbuffer)
     depth = np.asarray(gbuffer.depth, np.float64)
     layers = depth if depth.ndim == 3 else depth[None]
@@ -50,8 +50,8 @@ def light_shadows_reference(
     return np.where(there[..., None], total, 0.0)
 
 
-def _ways(view: SurfaceView, position: Doubles, light: Lamp, radius: float) -> Doubles:
-    """Return [..., 3] from each receiver to a point of the lamp's disc, at most the radius far."""
+def _ways(view: SurfaceView, position: Doubles, light: PunctualLight, radius: float) -> Doubles:
+    """Return [..., 3] from each receiver to a point of the light's disc, at most the radius far."""
     turn, shift = view.camera.view[:3, :3], view.camera.view[:3, 3]
     if isinstance(light, DirectionalLight):
         towards = np.broadcast_to(-turn @ np.asarray(light.direction), position.shape)
@@ -80,10 +80,10 @@ def _shadow(
     given: NDArray[np.float32] | None,
     position: Doubles,
     normal: Doubles,
-    light: Lamp,
-    params: LampShadowParams,
+    light: PunctualLight,
+    params: LightShadowParams,
 ) -> Doubles:
-    """Return how much of a lamp is hidden [rows, columns], 0 to 1."""
+    """Return how much of a light is hidden [rows, columns], 0 to 1."""
     way = _ways(view, position, light, params.radius)
     depth = -position[..., 2]
     towards_eye = np.maximum(way[..., 2], (1.0 - NEAREST_END) * depth)

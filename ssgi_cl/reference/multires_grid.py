@@ -20,7 +20,7 @@ BESIDE = ((0, -1), (0, 1), (-1, 0), (1, 0))
 """Rows and columns to neighbours, two in the row, two in the column."""
 LEAST = 1e-9
 """Of a sum of weights: MULTIRES_LEAST."""
-BEGINS, ENDS, UNBENT, BEYOND = 0.8, 1.1, 0.15, 1.4
+BEGINS, ENDS, NO_SECOND_DIFFERENCE, BEYOND = 0.8, 1.1, 0.15, 1.4
 """Those of MULTIRES_ in kernels/multires/multires_interpolate.cl."""
 UNKNOWN = 1e30
 """A slope of which nothing is known; MULTIRES_UNKNOWN in kernels/multires/points.clh."""
@@ -95,7 +95,7 @@ class _Level:
         )
         return np.where(there, np.maximum(fit, 0.0), 0.0) ** 2
 
-    def rough(self, values: Doubles, bound: float) -> tuple[Doubles, Doubles]:
+    def gradient(self, values: Doubles, bound: float) -> tuple[Doubles, Doubles]:
         """Return the slope and the bend at the coarse points."""
         twice = 2 * self.step
         row, column = _places(values.shape[0], values.shape[1])
@@ -112,18 +112,19 @@ class _Level:
             # A fit is lost where the neighbour's pixel lies outside the image.
             fits.append(self.weight(own, (y * twice, x * twice)) > 0.0)
         apart = [np.abs(values - other).max(-1) for other in beside]
-        slopes, bends = [], []
+        slopes, second_differences = [], []
         for a, b in ((0, 1), (2, 3)):
             most = np.maximum(np.where(fits[a], apart[a], 0.0), np.where(fits[b], apart[b], 0.0))
             slopes.append(np.where(fits[a] | fits[b], most, UNKNOWN))
-            bend = np.abs(beside[a] + beside[b] - 2.0 * values).max(-1)
-            bends.append(np.where(fits[a] & fits[b], bend, np.where(ends[a // 2], 0.0, -1.0)))
+            second_difference = np.abs(beside[a] + beside[b] - 2.0 * values).max(-1)
+            second_differences.append(np.where(fits[a] & fits[b], second_difference,
+                np.where(ends[a // 2], 0.0, -1.0)))
         spread = np.max(apart, axis=0)
         even = spread <= bound
-        unknown = even | (np.minimum(*bends) < 0.0) | (ends[0] & ends[1])
+        unknown = even | (np.minimum(*second_differences) < 0.0) | (ends[0] & ends[1])
         return (
             np.where(even, spread, np.maximum(*slopes)),
-            np.where(unknown, -1.0, np.maximum(*bends)),
+            np.where(unknown, -1.0, np.maximum(*second_differences)),
         )
 
     def interpolate(self, values: Doubles, bound: float) -> tuple[Doubles, Doubles]:
@@ -132,12 +133,12 @@ class _Level:
         size = (rows, columns)
         row, column = _places(rows, columns)
         own = (row * self.step, column * self.step)
-        slope, bend = self.rough(values, bound)
+        slope, second_difference = self.gradient(values, bound)
         odd_row, odd = row % 2, column % 2
         total, slopes, widest = np.zeros(size), np.zeros(size), np.zeros(size)
         mean = np.zeros((*size, values.shape[-1]))
         least = np.full(size, np.inf)
-        bends = np.full(size, -1.0)
+        second_differences = np.full(size, -1.0)
         first = values[row // 2, column // 2]
         for down in (0, 1):
             for right in (0, 1):
@@ -155,15 +156,16 @@ class _Level:
                 widest = np.where(counts, np.maximum(widest, apart), widest)
                 fits = weight > 0.0
                 slopes = np.where(fits, np.maximum(slopes, slope[near]), slopes)
-                bends = np.where(fits, np.maximum(bends, bend[near]), bends)
+                second_differences = np.where(fits,
+                    np.maximum(second_differences, second_difference[near]), second_differences)
         lines = odd_row + odd
         mean /= np.where(total > 0.0, total, 1.0)[..., None]
-        uneven = 1.0 - least / np.where(total > 0.0, total, 1.0) * 2.0**lines
-        curved = np.minimum(bends * lines / 16.0, 0.5 * widest)
-        straight = np.where(bends >= 0.0, curved, UNBENT * widest)
-        lean = 0.5 * uneven
+        weight_imbalance = 1.0 - least / np.where(total > 0.0, total, 1.0) * 2.0**lines
+        curved = np.minimum(second_differences * lines / 16.0, 0.5 * widest)
+        straight = np.where(second_differences >= 0.0, curved, NO_SECOND_DIFFERENCE * widest)
+        lean = 0.5 * weight_imbalance
         error = np.where(least > 0.0, straight + lean * widest, lean * slopes * BEYOND)
-        tilted = (0.25 + 0.5 * uneven) * widest
+        tilted = (0.25 + 0.5 * weight_imbalance) * widest
         error = np.where(least > 0.0, np.minimum(error, tilted), error)
         itself = lines == 0
         share = np.where(total > LEAST, faded(error, bound), 1.0)

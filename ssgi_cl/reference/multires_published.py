@@ -52,10 +52,10 @@ def subsplats(
     """Return which texels of each level are subsplats, from the finest level on."""
     depth, normal = view.inner(view.depth), view.inner(view.normal)[..., :2]
     there = np.isfinite(depth)
-    around = _windows(depth)
+    around = _regions(depth)
     with np.errstate(invalid="ignore"):
         variation = np.where(there, (around.max(0) - around.min(0)) / depth, 0.0)
-    near = _windows(normal)
+    near = _regions(normal)
     low = np.where(there[..., None], near.min(0), 1.0)
     high = np.where(there[..., None], near.max(0), -1.0)
     enough: Masks = [there]
@@ -74,7 +74,7 @@ def subsplats(
     return [*finer, enough[-1]]
 
 
-def _windows(values: Doubles) -> Doubles:
+def _regions(values: Doubles) -> Doubles:
     """Return [9, rows, columns, ...] the 3 x 3 around each pixel; those outside are the nearest."""
     rows, columns = values.shape[:2]
     grown = np.pad(values, [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)], mode="edge")

@@ -27,11 +27,11 @@ def blur_of(params: Any) -> Blur:
     )
 
 
-def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
+def finished(visibility: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
     """Return A (or what goes with it) at full size from what a technique of occlusion found.
 
     Args:
-        openness: [rows, columns] of `view`, or [rows, columns, channels].
+        visibility: [rows, columns] of `view`, or [rows, columns, channels].
         view: the G-buffer at the size of `params.resolution`.
         full: the same at full size.
         params: those of `OcclusionParams`.
@@ -39,11 +39,11 @@ def finished(openness: Doubles, view: SurfaceView, full: SurfaceView, params: An
     step = RESOLUTIONS[params.resolution]
     blur = blur_of(params)
     late = step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0
-    if late and openness.ndim > 2:
-        a = upsample_reference(openness, full, step=step, background=1.0)
+    if late and visibility.ndim > 2:
+        a = upsample_reference(visibility, full, step=step, background=1.0)
         return bilateral_reference(a, full, blur)
     if late:
-        a = upsample_blur_reference(openness, full, blur, step=step, background=1.0)
+        a = upsample_blur_reference(visibility, full, blur, step=step, background=1.0)
         return bilateral_reference(a, full, replace(blur, passes=blur.passes - 1))
-    a = bilateral_reference(openness, view, blur)
+    a = bilateral_reference(visibility, view, blur)
     return upsample_reference(a, full, step=step, background=1.0) if step > 1 else a

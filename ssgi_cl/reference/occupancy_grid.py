@@ -1,4 +1,4 @@
-"""The grid of seen surfaces, and lines of sight through it, in float64."""
+"""The grid of seen surfaces, and view rays through it, in float64."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BEND = 0.5
 """Of the step to the next pixel, by which steps of one surface may differ; VPL_BEND there."""
 
 
-class SightGridReference:
+class OccupancyGridReference:
     """Which of cells^3 cubes hold a surface.
 
     Without `triangles` cells that hold a point of a surface, or of a line between neighbours on

@@ -14,9 +14,9 @@ from ssgi_cl.reference.ambient import ambient_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.multi_bounce import multi_bounce_reference
 
-Lamp = SpotLight | PointLight | DirectionalLight
+PunctualLight = SpotLight | PointLight | DirectionalLight
 
-LEAST_FACING = 0.0017
+LEAST_N_DOT_V = 0.0017
 """Cosine between a normal and the light below which a surface counts as no more tilted."""
 REACH = 1
 """Texels on either side of the receiver's own that the shadow's filter covers."""
@@ -79,7 +79,7 @@ def world_surface(gbuffer: GBuffer) -> tuple[Doubles, Doubles, NDArray[np.bool_]
     return (seen - shift) @ turn, normal, there
 
 
-def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles:
+def direct_reference(light: PunctualLight, position: Doubles, normal: Doubles) -> Doubles:
     """Return irradiance [..., 3] in W/m^2 of surfaces in world space, without shadows."""
     if isinstance(light, DirectionalLight):
         cosine = -normal @ np.asarray(light.direction)
@@ -98,7 +98,7 @@ def direct_reference(light: Lamp, position: Doubles, normal: Doubles) -> Doubles
 
 
 def sky_reference(environments: Sequence[Environment], camera: Camera) -> Doubles:
-    """Return radiance [rows, columns, 3] of the environments along every line of sight."""
+    """Return radiance [rows, columns, 3] of the environments along every view ray."""
     start = camera.unproject(np.zeros(camera.size, np.float32))
     along = camera.unproject(np.ones(camera.size, np.float32)) - start
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
@@ -155,7 +155,7 @@ def _filtered(camera: Camera, seen: Doubles, position: Doubles, normal: Doubles)
     slope_x, slope_y = (np.zeros_like(column),) * 2 if flat else (sx * column + ox, sy * row + oy)
     length = np.sqrt(slope_x**2 + slope_y**2 + 1.0)
     facing = tilt[..., 0] * slope_x + tilt[..., 1] * slope_y - tilt[..., 2]
-    facing = np.minimum(facing, -LEAST_FACING * length)
+    facing = np.minimum(facing, -LEAST_N_DOT_V * length)
     change = (1.0 if flat else own) / facing
     own_x, own_y = tilt[..., 0] * sx * change, tilt[..., 1] * sy * change
     texel = max(abs(sx), abs(sy)) * (np.ones_like(own) if flat else own)

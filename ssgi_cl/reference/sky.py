@@ -49,7 +49,7 @@ def cones_of(
 
 
 def _turned(plane: Slice, sine: float) -> tuple[Doubles, Doubles]:
-    """Return sine and cosine from the line of sight of an angle from the projected normal."""
+    """Return sine and cosine from the view ray of an angle from the projected normal."""
     cosine = np.sqrt(1.0 - sine * sine)
     return (
         plane.sin_normal * cosine + plane.cos_normal * sine,

@@ -29,8 +29,8 @@ NEAREST_TAP = 1.3
 1.3 / sqrt(2) = .92 of a column and a row)."""
 DEPTH_BIAS = 4e-6
 """Height of a tap that counts as none, relative to the distance from the eye: 67 * 2^-24."""
-LEAST_FACING = 0.05
-"""Least cosine between normal and line of sight, in units of which heights are measured."""
+LEAST_N_DOT_V = 0.05
+"""Least cosine between normal and view ray, in units of which heights are measured."""
 FAR = 1e9
 """Offset of a tap that is not there, px."""
 
@@ -44,8 +44,8 @@ class Tap:
     Attributes:
         there: whether a surface is.
         counts: whether one is, within the radius and above the tangent plane.
-        cot: cotangent of the angle between the line of sight and the surface.
-        back: the same of where the surface ends, on the tap's own line of sight.
+        cot: cotangent of the angle between the view ray and the surface.
+        back: the same of where the surface ends, on the tap's own view ray.
         distance: from the receiver, in radii.
         depth: behind the receiver, in radii.
         f: 1 - depth of the receiver / depth of the tap; orthographic: depth behind the receiver.
@@ -69,17 +69,17 @@ class Tap:
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """A plane through the line of sight; arrays [rows, columns].
+    """A plane through the view ray; arrays [rows, columns].
 
     Attributes:
-        edge: cotangent of the tangent plane's angle from the line of sight on the first side;
+        edge: cotangent of the tangent plane's angle from the view ray on the first side;
             on the second it is -edge.
-        cos_normal, sin_normal: of the projected normal's angle from the line of sight, towards
+        cos_normal, sin_normal: of the projected normal's angle from the view ray, towards
             the first side.
         length: of the normal's projection into the plane.
         weight: azimuth that the slice stands for, relative to the others.
         rise: change of `Tap.f` along the tangent plane from one pixel to the next.
-        across: length across the line of sight of an offset at the centre of the group over that
+        across: length across the view ray of an offset at the centre of the group over that
             at the pixel, for offsets along the slice.
         dither: of each pixel, in [0, 1).
         cosine, sine: of the slice's angle from +columns towards +rows.
@@ -144,13 +144,13 @@ class Scan:
         self.slope = (slope_x, slope_y) if self.perspective else (0.0 * depth, 0.0 * depth)
         self.sight = self.slope[0] ** 2 + self.slope[1] ** 2 + 1.0  # squared length
         n = self.normal
-        self.facing = n[..., 0] * self.slope[0] + n[..., 1] * self.slope[1] - n[..., 2]
-        self.clamped = np.minimum(self.facing, -LEAST_FACING * np.sqrt(self.sight))
-        # A normal that is turned away is turned back along the line of sight.
-        turned = np.minimum(self.facing, LEAST_FACING * np.sqrt(self.sight))
-        back = np.where(self.facing > 0.0, (self.facing + turned) / self.sight, 0.0)
+        self.n_dot_v = n[..., 0] * self.slope[0] + n[..., 1] * self.slope[1] - n[..., 2]
+        self.clamped = np.minimum(self.n_dot_v, -LEAST_N_DOT_V * np.sqrt(self.sight))
+        # A normal that is turned away is turned back along the view ray.
+        turned = np.minimum(self.n_dot_v, LEAST_N_DOT_V * np.sqrt(self.sight))
+        back = np.where(self.n_dot_v > 0.0, (self.n_dot_v + turned) / self.sight, 0.0)
         self.normal = n - back[..., None] * np.stack([*self.slope, -np.ones_like(back)], axis=-1)
-        self.facing = np.where(self.facing > 0.0, -turned, self.facing)
+        self.n_dot_v = np.where(self.n_dot_v > 0.0, -turned, self.n_dot_v)
         wanted_px = params.radius * view.pixels_per_unit(depth)
         limit_px = params.max_radius_px / view.step
         radius_px = np.minimum(wanted_px, limit_px)
@@ -300,7 +300,7 @@ class Scan:
         """Return the cotangent of a point at an offset, at least that of the tangent plane."""
         scale = self.scale(f)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
-        height = f * self.facing + along - self.bias * scale
+        height = f * self.n_dot_v + along - self.bias * scale
         rise = np.maximum(height, 0.0) * self._inverse(x, y) * self.sight / -self.clamped
         result: Doubles = side * plane.edge + np.minimum(rise, 1e6)
         return result
@@ -337,10 +337,10 @@ class Scan:
         f = 1.0 - self.depth / seen if self.perspective else (seen - self.depth) / self.k
         scale = self.scale(f)
         outside = self.outside(f, x, y)
-        height = f * self.facing + along - self.bias * scale
+        height = f * self.n_dot_v + along - self.bias * scale
         # A tap without back lies on its front.
         behind = self._behind(f, layer, inside, at)
-        back = np.maximum(behind * self.facing + along, 0.0) * steep
+        back = np.maximum(behind * self.n_dot_v + along, 0.0) * steep
         unit = (self.radius * scale) ** 2
         return Tap(
             there=there,
@@ -374,7 +374,7 @@ class Scan:
         return behind
 
     def _inverse(self, ax: Doubles, ay: Doubles, slope: Doubles | None = None) -> Doubles:
-        """1 / (what the offset (ax, ay, 0) has across the line of sight, times its length)."""
+        """1 / (what the offset (ax, ay, 0) has across the view ray, times its length)."""
         cross = (self.slope[0] if slope is None else slope) * ay - self.slope[1] * ax
         result: Doubles = 1.0 / np.sqrt(ax * ax + ay * ay + cross * cross + 1e-30)
         return result
@@ -383,13 +383,13 @@ class Scan:
 def finished(
     gbuffer: GBuffer,
     params: SliceParams,
-    openness: Callable[[Scan], Doubles],
+    visibility: Callable[[Scan], Doubles],
     thickness: float | None = None,
     end: str = "thickness",
 ) -> Doubles:
-    """Return A [rows, columns]: `openness` of the scan, then contrast, blur and upsampling."""
+    """Return A [rows, columns]: `visibility` of the scan, then contrast, blur and upsampling."""
     scan, full = scanned(gbuffer, params, thickness, end)
-    a = np.where(scan.active, np.clip(openness(scan), 0.0, 1.0), 1.0) ** params.contrast
+    a = np.where(scan.active, np.clip(visibility(scan), 0.0, 1.0), 1.0) ** params.contrast
     return complete(a, scan.view, full, params)
 
 

@@ -27,7 +27,7 @@ def ssao_reference(gbuffer: GBuffer, params: SsaoParams) -> NDArray[np.float64]:
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
-    return finished(openness(view, params), view, full, params)
+    return finished(visibility(view, params), view, full, params)
 
 
 def falloff(d: Doubles, params: SsaoParams) -> Doubles:
@@ -41,7 +41,7 @@ def falloff(d: Doubles, params: SsaoParams) -> Doubles:
     return np.interp(d, np.linspace(0.0, params.falloff_end, len(values)), values, right=0.0)
 
 
-def openness(view: SurfaceView, params: SsaoParams, points: Doubles | None = None) -> Doubles:
+def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = None) -> Doubles:
     """Return A before blur: 1 - the greatest occlusion of all radii.
 
     Args:

@@ -23,8 +23,8 @@ FIRST = 0.0625
 """Where the first piece of a side begins if its plane passes below the receiver, px from that."""
 FARTHEST = 0.999
 """`Tap.f` of the farthest end of a piece with a perspective camera."""
-LEAST_FACING = 0.05
-"""Cosine between line of sight and normal of the steepest plane that a piece lies in."""
+LEAST_N_DOT_V = 0.05
+"""Cosine between view ray and normal of the steepest plane that a piece lies in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +183,9 @@ def pieces(
 def slopes_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
     """Return [layers, 2, rows, columns]: how 1 / depth (orthographic: depth) changes at each pixel.
 
-    Per slope of the line of sight (orthographic: per scene unit), along columns, then along rows.
-    Layers that have normals lie in the planes across them, none nearer than `LEAST_FACING` to the
-    line of sight. Of the others the difference to that neighbour counts whose own line misses the
+    Per slope of the view ray (orthographic: per scene unit), along columns, then along rows.
+    Layers that have normals lie in the planes across them, none nearer than `LEAST_N_DOT_V` to the
+    view ray. Of the others the difference to that neighbour counts whose own line misses the
     pixel the least, or the mean of both where they differ no more than those lines bend; 0 without
     any.
     """
@@ -208,10 +208,10 @@ def _slopes_of_plane(gbuffer: GBuffer, view: SurfaceView, layer: int) -> Doubles
     sight = view.position(*view.centres(), np.ones(depth.shape))
     if view.camera.is_orthographic:
         sight = sight * [0.0, 0.0, 1.0]
-    facing = np.sum(normal * sight, axis=-1)
-    least = LEAST_FACING * np.linalg.norm(sight, axis=-1)
-    facing = np.copysign(np.maximum(np.abs(facing), least), facing)
-    gain = -1.0 / facing if view.camera.is_orthographic else 1.0 / (depth * facing)
+    n_dot_v = np.sum(normal * sight, axis=-1)
+    least = LEAST_N_DOT_V * np.linalg.norm(sight, axis=-1)
+    n_dot_v = np.copysign(np.maximum(np.abs(n_dot_v), least), n_dot_v)
+    gain = -1.0 / n_dot_v if view.camera.is_orthographic else 1.0 / (depth * n_dot_v)
     result: Doubles = np.moveaxis(normal[..., :2], -1, 0) * np.where(there, gain, 0.0)
     return result
 

@@ -32,13 +32,13 @@ class Gathered:
     """What a pixel gathers, each [rows, columns, ...] without margin.
 
     Attributes:
-        openness: A in [0, 1], 1 where nothing is.
+        visibility: A in [0, 1], 1 where nothing is.
         sky: [rows, columns, 3] irradiance of the sky's image, W/m^2.
         bounce: [rows, columns, 3] irradiance that other surfaces send, W/m^2.
         met: [directions, rows, columns] whether a direction met something.
     """
 
-    openness: Doubles
+    visibility: Doubles
     sky: Doubles
     bounce: Doubles
     met: Masks
@@ -152,10 +152,10 @@ def gathered(
     total = np.maximum(total, 1e-30)
     if params.method != "published":
         bounce = bounce * (np.pi / total)[..., None]
-    openness = np.clip(before.openness - hidden / total, 0.0, 1.0)
+    visibility = np.clip(before.visibility - hidden / total, 0.0, 1.0)
     there = at.there[..., None]
     return Gathered(
-        np.where(at.there, openness, 1.0), np.where(there, np.maximum(light, 0.0), 0.0),
+        np.where(at.there, visibility, 1.0), np.where(there, np.maximum(light, 0.0), 0.0),
         before.bounce + np.where(there, bounce, 0.0), met,
     )
 
@@ -272,7 +272,7 @@ def _cut(
     Returns:
         Whether the image has something there; whether the ray is cut within the radius and above
         the floor; where; the receiver's height above the plane; how far the point lies behind it
-        along the line of sight; row and column.
+        along the view ray; row and column.
     """
     point = at.position + t[..., None] * way
     inside, row, column = _pixel(view, point, nearest, beside=beside)
@@ -358,8 +358,8 @@ def _tap(
         light = np.zeros((*cosine.shape, 3))
         if camera.radiance is not None and number < len(camera.radiance):
             area = params.strength * np.pi * at.radius**2 / params.samples
-            form = area * (height / distance) * (np.maximum(facing, 0.0) / distance)
-            form = fade * form / np.maximum(distance, params.nearest_distance) ** 2
-            light = form[..., None] * camera.radiance[number][row, column]
+            variant = area * (height / distance) * (np.maximum(facing, 0.0) / distance)
+            variant = fade * variant / np.maximum(distance, params.nearest_distance) ** 2
+            light = variant[..., None] * camera.radiance[number][row, column]
         arriving = np.where(hit[..., None], light, arriving)
     return Hit(hides, arriving)

@@ -24,13 +24,13 @@ BEFORE = 2.0
 """Pixels from the receiver to where distances of taps grow from."""
 FINEST = 2.0**-10
 """Radii: a pixel that is less wide counts as one that wide."""
-LEAST_FACING = 0.05
-"""Cosine between normal and line of sight that a grazing or averted normal is taken to have."""
+LEAST_N_DOT_V = 0.05
+"""Cosine between normal and view ray that a grazing or averted normal is taken to have."""
 
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """What a further camera adds.
+    """What a auxiliary camera adds.
 
     Attributes:
         hidden: [rows, columns] what A loses.
@@ -46,7 +46,7 @@ class Added:
 
 @dataclass(frozen=True, eq=False)
 class _Other:
-    """The further camera's image, and the receivers in its view space."""
+    """The auxiliary camera's image, and the receivers in its view space."""
 
     view: SurfaceView
     depth: Doubles  # [layers, rows, columns]
@@ -70,13 +70,13 @@ def ssdo_views_reference(
     step: int = 1,
     unseen: Doubles | None = None,
 ) -> Added:
-    """Return what a further camera adds to the bitmask of every `step`-th pixel.
+    """Return what a auxiliary camera adds to the bitmask of every `step`-th pixel.
 
     Args:
         gbuffer: what the first camera sees.
         masks: [2 slices, rows, columns], a bit for each sector that is covered so far, and for
             each of them whose sender is unknown.
-        other: what the further camera sees.
+        other: what the auxiliary camera sees.
         radiance: [layers that send, rows, columns, 3] of it, with margin.
         slices: the parameters of the bitmask.
         params: see `ViewsParams`.
@@ -154,26 +154,26 @@ class _Slice:
         )
         across = pixel - np.sum(pixel * eye, axis=-1, keepdims=True) * eye
         self.across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-        facing = np.maximum(np.sum(normal * eye, axis=-1), LEAST_FACING)
+        facing = np.maximum(np.sum(normal * eye, axis=-1), LEAST_N_DOT_V)
         side = np.sum(normal * self.across, axis=-1)
         projected = np.hypot(facing, side)
         self.cosine, self.sine = facing / projected, side / projected
         self.first = self._measure(self.sine, -self.cosine)
         whole = self._measure(-self.sine, self.cosine) - self.first
         self.scale = 32.0 / whole
-        # Squared sine of the angle between pixel and line of sight, per squared depth.
+        # Squared sine of the angle between pixel and view ray, per squared depth.
         width = np.sum(across**2, axis=-1) / eye[..., 2] ** 2
         self.share = (to_x * view.step) ** 2 / width * projected * whole
 
     def _measure(self, cosine: Doubles, sine: Doubles) -> Doubles:
-        """Return the measure from the line of sight to a direction."""
+        """Return the measure from the view ray to a direction."""
         flat = np.abs(sine)
         turned = np.arccos(np.clip(cosine, -1.0, 1.0)) - flat * cosine
         result: Doubles = 0.5 * (self.cosine * flat * sine + self.sine * turned)
         return result
 
     def _turned(self, sine: Doubles | float) -> tuple[Doubles, Doubles]:
-        """Return cosine and sine from the line of sight of one with a sine from the normal."""
+        """Return cosine and sine from the view ray of one with a sine from the normal."""
         cosine = np.sqrt(np.maximum(1.0 - np.asarray(sine) ** 2, 0.0))
         return self.cosine * cosine - self.sine * sine, self.cosine * sine + self.sine * cosine
 

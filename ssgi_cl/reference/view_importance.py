@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.reference.occupancy_grid import SightGridReference
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference
 from ssgi_cl.reference.rsm import hilbert_order
 from ssgi_cl.reference.rsm import texels as texels_of
 
@@ -23,7 +23,7 @@ GROUP, LEAST = 16, 0.01
 
 
 def view_importance_reference(
-    rsm: ReflectiveShadowMap, gbuffer: GBuffer, walls: SightGridReference
+    rsm: ReflectiveShadowMap, gbuffer: GBuffer, occupancy: OccupancyGridReference
 ) -> Doubles:
     """Return [2, runs] the importance of the runs of a map and how many of their texels count.
 
@@ -51,7 +51,7 @@ def view_importance_reference(
     depth = gbuffer.inner(gbuffer.first("depth"))  # type: ignore[arg-type]
     seen = gbuffer.inner(gbuffer.first("normal"))  # type: ignore[arg-type]
     points = gbuffer.camera.unproject(np.where(np.isfinite(depth), depth, 1.0))
-    near = len(walls.held) * walls.cell / 16.0
+    near = len(occupancy.held) * occupancy.cell / 16.0
     found = np.zeros((2, runs))
     number = np.arange(runs)
     for i in range(RUN // EVERY):
@@ -72,7 +72,7 @@ def view_importance_reference(
         weight = received * emitted / (np.pi * squared * (squared + near**2))
         weight[~(taken & np.isfinite(depth[row, column]))] = 0.0
         some = weight > 0.0
-        weight[some] *= ~walls.hidden(at[some], facing[some], light[some], axis[some])
+        weight[some] *= ~occupancy.hidden(at[some], facing[some], light[some], axis[some])
         found += np.stack([weight, taken])
     return found
 

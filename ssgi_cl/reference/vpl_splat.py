@@ -84,7 +84,7 @@ def vpl_splat_reference(
     return result
 
 
-def vpl_sight_reference(
+def vpl_visibility_reference(
     gbuffer: GBuffer,
     vpls: Vpls,
     params: VplSplatParams,

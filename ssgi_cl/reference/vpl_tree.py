@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.reference.occupancy_grid import SightGridReference
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference
 
 Doubles = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -145,7 +145,7 @@ class VplTreeReference:
 
     def irradiance(
         self, records: Numbers, point: Doubles, normal: Doubles,
-        walls: SightGridReference | None = None, share: int = 16, refine: float = 0.0,
+        occupancy: OccupancyGridReference | None = None, share: int = 16, refine: float = 0.0,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
@@ -161,14 +161,14 @@ class VplTreeReference:
         emitted = np.maximum(-np.sum(way * self.normal[records], axis=-1), 0.0)
         weight = received * emitted / (squared * (math.pi * squared + self.area[records]))
         visible = np.ones(weight.shape)
-        if walls is not None:
+        if occupancy is not None:
             level = np.searchsorted(self.first, records, side="right") - 1
             line = np.maximum(level, round(math.log(share, 4)))
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):
                 end = self.target[run]
-                hidden = walls.hidden(point, normal, self.position[end], self.normal[end])
+                hidden = occupancy.hidden(point, normal, self.position[end], self.normal[end])
                 visible[np.ix_(hidden, runs == run)] = 0.0
         near = np.zeros(weight.shape)
         if self._parts is not None and refine > 0.0:

@@ -1,7 +1,7 @@
 """What is known of tiles of 16 x 16 pixels before work is spent on them: depth, normals, planes.
 
 Nothing is guessed: a tile is open only if ambient occlusion is proven to be exactly 1 in it, and a
-lamp is left out only if it is proven to light none.
+light is left out only if it is proven to light none.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device.active_region import Trace
+from ssgi_cl.device.active_region import PreviousRegion
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
     TILES_COUNT,
@@ -33,7 +33,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.shading.light_reach import Boxes
 
 TILE = TILES_SIDE
-FACTS = TILES_COUNT
+SUMMARY = TILES_COUNT
 
 TILES = Struct(
     "TileParams",
@@ -112,7 +112,7 @@ def tile_values(tiles: OpenTiles | None, step: int) -> dict[str, int]:
 
 
 @dataclass(frozen=True, eq=False)
-class TileFacts:
+class TileSummary:
     """What is known of the tiles that show anything, on the host.
 
     Attributes:
@@ -149,9 +149,9 @@ class Tiles:
             self._lead[0] - (-(size[0] + margin[0]) // TILE),
             self._lead[1] - (-(size[1] + margin[1]) // TILE),
         )
-        self._facts: Plane = runtime.plane(FACTS, whole, 0.0)
-        self._looked = Trace()
-        self._open, self._calm = (
+        self._summary: Plane = runtime.plane(SUMMARY, whole, 0.0)
+        self._looked = PreviousRegion()
+        self._open, self._interior = (
             runtime.array(np.zeros(self.size[0] * self.size[1], np.int32)) for _ in range(2)
         )
         own = {"TILES_PIECES": int(pieces)}
@@ -161,23 +161,23 @@ class Tiles:
         self._prove = runtime.kernel("tiles/tiles_open.cl", own, (TILES,))
         self._settle = runtime.kernel("tiles/tiles_calm.cl")
 
-    def look(self, gbuffer: DeviceGBuffer) -> TileFacts:
+    def look(self, gbuffer: DeviceGBuffer) -> TileSummary:
         """Queue the pass that finds what is known, and read it back: 68 bytes a tile."""
         rows, columns = gbuffer.whole
         start = [self.margin[i] - TILE * self._lead[i] for i in (1, 0)]
-        with self._looked.over(gbuffer.window) as window:
-            if window is not None:
-                window = window.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
+        with self._looked.over(gbuffer.region) as region:
+            if region is not None:
+                region = region.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
             self._look.run(
-                "tile facts", self._facts.size, grid=self._facts.size, window=window,
+                "tile facts", self._summary.size, grid=self._summary.size, region=region,
                 cell=(TILE, TILE),
                 linear=gbuffer.linear, normal=gbuffer.normal, depth=gbuffer.depth,
-                facts=self._facts, whole=(rows, columns), start=start[::-1],
+                summary=self._summary, whole=(rows, columns), start=start[::-1],
                 camera=gbuffer.camera_struct,
             )
-        facts = self._facts.download()
-        layers = max(int(facts[TILES_LAYER].max(initial=0.0)), 1)
-        inner = facts[
+        summary = self._summary.download()
+        layers = max(int(summary[TILES_LAYER].max(initial=0.0)), 1)
+        inner = summary[
             :, self._lead[0] : self._lead[0] + self.size[0],
             self._lead[1] : self._lead[1] + self.size[1],
         ].astype(np.float64)
@@ -188,7 +188,7 @@ class Tiles:
         least, greatest = (
             inner[first : first + 3, there].T for first in (TILES_LEAST, TILES_GREATEST)
         )
-        return TileFacts(Boxes(*boxes, least, greatest, inner[TILES_OFFSET, there]), layers)
+        return TileSummary(Boxes(*boxes, least, greatest, inner[TILES_OFFSET, there]), layers)
 
     def _boxes(
         self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64],
@@ -224,7 +224,7 @@ class Tiles:
         """
         camera = gbuffer.camera_struct
         pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
-        rows, columns = self._facts.size
+        rows, columns = self._summary.size
         most_px = reach.most_px * reach.stretch
         if camera["perspective"]:
             # A radius limited to most_px pixels is that part of `pixels` of the depth.
@@ -235,7 +235,7 @@ class Tiles:
             slopes |= {f"to_{name}": to, f"at_{name}": float(camera[f"at_{name}"]) + to * margin}
         self._prove.run(
             "tiles open", self.size, grid=self.size,
-            facts=self._facts, open=self._open,
+            summary=self._summary, open=self._open,
             params=TILES.pack({
                 "reach_px": reach.radius * pixels * reach.stretch,
                 "far_px": reach.radius * pixels / reach.step,
@@ -256,11 +256,11 @@ class Tiles:
         )
         self._settle.run(
             "tiles calm", self.size, grid=self.size,
-            open=self._open, calm=self._calm,
+            open=self._open, interior=self._interior,
         )
-        bits = self._calm.download()
+        bits = self._interior.download()
         opened, far, flat = (
             int(np.count_nonzero(bits & bit))
             for bit in (TILES_IS_OPEN, TILES_IS_FAR, TILES_IS_FLAT)
         )
-        return OpenTiles(self._calm, self.size[1], bits.size, opened - far - flat, far, flat)
+        return OpenTiles(self._interior, self.size[1], bits.size, opened - far - flat, far, flat)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.reference.ssao import openness
+from ssgi_cl.reference.ssao import visibility
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned
@@ -73,12 +73,13 @@ def ssao(
         found.append(accumulated(
             _description(gbuffer, single),
             passes,
-            lambda number, single=single: openness(  # type: ignore[misc]
+            lambda number, single=single: visibility(  # type: ignore[misc]
                 view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
             ),
             rebuild=rebuild,
             progress=progress
-            and (lambda done, index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
+            and (lambda done,
+            index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
         ))
     return _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
 

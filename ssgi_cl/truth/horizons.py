@@ -18,32 +18,32 @@ from ssgi_cl.techniques.ao.slices import SliceParams
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One side of a plane through the line of sight; arrays [pixels].
+    """One side of a plane through the view ray; arrays [pixels].
 
     Attributes:
-        edge: cotangent of the angle between the line of sight and the tangent plane.
-        facing: cosine between normal and line of sight.
-        lean: component of the normal across the line of sight, along this side.
+        edge: cotangent of the angle between the view ray and the tangent plane.
+        facing: cosine between normal and view ray.
+        lean: component of the normal across the view ray, along this side.
     """
 
     edge: Doubles
-    facing: Doubles
+    n_dot_v: Doubles
     lean: Doubles
 
     @property
     def length(self) -> Doubles:
         """Of the normal's projection into the plane."""
-        result: Doubles = np.hypot(self.facing, self.lean)
+        result: Doubles = np.hypot(self.n_dot_v, self.lean)
         return result
 
     @property
     def turn(self) -> Doubles:
-        """Angle from the line of sight to the projected normal, > 0 towards this side."""
-        result: Doubles = np.arctan2(self.lean, self.facing)
+        """Angle from the view ray to the projected normal, > 0 towards this side."""
+        result: Doubles = np.arctan2(self.lean, self.n_dot_v)
         return result
 
     def seen(self, angle: Doubles) -> Doubles:
-        """Return the integral of cos(t - turn) sin(t) from the line of sight to an angle."""
+        """Return the integral of cos(t - turn) sin(t) from the view ray to an angle."""
         turn = self.turn.reshape((-1,) + (1,) * (angle.ndim - 1))
         result: Doubles = 0.25 * (
             np.cos(turn) + 2.0 * angle * np.sin(turn) - np.cos(2.0 * angle - turn)
@@ -57,7 +57,7 @@ class Crossed:
 
     Attributes:
         counts: whether a surface is there, within the reach and above the tangent plane.
-        cot: cotangent of its angle from the line of sight.
+        cot: cotangent of its angle from the view ray.
         back: the same of its back.
         distance: from the receiver, over the reach.
         depth: behind the receiver, over the reach.

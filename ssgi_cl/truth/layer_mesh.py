@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.camera_rays import lines_of_sight
+from ssgi_cl.core.camera_rays import visibility_rays
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.metrics import STEP
@@ -33,7 +33,7 @@ def layer_positions(gbuffer: GBuffer) -> Doubles:
     # Relative to the eye roundings are small where pixels are.
     start, along = (
         line.reshape(*whole.size, 3)
-        for line in lines_of_sight(whole, slice(0, whole.height), gbuffer.camera.position)
+        for line in visibility_rays(whole, slice(0, whole.height), gbuffer.camera.position)
     )
     there = np.isfinite(depth)
     return np.where(there, start + np.where(there, depth, 0.0) * along, 0.0)

@@ -14,7 +14,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.path_tracer import BounceThroughWalls, DirectLight, OneBounce, PathTracer
+from ssgi_cl.truth.path_tracer import BounceWithoutVisibility, DirectLight, OneBounce, PathTracer
 from ssgi_cl.truth.store import Truth, accumulated
 
 Floats = NDArray[np.float32]
@@ -41,7 +41,7 @@ def direct_light(
 ) -> Truth:
     """Return the irradiance by light that comes straight from lights, at what each pixel shows.
 
-    At the point of the mesh on the line of sight through the pixel's centre, with the mesh's
+    At the point of the mesh on the view ray through the pixel's centre, with the mesh's
     interpolated normal turned to the side of the triangle that faces the viewer; light from behind
     the triangle does not count. Radiance of a diffuse surface is albedo / pi times it.
 
@@ -101,7 +101,7 @@ def one_bounce(
     if not isinstance(visibility, bool):
         raise TypeError(f"visibility is {visibility!r}: expected True or False")
     kind = "bounce" if visibility else "bounce-through-walls"
-    tracer = OneBounce if visibility else BounceThroughWalls
+    tracer = OneBounce if visibility else BounceWithoutVisibility
     return _truth(kind, tracer, scene, camera, lights, paths, rebuild, progress)
 
 

@@ -91,10 +91,10 @@ def ssim(
     value, reference, where = _images(image, truth, mask)
     weight = where[..., None].astype(np.float64)
     value, reference = np.where(weight > 0.0, value, 0.0), np.where(weight > 0.0, reference, 0.0)
-    total = np.maximum(_windowed(weight), 1e-300)
+    total = np.maximum(_regional(weight), 1e-300)
 
     def mean(values: Doubles) -> Doubles:
-        average: Doubles = _windowed(values * weight) / total
+        average: Doubles = _regional(values * weight) / total
         return average
 
     # About the middle of the values, so that variances do not cancel.
@@ -228,7 +228,7 @@ def _images(
     return value, reference, where
 
 
-def _windowed(values: Doubles) -> Doubles:
+def _regional(values: Doubles) -> Doubles:
     """Return Gaussian sums of [rows, columns, channels] over 11 x 11; zero outside."""
     offset = np.arange(-5, 6)
     weights = np.exp(-0.5 * (offset / 1.5) ** 2)

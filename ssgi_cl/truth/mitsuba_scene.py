@@ -72,7 +72,7 @@ class MitsubaScene:
                 parts[f"material_{index}"] = _mesh(mi, scene, int(index))
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
-                    parts[f"light_{index}"] = _lamp(mi, light, scene.origin)
+                    parts[f"light_{index}"] = _punctual_light(mi, light, scene.origin)
             skies = [np.asarray(e.radiance) for e in lights if isinstance(e, Environment)]
             skies = [sky for sky in skies if sky.any()]
             if skies:
@@ -222,7 +222,7 @@ def _register_product(mi: Any) -> None:
     mi.register_texture("ssgi_product", Product)
 
 
-def _lamp(mi: Any, light: Light, origin: Doubles) -> dict[str, Any]:
+def _punctual_light(mi: Any, light: Light, origin: Doubles) -> dict[str, Any]:
     """Return an emitter of the same intensity in W/sr or irradiance in W/m^2."""
     if isinstance(light, DirectionalLight):
         return {
@@ -230,7 +230,7 @@ def _lamp(mi: Any, light: Light, origin: Doubles) -> dict[str, Any]:
             "direction": np.asarray(light.direction).tolist(),
             "irradiance": {"type": "rgb", "value": np.asarray(light.irradiance).tolist()},
         }
-    assert not isinstance(light, Environment)  # noqa: S101  the only kind left beside lamps
+    assert not isinstance(light, Environment)  # noqa: S101  the only kind left beside lights
     position = (np.asarray(light.position) - origin).tolist()
     intensity = {"type": "rgb", "value": np.asarray(light.intensity).tolist()}
     if not isinstance(light, SpotLight):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.camera_rays import depths_in_sphere, lines_of_sight
+from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
@@ -75,7 +75,7 @@ class PathTracer(ABC):
         self.mi: Any = mitsuba
         self._world = MitsubaScene.of(scene, lights, variant)
         emitters = self._world.scene.emitters()
-        self._lamps = [emitter for emitter in emitters if not emitter.is_environment()]
+        self._punctual_lights = [emitter for emitter in emitters if not emitter.is_environment()]
         self._sky = self._world.scene.environment()
         self.sky_numbers = 0 if self._sky is None else 4 if self._world.has_sky_image else 2
         low, high = scene.bounds - scene.origin
@@ -109,12 +109,12 @@ class PathTracer(ABC):
         return image
 
     def sight(self, camera: Camera, rows: slice) -> tuple[Floats, Floats, Floats]:
-        """Return start [3, n], direction [3, n] and length [n] of lines of sight, row by row.
+        """Return start [3, n], direction [3, n] and length [n] of view rays, row by row.
 
         They start and end near the sphere round the scene; those that can't meet it have a negative
         length.
         """
-        start, along = lines_of_sight(camera, rows, self._world.origin)
+        start, along = visibility_rays(camera, rows, self._world.origin)
         near, far, _ = depths_in_sphere(camera, start, along, self._middle, self._reach)
         speed = np.linalg.norm(along, axis=-1)
         way, length = along / speed[:, None], (far - near) * speed
@@ -125,7 +125,7 @@ class PathTracer(ABC):
         """Return the sum of the estimates of all paths of one pixel, [3], or of n, [3, n].
 
         Args:
-            rays: start [3], direction [3] and length [] of the line of sight, and random numbers
+            rays: start [3], direction [3] and length [] of the view ray, and random numbers
                 [count] of the pixel; or one more axis of n.
         """
         mi, dr = self.mi, self.dr
@@ -209,10 +209,10 @@ class PathTracer(ABC):
             return dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
 
         total = mi.Color3f(0.0)
-        for lamp in self._lamps:
-            to, strength = lamp.sample_direction(here, mi.Point2f(0.5), at.there)
+        for punctual_light in self._punctual_lights:
+            to, strength = punctual_light.sample_direction(here, mi.Point2f(0.5), at.there)
             cosine = arriving(to.d, to.dist)
-            # At the lamp itself the strength is infinite, and the cosine 0.
+            # At the light itself the strength is infinite, and the cosine 0.
             total += dr.select(cosine > 0.0, strength * cosine, 0.0)
         if self._sky is None:
             return total
@@ -267,7 +267,7 @@ class OneBounce(PathTracer):
         return self.dr.select(met.there, light, 0.0)
 
 
-class BounceThroughWalls(OneBounce):
+class BounceWithoutVisibility(OneBounce):
     """The same, if nothing stood between that surface and what is seen."""
 
     def along(self, start: Any, way: Any, active: Any, numbers: Sequence[Any]) -> Any:

@@ -84,7 +84,7 @@ class RayAo:
             raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
         check_gbuffer(gbuffer, camera)
         rows, columns = camera.size
-        openness = np.ones((rows, columns), np.float32)
+        visibility = np.ones((rows, columns), np.float32)
         error = np.zeros((rows, columns), np.float32)
         height = max(1, _PIXELS // columns)
 
@@ -93,7 +93,7 @@ class RayAo:
             spots = self._caster.spots(camera, block, gbuffer)
             if len(spots.pixel):
                 occluded, deviation = self.occlusion(spots, settings)
-                openness.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
+                visibility.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
                 error.ravel()[spots.pixel] = deviation
             return block.stop
 
@@ -101,7 +101,7 @@ class RayAo:
             for done in pool.map(work, range(0, rows, height)):
                 if progress is not None:
                     progress(done / rows)
-        return openness, error
+        return visibility, error
 
     def occlusion(self, spots: Spots, settings: Settings) -> tuple[Doubles, Doubles]:
         """Return the occluded share of each spot and its standard error."""
@@ -323,7 +323,8 @@ def ray_ao(
         A [rows, columns] float32 in [0, 1], 1 where nothing is seen. With `return_error` also the
         standard error [rows, columns] float32, from the spread of independent batches of rays, 0
         where nothing is seen; infinite with a single ray. It has up to 7 degrees of freedom, and
-        does not know of an occluder that no ray of the pixel has met. Two runs give the same bits.
+        does not know of an occluder that no ray of the pixel has met. Two runs give bit-identical
+        results.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range; the message says
@@ -334,9 +335,9 @@ def ray_ao(
     if caster is None:
         caster = RayAo(scene)
         _kept[scene] = caster
-    openness, error = caster(
+    visibility, error = caster(
         camera, radius, rays, weighting=weighting, attenuation=attenuation,
         target_error=target_error, estimate_error=return_error, progress=progress,
         gbuffer=gbuffer, seed=seed,
     )
-    return (openness, error) if return_error else openness
+    return (visibility, error) if return_error else visibility

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.camera_rays import depths_in_sphere, lines_of_sight
+from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
@@ -82,7 +82,7 @@ class RayCaster:
 
     def spots(self, camera: Camera, rows: slice, gbuffer: GBuffer | None) -> Spots:
         """Return what the camera sees through the pixel centres of some rows."""
-        start, along = lines_of_sight(camera, rows, self._origin, self.scale)
+        start, along = visibility_rays(camera, rows, self._origin, self.scale)
         pixel = np.arange(rows.start * camera.width, rows.stop * camera.width)
         length = np.linalg.norm(along, axis=-1)
         near: NDArray[np.floating]

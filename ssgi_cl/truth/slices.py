@@ -1,7 +1,7 @@
 """Same-assumption truth of HBAO, GTAO and the visibility bitmask: a dense march through the layers.
 
 It shares nothing with the kernels but the definition of what a depth buffer holds: planes through
-the line of sight are evenly spread in azimuth round it, and every pixel that they cross counts,
+the view ray are evenly spread in azimuth round it, and every pixel that they cross counts,
 from where taps begin. So many reads are affordable for some of the pixels only, which are spread
 over the image.
 """
@@ -33,8 +33,8 @@ PASS_SLICES = 8
 CHUNK = 256
 """Pixels that are marched at a time."""
 
-LEAST_FACING = 0.05
-"""Cosine that a grazing or averted normal is taken to have with the line of sight."""
+LEAST_N_DOT_V = 0.05
+"""Cosine that a grazing or averted normal is taken to have with the view ray."""
 
 NOT_OF_THE_MODEL = (
     "slices", "taps", "tap_power", "resolution", "blur_radius", "blur_passes", "blur_resolution",
@@ -96,7 +96,7 @@ def converged(
 
     def estimate(number: int) -> Doubles:
         image = np.ones(gbuffer.size)
-        image[taken] = march.openness(taken, number)
+        image[taken] = march.visibility(taken, number)
         return image
 
     truth = accumulated(
@@ -155,7 +155,7 @@ class March:
         reach = np.where(np.minimum(wanted_px, params.max_radius_px) >= 1.0, reach, 0.0)
         return cls(_turned_back(view, position[0]), params, there, position, reach, seen)
 
-    def openness(self, pixels: Pixels, number: int) -> Doubles:
+    def visibility(self, pixels: Pixels, number: int) -> Doubles:
         """Return A [count] of some pixels, from the slices of a pass, before contrast."""
         result = np.ones(len(pixels[0]))
         # Pixels with the same reach on the screen march together.
@@ -208,7 +208,7 @@ class March:
         first /= np.linalg.norm(first, axis=-1, keepdims=True)
         second = np.cross(sight, first)
         along = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
-        facing = np.maximum(np.sum(normal * sight, axis=-1), LEAST_FACING)
+        n_dot_v = np.maximum(np.sum(normal * sight, axis=-1), LEAST_N_DOT_V)
         lean = np.sum(normal * along, axis=-1)
         # The plane holds the eye, so that it is seen as a line.
         row, column = at[0] + 0.5, at[1] + 0.5
@@ -218,7 +218,7 @@ class March:
         to_row, to_column = to_row / length, to_column / length
         distance = _chords(to_row, to_column, float(self._lengths(pixels).max()))
         for side in (1.0, -1.0):
-            plane = Plane(edge=-side * lean / facing, facing=facing, lean=side * lean)
+            plane = Plane(edge=-side * lean / n_dot_v, n_dot_v=n_dot_v, lean=side * lean)
             i = np.floor(row[:, None] + side * distance * to_row[:, None]).astype(np.intp)
             j = np.floor(column[:, None] + side * distance * to_column[:, None]).astype(np.intp)
             yield plane, self._crossed(pixels, (i, j), sight, plane)
@@ -254,7 +254,7 @@ class March:
         return parts[0] if len(parts) == 1 else Crossed.merged(parts)
 
     def _moved(self, point: Doubles, depth: Doubles) -> Doubles:
-        """Return points [..., 3] moved by some depth along their lines of sight."""
+        """Return points [..., 3] moved by some depth along their view rays."""
         if self.view.camera.is_orthographic:
             return point - depth[..., None] * [0.0, 0.0, 1.0]
         result: Doubles = point * (1.0 + depth / np.maximum(-point[..., 2], 1e-30))[..., None]
@@ -264,25 +264,25 @@ class March:
     def _excess(
         offset: Doubles, sight: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float
     ) -> Doubles:
-        """Return by how much the cotangent from the line of sight exceeds the tangent plane's.
+        """Return by how much the cotangent from the view ray exceeds the tangent plane's.
 
-        A pixel's centre lies a little beside the slice: it is turned into it about the line of
-        sight so that what lies in the tangent plane stays in it.
+        A pixel's centre lies a little beside the slice: it is turned into it about the view
+        ray so that what lies in the tangent plane stays in it.
         """
         towards = np.einsum("psk,pk->ps", offset, sight)
         across = np.sqrt(np.maximum(np.sum(offset**2, axis=-1) - towards**2, 0.0))
         height = np.einsum("psk,pk->ps", offset, normal) - bias
-        result: Doubles = height / np.maximum(across * plane.facing[:, None], 1e-30)
+        result: Doubles = height / np.maximum(across * plane.n_dot_v[:, None], 1e-30)
         return result
 
 
 def _turned_back(view: SurfaceView, position: Doubles) -> SurfaceView:
-    """Return a view whose averted normals are turned back along the line of sight."""
+    """Return a view whose averted normals are turned back along the view ray."""
     sight = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
     if not view.camera.is_orthographic:
         sight = -position / np.maximum(np.linalg.norm(position, axis=-1, keepdims=True), 1e-30)
-    facing = np.sum(view.normal * sight, axis=-1, keepdims=True)
-    back = np.where(facing < 0.0, np.minimum(-facing, LEAST_FACING) - facing, 0.0) * sight
+    n_dot_v = np.sum(view.normal * sight, axis=-1, keepdims=True)
+    back = np.where(n_dot_v < 0.0, np.minimum(-n_dot_v, LEAST_N_DOT_V) - n_dot_v, 0.0) * sight
     return replace(view, normal=view.normal + back)
 
 

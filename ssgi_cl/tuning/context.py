@@ -20,7 +20,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import device_scene, downloaded, margin_of
-from ssgi_cl.techniques.shading.light_data import Lamp
+from ssgi_cl.techniques.shading.light_data import PunctualLight
 from ssgi_cl.truth import Truth, metrics
 
 T = TypeVar("T")
@@ -109,7 +109,7 @@ class Context:
         return metrics.regions(self.host_gbuffer)
 
     @property
-    def lamps(self) -> tuple[Lamp, ...]:
+    def punctual_lights(self) -> tuple[PunctualLight, ...]:
         """The view's lights but for environments, which no shadow map is made of."""
         return tuple(light for light in self.view.lights if not isinstance(light, Environment))
 
@@ -135,21 +135,21 @@ class Context:
         )
 
     def direct(self) -> Truth:
-        """World truth of irradiance by direct light of the lamps."""
+        """World truth of irradiance by direct light of the lights."""
         return self.truth(
             f"direct light of {self.view.name}",
             lambda progress: truth.direct_light(
-                self.view.scene, self.camera, self.lamps, self.truths.paths,
+                self.view.scene, self.camera, self.punctual_lights, self.truths.paths,
                 rebuild=self.truths.rebuild, progress=progress,
             ),
         )
 
     def bounce(self, *, visibility: bool = True) -> Truth:
-        """World truth of irradiance by light of the lamps that was reflected once."""
+        """World truth of irradiance by light of the lights that was reflected once."""
         return self.truth(
             f"one bounce of {self.view.name}{'' if visibility else ', seen through walls'}",
             lambda progress: truth.one_bounce(
-                self.view.scene, self.camera, self.lamps, self.truths.paths,
+                self.view.scene, self.camera, self.punctual_lights, self.truths.paths,
                 visibility=visibility, rebuild=self.truths.rebuild, progress=progress,
             ),
         )

@@ -14,7 +14,7 @@ import pytest
 from ssgi_cl.bench import agreement
 from ssgi_cl.bench.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
 from ssgi_cl.bench.every import TECHNIQUES
-from ssgi_cl.device.drivers import DeviceInfo, Form
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 
 ONE = [np.linspace(0.5, 1.5, 10)]
 
@@ -26,14 +26,14 @@ FAST = DeviceInfo(
 )
 
 
-def test_differences_are_relative_to_the_mean_and_none_for_the_same_bits() -> None:
+def test_differences_are_relative_to_the_mean_and_none_for_bit_identical_results() -> None:
     assert difference(ONE, ONE) is None
     other = [ONE[0].copy()]
     other[0][3] += 0.5
     assert difference(ONE, other) == (0.5, 0.05)
 
 
-def test_one_device_has_to_give_the_same_bits_and_others_nearly() -> None:
+def test_one_device_has_to_give_bit_identical_results_and_others_nearly() -> None:
     near, far = [ONE[0] + 0.5 * TOLERANCE], [ONE[0] + 2.0 * TOLERANCE]
     assert fits(ONE, ONE, same=True) == ("same", True)
     assert not fits(ONE, near, same=True)[1]
@@ -54,7 +54,7 @@ def test_the_first_device_runs_in_all_forms_and_the_others_in_their_own() -> Non
 
 
 def test_the_page_has_a_row_for_each_technique_and_marks_what_is_off() -> None:
-    first, second = (Run(title, title, Form(1, "buffer")) for title in "AB")
+    first, second = (Run(title, title, KernelVariant(1, "buffer")) for title in "AB")
     good = dict.fromkeys(TECHNIQUES, ONE)
     page, fine = report([(first, good), (second, good)])
     assert fine
@@ -76,7 +76,7 @@ def test_what_a_process_ends_at_is_left_out_by_the_next(
         return subprocess.CompletedProcess(command, code)
 
     monkeypatch.setattr(subprocess, "run", run)
-    found = Run("A", "A", Form(1, "buffer")).results(tmp_path, 1.0)
+    found = Run("A", "A", KernelVariant(1, "buffer")).results(tmp_path, 1.0)
     whys = [result for result in found.values() if isinstance(result, str)]
     assert whys == [NOT_IN_TIME, "the process died (-11)"]
     assert (found["view normals"], len(found)) == (NOT_IN_TIME, len(TECHNIQUES))

@@ -10,22 +10,22 @@ from ssgi_cl.tuning.calibration import GATHERS, REACH_LOG2, Calibration, GatherL
 
 
 @pytest.mark.slow  # a second for each form, and more on images
-def test_ceilings_are_those_of_a_machine(form_runtime: Runtime) -> None:
-    found = Calibration.of(form_runtime)
+def test_ceilings_are_those_of_a_machine(variant_runtime: Runtime) -> None:
+    found = Calibration.of(variant_runtime)
     # Wide: from a small board's single core to the largest GPU.
     assert 0.1 < found.bandwidth_gb_s < 2e4
     assert 0.01 < found.gathers_g_s < 2e4
     assert 0.1 < found.multiply_adds_gflop_s < 2e5
 
 
-def test_scattered_reads_sum_what_they_should(form_runtime: Runtime) -> None:
-    load = GatherLoad(form_runtime)
-    with form_runtime.frame():
+def test_scattered_reads_sum_what_they_should(variant_runtime: Runtime) -> None:
+    load = GatherLoad(variant_runtime)
+    with variant_runtime.frame():
         load.run()
     values = load._source.download()[0]
     steps = load._steps.download()
     reach = 1 << REACH_LOG2
-    lanes = form_runtime.form.lanes
+    lanes = variant_runtime.variant.lanes
     rows, columns = load.size
     for y, x in ((100, 208), (301, 37), (200, 463)):
         first = min(max(x // lanes * lanes, reach), columns - reach - lanes)

@@ -158,7 +158,7 @@ def test_other_devices_are_compared_by_ratio_and_said_on_top() -> None:
     after["device"] = {"label": "Other 2.0: GPU", "kind": "gpu", "units": 1, "form": "1 lane"}
     text = shown(compare(whole(entry()), after), width=300)
     assert text.startswith("note: the devices differ: Made up 1.0: CPU and Other 2.0: GPU.")
-    assert "the kernel forms differ: 16 lanes and 1 lane" in text
+    assert "the kernel variants differ: 16 lanes and 1 lane" in text
 
 
 def test_cases_that_come_and_go_are_listed_and_do_not_fail() -> None:

@@ -59,7 +59,7 @@ def test_shadow_error_is_that_of_the_kernel_against_rays(box: Context, runtime: 
     pytest.importorskip("embreex")
     found = shadow_errors(box, {})
     # The same by the kernel and by path tracing's direct light, which is exact.
-    (light,) = box.lamps
+    (light,) = box.punctual_lights
     white = gi.GBuffer(camera=box.camera, depth=box.host_gbuffer.depth,
                        normal=box.host_gbuffer.normal,
                        albedo=np.ones((*SIZE, 3), np.float32))

@@ -24,7 +24,7 @@ def test_stamp_says_what_was_measured_and_on_what(runtime: Runtime) -> None:
     assert stamp["versions"]["numpy"] == np.__version__
     assert stamp["versions"].keys() >= {"ssgi_cl", "python", "pyopencl", "embreex", "vtk"}
     assert stamp["device"]["label"] == runtime.info.label
-    assert stamp["device"]["form"] == str(runtime.form)
+    assert stamp["device"]["form"] == str(runtime.variant)
     assert stamp["machine"]["threads"] >= 1
     assert stamp["machine"]["cpu"]
 

@@ -42,7 +42,7 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ("family", "setting", "passes", "maps"),
     [
         ("gtao", "1x4", 1, 0), ("gtao", "1x4-2", 2, 0), ("gtao-preset", "low-2", 2, 0),
-        ("vpl", "64", 1, 1), ("vpl-walls", "64", 1, 1), ("vpl-walls-seen", "64", 4, 1),
+        ("vpl", "64", 1, 1), ("vpl-visibility", "64", 1, 1), ("vpl-visibility-seen", "64", 4, 1),
         ("multires", "40-permille", 1, 1),
         ("rsm-gather", "100", 0, 1), ("direct", "64", 0, 1), ("ssdo-bitmask-layers", "1", 2, 1),
     ],
@@ -76,7 +76,7 @@ def test_layers_and_further_cameras_of_a_frame_are_drawn(context: Context) -> No
             subject.run()
         ran = [p.name for p in context.runtime.times() if not p.skipped]
         counts.append(sum(name.startswith("raster tiles") for name in ran))
-    # A pass for each layer and each further camera.
+    # A pass for each layer and each auxiliary camera.
     assert counts == [1, 2, 2, 3]
 
 

@@ -129,7 +129,7 @@ def test_compact_json_can_be_read_again_and_is_small(tmp_path: Path) -> None:
 
 def test_biases_are_per_cent_of_the_mean_with_their_sign() -> None:
     rows = [
-        entry("vpl-walls.4096.hall.8x6", rmse=0.1, quantity="bounce"),
+        entry("vpl-visibility.4096.hall.8x6", rmse=0.1, quantity="bounce"),
         entry("gtao.2x9.hall.8x6", rmse=0.1),
     ]
     rows[0]["errors"]["world"] |= {"mean": 0.5, "bias": -0.02}

@@ -304,9 +304,9 @@ def test_mitsuba_without_llvm_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "libLLVM" in PEERS["mitsuba-path"].missing()
 
 
-def test_a_bounce_without_lamps_is_refused(runtime: Runtime) -> None:
+def test_a_bounce_without_lights_is_refused(runtime: Runtime) -> None:
     dark = Context(runtime, one_square(), (3, 4))
-    with pytest.raises(ValueError, match="square has no lamp"):
+    with pytest.raises(ValueError, match="square has no light"):
         installed("mitsuba-path").prepare(dark, "1")
 
 

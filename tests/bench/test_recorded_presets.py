@@ -29,7 +29,7 @@ from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.scenes.shapes import box
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import NAMES
-from ssgi_cl.techniques.presets.speed_model import Pace
+from ssgi_cl.techniques.presets.speed_model import SpeedModel
 from ssgi_cl.tuning import trials as bench_trials
 from ssgi_cl.tuning.outcome import TuneError
 
@@ -154,7 +154,7 @@ def test_record_holds_a_ladder_for_each_number_of_layers(
 ) -> None:
     entry = replace(TECHNIQUES["ssao"], layers=(1, 2))
     monkeypatch.setitem(TECHNIQUES, "ssao", entry)
-    monkeypatch.setattr(module, "measured", lambda *arguments: (Pace(0.0123456, 7.0), True))
+    monkeypatch.setattr(module, "measured", lambda *arguments: (SpeedModel(0.0123456, 7.0), True))
     usual = entry.params().samples
 
     def made_up(trials: Any, values: Mapping[str, Any]) -> Step:

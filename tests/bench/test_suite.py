@@ -94,7 +94,7 @@ def test_measured_cases_make_a_document_that_can_be_read_again(
     assert set(blur["errors"]) == {"assumption"}
     assert gbuffer["errors"] == {}
     assert ssao["front"]  # the only one of its group, however unsteady
-    # The blur's kernel is its float64 twin but for roundings, about 1e-6 of A.
+    # The blur's kernel is its float64 reference but for roundings, about 1e-6 of A.
     assert blur["errors"]["assumption"]["rmse"] < 1e-5
     assert set(found.pictures) == {ssao["name"], blur["name"]}
     # The blur reads along rows and columns: a rate of scattered reads would exceed their ceiling.
@@ -140,12 +140,12 @@ def test_what_cannot_run_is_listed_with_the_reason_and_the_rest_goes_on(runtime:
     assert [result["family"] for result in found.results] == ["gbuffer", "gbuffer"]
 
 
-def test_a_scene_without_lamps_skips_what_needs_them_and_says_so(runtime: Runtime) -> None:
+def test_a_scene_without_lights_skips_what_needs_them_and_says_so(runtime: Runtime) -> None:
     dark = replace(cornell_box(), lights=(lights.Environment(1.0),))
     cases = suite.select(["direct.512", "rsm.512", "ssao.4"], ["cornell_box"], [SMALL], OWN)
     found = suite.measure(cases, {"cornell_box": dark}, runtime, truths=QUICK, runs=4)
     assert {entry["name"]: entry["reason"] for entry in found.skipped} == {
-        name: "cornell_box has no lamp: expected at least one"
+        name: "cornell_box has no light: expected at least one"
         for name in ("direct.512.cornell_box.40x30", "rsm.512.cornell_box.40x30")
     }
     assert len(found.results) == 1

@@ -21,7 +21,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ..launches import Build, builds
 
 PAIR = Struct("Pair", (*floats("first"), ("second", "int")))
-TWIN = Struct("Twin", PAIR.members)
+REFERENCE = Struct("Twin", PAIR.members)
 
 TEXT = """
 #include "common/gbuffer.clh"
@@ -205,9 +205,9 @@ def compiled(runtime: Runtime, build: Build) -> Any:
     """Return the program of a kernel, built with information on its arguments."""
     import pyopencl as cl
 
-    form = runtime.form
+    variant = runtime.variant
     defined = {
-        "SSGI_LANES": form.lanes, "SSGI_IMAGES": int(form.storage == "image"),
+        "SSGI_LANES": variant.lanes, "SSGI_IMAGES": int(variant.storage == "image"),
         "SSGI_IMAGE_ROWS": 4096, **build.macros,
     }
     options = [f"-D{name}={value}" for name, value in defined.items()]
@@ -241,7 +241,7 @@ def test_the_compiler_reads_the_same_signatures(runtime: Runtime) -> None:
                 pytest.skip("the driver keeps no information on kernels' arguments")
             # PoCL's own header makes `step`, a built-in function's name, a macro.
             assert name.removeprefix("_cl_") == parameter.name, build.path
-            if runtime.form.storage == "image" and parameter.type == PLANE:
+            if runtime.variant.storage == "image" and parameter.type == PLANE:
                 continue
             is_memory = qualified[kernel.get_arg_info(number, info.ADDRESS_QUALIFIER)]
             assert is_memory == parameter.memory, (build.path, name)
@@ -273,10 +273,10 @@ def arguments(runtime: Runtime) -> dict[str, Any]:
     }
 
 
-def test_arguments_arrive_in_any_order(form_runtime: Runtime) -> None:
-    wanted = arguments(form_runtime)
+def test_arguments_arrive_in_any_order(variant_runtime: Runtime) -> None:
+    wanted = arguments(variant_runtime)
     for names in (list(wanted), list(wanted)[::-1]):
-        combine(form_runtime).run("combine", (2, 16), **{name: wanted[name] for name in names})
+        combine(variant_runtime).run("combine", (2, 16), **{name: wanted[name] for name in names})
         found = wanted["result"].download().tolist()
         # (rows, columns) becomes (columns, rows).
         assert found == [7.0, 4.0, 3.0, 2.5, 3.5, 9.0, 16.0]
@@ -305,9 +305,9 @@ def test_parameters_of_one_type_may_change_places(runtime: Runtime) -> None:
     assert found == [0.75, 0.75]
 
 
-def test_optional_memory_may_be_absent(form_runtime: Runtime) -> None:
-    wanted = {**arguments(form_runtime), "rest": None, "count": 2}
-    combine(form_runtime).run("combine", (2, 16), **wanted)
+def test_optional_memory_may_be_absent(variant_runtime: Runtime) -> None:
+    wanted = {**arguments(variant_runtime), "rest": None, "count": 2}
+    combine(variant_runtime).run("combine", (2, 16), **wanted)
     assert wanted["result"].download()[5] == -1.0
 
 
@@ -344,7 +344,7 @@ def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) ->
         ("scale", "1", r"scale is '1' \(str\): expected a number \(const float scale\)"),
         ("scale", np.zeros(1, np.float32), "scale is an array"),
         (
-            "pair", TWIN.pack({"first": 1.0, "second": 2}),
+            "pair", REFERENCE.pack({"first": 1.0, "second": 2}),
             "pair is the struct Twin of 8 bytes: expected the struct Pair of 8 bytes",
         ),
         (

@@ -10,7 +10,7 @@ import pytest
 
 import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceMemoryError
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import plane_bytes
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import ALIGNMENT, TransientMemory, TransientPlane
@@ -24,8 +24,8 @@ BYTES = -(-plane_bytes(1, SIZE) // ALIGNMENT) * ALIGNMENT
 
 
 @pytest.fixture
-def memory(form_runtime: Runtime) -> TransientMemory:
-    return TransientMemory(form_runtime)
+def memory(variant_runtime: Runtime) -> TransientMemory:
+    return TransientMemory(variant_runtime)
 
 
 def test_two_live_planes_never_share_memory(memory: TransientMemory) -> None:
@@ -83,8 +83,8 @@ def test_outside_of_a_window_a_plane_has_its_background(memory: TransientMemory)
     assert isinstance(plane, TransientPlane)
     assert plane.within(None) is None
     assert np.isnan(plane.download()).all()
-    window = Window(0, 0, 8, 8)
-    assert plane.within(window) is window
+    region = Region(0, 0, 8, 8)
+    assert plane.within(region) is region
     np.testing.assert_array_equal(plane.download(), np.full((2, *SIZE), [[[1.0]], [[0.25]]]))
     with plane._mapped() as rows:
         assert (rows[:, SIZE[1]:] == 1.0).all()
@@ -197,7 +197,7 @@ LIMITS = {
 def test_a_frame_of_1920_x_1080_keeps_no_more_than(
     runtime: Runtime, scene: str, mode: str
 ) -> None:
-    if runtime.form.storage != "buffer":
+    if runtime.variant.storage != "buffer":
         pytest.skip("images are copies")
     built, (arguments, limit) = make_scene(scene), LIMITS[mode]
     spot = next(light for light in built.lights if isinstance(light, gi.SpotLight))

@@ -120,17 +120,18 @@ def test_threads_with_a_runtime_each_find_the_same(runtime: Runtime) -> None:
     results: list[str] = []
 
     def work(lanes: int) -> None:
-        own = Runtime(runtime.info, drivers.Form(lanes, "buffer"))
+        own = Runtime(runtime.info, drivers.KernelVariant(lanes, "buffer"))
         results.extend(digest(own) for _ in range(3))
 
-    lanes = [form.lanes for form in drivers.FORMS
-             if form.storage == "buffer" and isinstance(runtime.info.speeds[str(form)], float)]
+    lanes = [variant.lanes for variant in drivers.KERNEL_VARIANTS
+             if variant.storage == "buffer" and isinstance(runtime.info.speeds[str(variant)],
+             float)]
     threads = [threading.Thread(target=work, args=(count,)) for count in (*lanes, lanes[-1])]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    # The forms give the same bits.
+    # The forms give bit-identical results.
     assert results == [digest(runtime)] * (3 * len(threads))
 
 
@@ -173,7 +174,7 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
     monkeypatch.setattr(sources, "flatten", lambda *given: flatten(*given) + refuse)
     monkeypatch.setattr(probe, "REPEATS", 1)
     own = runtime.info
-    probe.time_forms(own.platform, own.device, ["8 lanes, buffer", "16 lanes, buffer"])
+    probe.time_variants(own.platform, own.device, ["8 lanes, buffer", "16 lanes, buffer"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     speeds = {line["form"]: line["speed"] for line in lines}
     info = DeviceInfo("", 0, 0, "Test 1", "cpu", 2, speeds)

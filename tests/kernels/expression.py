@@ -80,7 +80,7 @@ def run_expressions(
     names = [*tables, *(f"all_{name}" for name in inputs)]
     arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
     kernel.run(
-        "expression", size, grid=(1, whole // runtime.form.lanes), local=(1, 1),
+        "expression", size, grid=(1, whole // runtime.variant.lanes), local=(1, 1),
         result=result, whole=whole, **planes, **dict(zip(names, arrays, strict=True)),
         **{name: value for name, (_, value) in values.items()},
     )

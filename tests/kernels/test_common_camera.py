@@ -40,12 +40,12 @@ def positions(
 @pytest.mark.parametrize("margin", MARGINS)
 @pytest.mark.parametrize("name", CAMERAS)
 def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
-    form_runtime: Runtime, name: str, margin: tuple[int, int], rng: np.random.Generator
+    variant_runtime: Runtime, name: str, margin: tuple[int, int], rng: np.random.Generator
 ) -> None:
     camera = CAMERAS[name]
     x, y = positions(rng, camera, margin)
     result = run_expressions(
-        form_runtime, "common/camera.clh",
+        variant_runtime, "common/camera.clh",
         {
             "slope x": "ssgi_slope_x(camera, x)",
             "slope y": "ssgi_slope_y(camera, y)",
@@ -64,11 +64,11 @@ def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_k_is_the_depth_or_1_to_the_bit(
-    form_runtime: Runtime, name: str, rng: np.random.Generator
+    variant_runtime: Runtime, name: str, rng: np.random.Generator
 ) -> None:
     depth = np.exp2(rng.uniform(-30, 30, 500)).astype(np.float32)
     result = run_expressions(
-        form_runtime, "common/camera.clh", {"k": "ssgi_k(camera, depth)"},
+        variant_runtime, "common/camera.clh", {"k": "ssgi_k(camera, depth)"},
         values=camera_value(CAMERAS[name], (0, 0)), depth=depth,
     )
     expected = np.ones_like(depth) if CAMERAS[name].is_orthographic else depth
@@ -78,7 +78,7 @@ def test_k_is_the_depth_or_1_to_the_bit(
 @pytest.mark.parametrize("margin", MARGINS)
 @pytest.mark.parametrize("name", CAMERAS)
 def test_every_plane_is_flat(
-    form_runtime: Runtime, name: str, margin: tuple[int, int], rng: np.random.Generator
+    variant_runtime: Runtime, name: str, margin: tuple[int, int], rng: np.random.Generator
 ) -> None:
     camera = CAMERAS[name]
     x, y = positions(rng, camera, margin)
@@ -113,7 +113,7 @@ def test_every_plane_is_flat(
     assert good.sum() > 300
     n = normal.astype(np.float32)
     result = run_expressions(
-        form_runtime, "common/surface.clh",
+        variant_runtime, "common/surface.clh",
         {
             "off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), dx, dy, "
             "ssgi_linear(camera, there))",
@@ -134,12 +134,12 @@ def test_every_plane_is_flat(
     np.testing.assert_allclose(result["back"], depth[good], rtol=1.2e-7)  # two divisions
 
 
-def test_a_normal_that_faces_away_gives_a_finite_plane(form_runtime: Runtime) -> None:
+def test_a_normal_that_faces_away_gives_a_finite_plane(variant_runtime: Runtime) -> None:
     camera = CAMERAS["perspective"]
     n = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32)
     x = np.full(5, 320.0, np.float32)
     result = run_expressions(
-        form_runtime, "common/surface.clh",
+        variant_runtime, "common/surface.clh",
         {"off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), "
          "v_splat(1.0f), v_splat(1.0f), 1.0f / depth)"},
         values=camera_value(camera, (0, 0)),

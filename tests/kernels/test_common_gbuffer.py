@@ -64,14 +64,14 @@ def memory_of(plane: Plane) -> NDArray[np.float32]:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [1, 3])
 def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
-    every_form: Runtime, count: int, size: Size
+    every_variant: Runtime, count: int, size: Size
 ) -> None:
-    plane, values = filled(every_form, count, size)
-    lanes = every_form.form.lanes
+    plane, values = filled(every_variant, count, size)
+    lanes = every_variant.variant.lanes
     rows, columns = size
     starts = columns + 2 * GUARD - lanes + 1
-    result = every_form.empty(count * rows * starts * lanes, np.float32)
-    kernel = every_form.kernel_from_text("load", LOAD)
+    result = every_variant.empty(count * rows * starts * lanes, np.float32)
+    kernel = every_variant.kernel_from_text("load", LOAD)
     kernel.run(
         "load", size, grid=(count * rows, starts), local=(1, 1),
         plane=plane, result=result, starts=starts,
@@ -85,13 +85,13 @@ def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])
 def test_gathers_read_any_pixel_of_any_image(
-    every_form: Runtime, size: Size, rng: np.random.Generator
+    every_variant: Runtime, size: Size, rng: np.random.Generator
 ) -> None:
-    plane, values = filled(every_form, 3, size)
+    plane, values = filled(every_variant, 3, size)
     x = rng.integers(0, size[1], 100).astype(np.int32)
     y = rng.integers(0, size[0], 100).astype(np.int32)
     read = run_expressions(
-        every_form, PLANES,
+        every_variant, PLANES,
         {str(image): f"ssgi_gather(plane, size, {image}, x, y)" for image in range(3)},
         planes={"plane": plane}, x=x, y=y,
     )
@@ -100,10 +100,10 @@ def test_gathers_read_any_pixel_of_any_image(
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])
-def test_stores_leave_the_guard_as_it_is(every_form: Runtime, size: Size) -> None:
-    plane, values = filled(every_form, 2, size)
-    result = every_form.plane(2, size, OUTSIDE)
-    kernel = every_form.kernel_from_text("store", STORE)
+def test_stores_leave_the_guard_as_it_is(every_variant: Runtime, size: Size) -> None:
+    plane, values = filled(every_variant, 2, size)
+    result = every_variant.plane(2, size, OUTSIDE)
+    kernel = every_variant.kernel_from_text("store", STORE)
     kernel.run("store", size, plane=plane, result=result, images=2, outside=OUTSIDE)
     expected = np.full((2 * size[0] + 2, result.pitch), OUTSIDE, np.float32)
     expected[1:-1, : size[1]] = (values + 1.0).reshape(-1, size[1])
@@ -111,11 +111,11 @@ def test_stores_leave_the_guard_as_it_is(every_form: Runtime, size: Size) -> Non
     np.testing.assert_array_equal(result.download(), values + 1.0)
 
 
-def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_form: Runtime) -> None:
+def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_variant: Runtime) -> None:
     # With images the second kernel reads a copy, which must be made anew.
-    plane, values = filled(every_form, 1, (3, 20))
-    other = every_form.plane(1, (3, 20), OUTSIDE)
-    kernel = every_form.kernel_from_text("store", STORE)
+    plane, values = filled(every_variant, 1, (3, 20))
+    other = every_variant.plane(1, (3, 20), OUTSIDE)
+    kernel = every_variant.kernel_from_text("store", STORE)
     last = {"images": 1, "outside": OUTSIDE}
     for _ in range(2):
         kernel.run("there", (3, 20), plane=plane, result=other, **last)
@@ -126,22 +126,22 @@ def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_form: Runtime) -> 
     np.testing.assert_array_equal(other.download(), values + 1.0)
 
 
-def test_infinities_pass_through(every_form: Runtime) -> None:
+def test_infinities_pass_through(every_variant: Runtime) -> None:
     values = np.array([[[np.inf, 1.0, np.inf], [2.0, np.inf, 3.0]]], np.float32)
-    plane = every_form.plane(1, (2, 3), np.inf)
+    plane = every_variant.plane(1, (2, 3), np.inf)
     plane.upload(values)
-    result = every_form.plane(1, (2, 3), np.inf)
-    kernel = every_form.kernel_from_text("store", STORE)
+    result = every_variant.plane(1, (2, 3), np.inf)
+    kernel = every_variant.kernel_from_text("store", STORE)
     kernel.run("store", (2, 3), plane=plane, result=result, images=1, outside=np.inf)
     np.testing.assert_array_equal(result.download(), values + 1.0)
     assert np.isinf(memory_of(result)[0]).all()
 
 
-def test_pitch_and_index_are_those_of_the_host(every_form: Runtime) -> None:
+def test_pitch_and_index_are_those_of_the_host(every_variant: Runtime) -> None:
     for size in SIZES:
-        plane = every_form.plane(2, size)
+        plane = every_variant.plane(2, size)
         found = run_expression(
-            every_form, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
+            every_variant, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
             returns="vint", planes={"plane": plane}, x=np.zeros(1, np.float32),
         )
         assert found[0] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD

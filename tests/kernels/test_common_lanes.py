@@ -174,7 +174,8 @@ def test_arithmetic_rounds_as_ieee_754_says(
         assert error.max() <= (0 if divides_exactly(every_width) else 6), name
 
 
-def test_every_width_gives_the_same_bits(every_width: Runtime, rng: np.random.Generator) -> None:
+def test_every_width_gives_bit_identical_results(every_width: Runtime,
+    rng: np.random.Generator) -> None:
     x, y, z = operands(rng).values()
     some = np.minimum(np.abs(x), np.float32(1.0))
     plain = Runtime.open(lanes=1, storage="buffer")
@@ -195,7 +196,7 @@ def test_splat_and_iota_fill_the_lanes(every_width: Runtime) -> None:
     assert (results(every_width, FLOATS, zeros)["splat"] == np.float32(0.1)).all()
     whole = results(every_width, INTS, zeros.astype(np.int32))
     assert (whole["splat"] == -7).all()
-    np.testing.assert_array_equal(whole["iota"], np.arange(32) % every_width.form.lanes)
+    np.testing.assert_array_equal(whole["iota"], np.arange(32) % every_width.variant.lanes)
 
 
 def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
@@ -240,7 +241,7 @@ def test_any_and_all_look_at_every_lane(every_width: Runtime) -> None:
         + [np.where(np.arange(16) >= n, 1, -1) for n in range(17)]
     ).astype(np.float32)
     result = results(every_width, FLOATS_TO_INTS, x)
-    lanes = every_width.form.lanes
+    lanes = every_width.variant.lanes
     blocks = (x > 0).reshape(-1, lanes)
     np.testing.assert_array_equal(result["any"], np.repeat(blocks.any(axis=1), lanes))
     np.testing.assert_array_equal(result["all"], np.repeat(blocks.all(axis=1), lanes))
@@ -251,7 +252,7 @@ def test_sums_and_maxima_of_the_lanes_have_one_order(
 ) -> None:
     x = (rng.standard_normal(1024) * np.exp2(rng.uniform(-20, 20, 1024))).astype(np.float32)
     i = rng.integers(-(2**31), 2**31, 1024, dtype=np.int64).astype(np.int32)
-    lanes = every_width.form.lanes
+    lanes = every_width.variant.lanes
     result = results(every_width, FLOATS, x)
     halves = x.reshape(-1, lanes)
     while halves.shape[1] > 1:  # the first half of the lanes plus the second, over and over
@@ -320,7 +321,7 @@ def test_gathers_read_each_lane_from_its_own_place(
 
 @pytest.mark.parametrize("shift", [0, 1, 3])
 def test_loads_and_stores_need_no_alignment(every_width: Runtime, shift: int) -> None:
-    lanes = every_width.form.lanes
+    lanes = every_width.variant.lanes
     kernel = every_width.kernel_from_text(
         "move",
         f"""#include "{LANES}"

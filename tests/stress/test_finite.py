@@ -97,15 +97,16 @@ def one_bounce(technique: Callable[..., Any], **options: tuple[Any, ...]) -> Any
 
 
 def shading(draw: Draw, runtime: Runtime) -> None:
-    gbuffer, lamps, rsms = draw(gbuffers()), draw(lights()), None
+    gbuffer, punctual_lights, rsms = draw(gbuffers()), draw(lights()), None
     if draw(st.booleans()):
         own = draw(maps())
-        lamps, rsms = [own.light], [own]
+        punctual_lights, rsms = [own.light], [own]
     rng = np.random.default_rng(draw(seeds))
     ao = rng.random(gbuffer.size) if draw(st.booleans()) else None
     indirect = hdr(rng, (*gbuffer.size, 3)) if draw(st.booleans()) else None
     within(shade(
-        gbuffer, lamps, rsms=rsms, ao=ao, indirect=indirect, multi_bounce=draw(st.booleans()),
+        gbuffer, punctual_lights, rsms=rsms, ao=ao, indirect=indirect,
+        multi_bounce=draw(st.booleans()),
         runtime=runtime,
     ))
 
@@ -205,11 +206,12 @@ def test_results_are_finite_and_in_range(runtime: Runtime, name: str, data: Any)
 @examples(60)
 @given(data=st.data())
 def test_many_results_are_finite_and_in_range(
-    form_runtime: Runtime, name: str, data: Any
+    variant_runtime: Runtime, name: str, data: Any
 ) -> None:
     try:
-        CHECKS[name](data.draw, form_runtime)
+        CHECKS[name](data.draw, variant_runtime)
     except DeviceError as refused:
         # Images have only so many rows; layers and channels lie one below the other in them.
-        if form_runtime.form.storage != "image" or "has images of at most" not in str(refused):
+        images = variant_runtime.variant.storage == "image"
+        if not images or "has images of at most" not in str(refused):
             raise

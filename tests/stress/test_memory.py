@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.device.drivers import FORMS, Form
+from ssgi_cl.device.drivers import KERNEL_VARIANTS, KernelVariant
 
 OPTIONS = "-O0 -Dalways_inline=unused -D__has_builtin(x)=0"
 """oclgrind knows neither what LLVM notes about arguments of functions that it inlines, nor minima
@@ -34,19 +34,19 @@ def findings(log: str) -> set[tuple[str, str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_no_kernel_races_or_strays(form: Form, tmp_path: Path) -> None:
+@pytest.mark.parametrize("variant", KERNEL_VARIANTS, ids=str)
+def test_no_kernel_races_or_strays(variant: KernelVariant, tmp_path: Path) -> None:
     oclgrind = shutil.which("oclgrind")
     if oclgrind is None:
         pytest.skip("oclgrind is not installed")
     log = tmp_path / "oclgrind.log"
     # It takes the halves of a vector for uninitialised where they are compared, even of memory that
     # was cleared, and all that is copied to an image; 1 lane on buffers reads the same.
-    initialised = ["--uninitialized"] if form == Form(1, "buffer") else []
+    initialised = ["--uninitialized"] if variant == KernelVariant(1, "buffer") else []
     command = [
         oclgrind, "--data-races", *initialised, "--max-errors", "100000",
         "--build-options", OPTIONS, "--log", str(log),
-        sys.executable, "-m", "ssgi_cl.bench.every", str(form.lanes), form.storage,
+        sys.executable, "-m", "ssgi_cl.bench.every", str(variant.lanes), variant.storage,
     ]
     # A program that was compiled before would not be with these options.
     done = subprocess.run(

@@ -78,18 +78,18 @@ def test_no_kernel_needs_the_full_header_of_built_in_functions(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TECHNIQUES)
-def test_every_form_and_run_gives_the_same_bits(
-    every_form: Runtime, scalar: Runtime, given_once: Inputs, name: str
+def test_every_form_and_run_gives_bit_identical_results(
+    every_variant: Runtime, scalar: Runtime, given_once: Inputs, name: str
 ) -> None:
     wanted = results(given_once, scalar, [name])
     for _ in range(2):
-        for key, found in results(given_once, every_form, [name]).items():
+        for key, found in results(given_once, every_variant, [name]).items():
             np.testing.assert_array_equal(found, wanted[key], err_msg=key)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS, ids=str)
-def test_work_groups_of_any_size_give_the_same_bits(
+def test_work_groups_of_any_size_give_bit_identical_results(
     scalar: Runtime, given_once: Inputs, group: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = results(given_once, scalar)
@@ -106,7 +106,7 @@ def test_work_groups_of_any_size_give_the_same_bits(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("threads", ["1", "2", "5"])
-def test_any_number_of_threads_gives_the_same_bits(
+def test_any_number_of_threads_gives_bit_identical_results(
     scalar: Runtime, given_once: Inputs, threads: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "results.npz"

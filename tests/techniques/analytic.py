@@ -1,4 +1,4 @@
-"""Analytic G-buffers: planes and spheres met by the line of sight of every pixel, in float64."""
+"""Analytic G-buffers: planes and spheres met by the view ray of every pixel, in float64."""
 
 from __future__ import annotations
 

@@ -240,21 +240,22 @@ def test_a_constant_environment_gives_pi_times_its_radiance(runtime: Runtime) ->
 
 
 @pytest.mark.parametrize("name", ["17 x 31", "one texel of 3 x 2", "two suns"])
-def test_every_kernel_form_interpolates_as_the_twin_does(form_runtime: Runtime, name: str) -> None:
+def test_every_kernel_variant_interpolates_as_the_reference_does(variant_runtime: Runtime,
+    name: str) -> None:
     skies = [Environment(SKIES[name]), Environment((0.1, 0.2, 0.3))]
     normal = np.concatenate([everywhere(300), creases(), vertices().reshape(-1, 3)[::31]])
-    found = looked_up(form_runtime, skies, normal)
+    found = looked_up(variant_runtime, skies, normal)
     expected = ambient_reference(skies, normal)
     # E changes by less than a tenth of its greatest within a cell, where coordinates round by
     # 32 / 2^24.
     assert (np.abs(found - expected) <= 1e-6 * expected.max(axis=0)).all()
 
 
-def test_length_of_a_normal_does_not_matter_and_none_is_finite(form_runtime: Runtime) -> None:
+def test_length_of_a_normal_does_not_matter_and_none_is_finite(variant_runtime: Runtime) -> None:
     skies, normal = [Environment(SKIES["17 x 31"])], everywhere(200)
-    once = looked_up(form_runtime, skies, normal)
-    np.testing.assert_array_equal(looked_up(form_runtime, skies, 4.0 * normal), once)
-    assert np.isfinite(looked_up(form_runtime, skies, 0.0 * normal)).all()
+    once = looked_up(variant_runtime, skies, normal)
+    np.testing.assert_array_equal(looked_up(variant_runtime, skies, 4.0 * normal), once)
+    assert np.isfinite(looked_up(variant_runtime, skies, 0.0 * normal)).all()
 
 
 def test_what_faces_away_from_the_only_light_stays_black(runtime: Runtime) -> None:

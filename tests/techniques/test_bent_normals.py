@@ -1,4 +1,4 @@
-"""Bent normals of GTAO: against quadrature, marching and rays, and against the numpy twin."""
+"""Bent normals of GTAO: against quadrature, marching and rays, and against the numpy reference."""
 
 from __future__ import annotations
 
@@ -171,11 +171,11 @@ def test_cornell_box_bends_as_rays_through_the_mesh_say(runtime: Runtime) -> Non
     assert np.median(degrees(found, truth)) < 4.0
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -195,12 +195,12 @@ VARIANTS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("choice", VARIANTS, ids=str)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any],
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any],
     margin: tuple[int, int],
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(31, 39)), rng, margin=margin)
-    found = bent(gbuffer, runtime=form_runtime, **choice)
+    found = bent(gbuffer, runtime=variant_runtime, **choice)
     wanted = bent_reference(gbuffer, GtaoParams(radius=RADIUS, **choice))
     # A flip spreads over the window of the blur.
     assert share_off(found, wanted) <= 25 * FLIPS
@@ -228,12 +228,12 @@ def test_deeper_layers_bend_too(runtime: Runtime, rng: np.random.Generator) -> N
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_planes_keep_their_normals_at_any_tilt(
-    form_runtime: Runtime, kind: str, resolution: str
+    variant_runtime: Runtime, kind: str, resolution: str
 ) -> None:
     made = camera(kind, (17, 31))
     for tilt in (0.0, 45.0, 85.0, 89.9):
         gbuffer = trace(made, [tilted(made, tilt)])
-        found = bent(gbuffer, 1.0, resolution=resolution, runtime=form_runtime)
+        found = bent(gbuffer, 1.0, resolution=resolution, runtime=variant_runtime)
         # Nothing is hidden: the normal itself, turned to view space and back.
         np.testing.assert_allclose(found, normal_of(gbuffer), rtol=0, atol=3e-7)
 
@@ -248,7 +248,7 @@ def test_open_surfaces_keep_their_normals_when_blurred(runtime: Runtime) -> None
 
 @pytest.mark.parametrize("choice", [{}, {"falloff": 0.5}, {"resolution": "half"}], ids=str)
 def test_bent_normals_are_units_above_the_surface_and_0_where_nothing_is(
-    form_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any]
+    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any]
 ) -> None:
     made = camera(size=(33, 70))
     for reach in (0.3, 3.0, 37.0):
@@ -256,7 +256,7 @@ def test_bent_normals_are_units_above_the_surface_and_0_where_nothing_is(
         depth[rng.random(made.size) < 0.1] = np.inf
         gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
         for radius in (1e-20, 1.0, 1e20):
-            found = bent(gbuffer, radius, runtime=form_runtime, **choice)
+            found = bent(gbuffer, radius, runtime=variant_runtime, **choice)
             length = np.linalg.norm(found, axis=-1)
             np.testing.assert_array_equal(length[np.isinf(depth)], 0.0)
             np.testing.assert_allclose(length[np.isfinite(depth)], 1.0, rtol=0, atol=1e-6)
@@ -271,29 +271,29 @@ def test_bent_normals_never_lie_below_the_surface(
         assert np.sum(found * normal_of(gbuffer), axis=-1)[np.isfinite(gbuffer.depth)].min() > 0.0
 
 
-def test_openness_is_the_same_with_and_without(
-    form_runtime: Runtime, rng: np.random.Generator
+def test_visibility_is_the_same_with_and_without(
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     for choice in ({"falloff": 0.6}, {"resolution": "half"}):
-        a, _ = gtao(gbuffer, RADIUS, bent_normals=True, runtime=form_runtime, **choice)
-        np.testing.assert_array_equal(a, gtao(gbuffer, RADIUS, runtime=form_runtime, **choice))
+        a, _ = gtao(gbuffer, RADIUS, bent_normals=True, runtime=variant_runtime, **choice)
+        np.testing.assert_array_equal(a, gtao(gbuffer, RADIUS, runtime=variant_runtime, **choice))
 
 
 def test_prepared_technique_gives_the_same_and_allocates_nothing_more(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device = DeviceGBuffer(variant_runtime, gbuffer.size)
     device.upload(gbuffer)
     params = GtaoParams(radius=RADIUS, resolution="half", bent_normals=True)
-    technique = Gtao(form_runtime, gbuffer.size, params)
+    technique = Gtao(variant_runtime, gbuffer.size, params)
     plane = technique.run(device)
     assert plane.count == 4
     first = plane.download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     a, found = technique.both(device)
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first[0], a)
     np.testing.assert_array_equal(np.moveaxis(first[1:], 0, -1), found)
     out = np.zeros(gbuffer.size, np.float32)

@@ -1,4 +1,5 @@
-"""The edge-aware blur: against its numpy twin, on planes, and at edges that it must not cross."""
+"""The edge-aware blur: against its numpy reference, on planes, and at edges that it must not
+cross."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ def narrow(size: tuple[int, int] = (33, 47)) -> Camera:
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -66,13 +67,13 @@ SWITCHES: list[tuple[dict[str, Any], int]] = [
     ],
     ids=str,
 )
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], channels: int
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], channels: int
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(19, 37)), rng)
     shape = gbuffer.size if channels == 1 else (*gbuffer.size, 3)
     image = rng.random(shape).astype(np.float32)
-    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime, **params)
+    blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime, **params)
     wanted = bilateral_reference(image, gbuffer, BilateralParams(**params))
     passes = 2 * params.get("passes", 1)
     assert share_off(blurred, wanted, passes * ROUNDING) <= FLIPS
@@ -80,13 +81,13 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 5), (17, 31)], ids=str)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
+def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margins(
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
     margin: tuple[int, int],
 ) -> None:
     gbuffer = scene("bumpy", camera(size=size), rng, margin=margin)
     image = rng.random(size).astype(np.float32)
-    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     # Of few pixels each is so wide that planes change by their own depth from one to the next.
     # Measured: 7e-5.
     np.testing.assert_allclose(
@@ -95,13 +96,13 @@ def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
 
 
 @pytest.mark.slow
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
     a = bilateral_blur(image, gbuffer, runtime=runtime)
-    b = bilateral_blur(image, gbuffer, runtime=every_form)
+    b = bilateral_blur(image, gbuffer, runtime=every_variant)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 
@@ -109,11 +110,11 @@ def test_every_kernel_form_gives_the_same_result(
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("value", [0.0, 1.0, -3.7, 1e20])
 def test_constant_stays_constant(
-    form_runtime: Runtime, rng: np.random.Generator, name: str, value: float
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, value: float
 ) -> None:
     gbuffer = scene(name, camera(), rng)
     image = np.full(gbuffer.size, value, np.float32)
-    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     # 2 x 9 products and sums, each rounded by 2^-24.
     np.testing.assert_allclose(blurred, image, rtol=2e-6, atol=0)
 
@@ -143,7 +144,7 @@ def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
 
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
 def test_blur_does_not_cross_a_step_in_depth(
-    form_runtime: Runtime, rng: np.random.Generator, normals: bool
+    variant_runtime: Runtime, rng: np.random.Generator, normals: bool
 ) -> None:
     gbuffer = scene("step", camera(), rng)
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
@@ -152,17 +153,17 @@ def test_blur_does_not_cross_a_step_in_depth(
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
     for separable in (True, False):
         blurred = bilateral_blur(
-            near, gbuffer, radius=7, passes=3, separable=separable, runtime=form_runtime
+            near, gbuffer, radius=7, passes=3, separable=separable, runtime=variant_runtime
         )
         # Tossed neighbours weigh exactly 0; 1 is a quotient of equal sums.
         np.testing.assert_allclose(blurred, near, rtol=0, atol=1e-6)
 
 
-def test_blur_does_not_cross_a_crease(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_blur_does_not_cross_a_crease(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     wall = np.argmax(np.abs(gbuffer.normal), axis=-1).astype(np.float32)
     assert len(np.unique(wall)) == 3
-    blurred = bilateral_blur(wall, gbuffer, radius=7, runtime=form_runtime)
+    blurred = bilateral_blur(wall, gbuffer, radius=7, runtime=variant_runtime)
     np.testing.assert_allclose(blurred, wall, rtol=0, atol=2e-6)  # as above, of values up to 2
 
 
@@ -213,50 +214,51 @@ def test_blur_of_no_reach_returns_the_image(
 
 
 def test_pixels_with_nothing_keep_their_value_and_give_none(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(), rng)
     empty = np.isinf(gbuffer.depth)
     image = np.where(empty, rng.uniform(-1e6, 1e6, gbuffer.size), 0.25).astype(np.float32)
-    blurred = bilateral_blur(image, gbuffer, runtime=form_runtime)
+    blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     np.testing.assert_array_equal(blurred[empty], image[empty])
     np.testing.assert_allclose(blurred[~empty], 0.25, rtol=2e-6)  # as of any constant
 
 
 def test_any_depths_give_values_within_those_of_the_image(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     for kind in ("perspective", "orthographic"):
         made = camera(kind, (33, 70))
         depth = (10.0 ** rng.uniform(-37.0, 37.0, made.size)).astype(np.float32)
         image = rng.random(made.size).astype(np.float32)
         blurred = bilateral_blur(
-            image, GBuffer(camera=made, depth=depth), runtime=form_runtime, normal_sigma=10.0
+            image, GBuffer(camera=made, depth=depth), runtime=variant_runtime, normal_sigma=10.0
         )
         assert blurred.min() >= 0.0
         assert blurred.max() <= 1.0
 
 
-def test_two_runs_give_the_same_bits(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_two_runs_give_bit_identical_results(variant_runtime: Runtime,
+    rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
-    first = bilateral_blur(image, gbuffer, runtime=form_runtime)
-    np.testing.assert_array_equal(first, bilateral_blur(image, gbuffer, runtime=form_runtime))
+    first = bilateral_blur(image, gbuffer, runtime=variant_runtime)
+    np.testing.assert_array_equal(first, bilateral_blur(image, gbuffer, runtime=variant_runtime))
 
 
 def test_second_call_allocates_and_builds_nothing(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device = DeviceGBuffer(variant_runtime, gbuffer.size)
     device.upload(gbuffer)
-    blur = Bilateral(form_runtime, gbuffer.size, BilateralParams(passes=2))
-    plane = form_runtime.plane(1, gbuffer.size)
+    blur = Bilateral(variant_runtime, gbuffer.size, BilateralParams(passes=2))
+    plane = variant_runtime.plane(1, gbuffer.size)
     plane.upload(rng.random((1, *gbuffer.size)).astype(np.float32))
     first = blur.run(plane, device).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = blur.run(plane, device).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -126,8 +126,8 @@ THIN = [
 
 
 @pytest.mark.parametrize(("choice", "kind"), THIN, ids=str)
-def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_twin(
-    form_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
+def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
 ) -> None:
     front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=(2, 3))
     depth = np.asarray(front.depth)
@@ -138,7 +138,7 @@ def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_twin(
         camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness
     )
     params = {"radius": 0.6, "blur_radius": 0, **choice}
-    a = bitmask_ao(gbuffer, **params, runtime=form_runtime)
+    a = bitmask_ao(gbuffer, **params, runtime=variant_runtime)
     wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
     # A sector or the radius may fall to the other side in a pixel or two.
     assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 2e-3

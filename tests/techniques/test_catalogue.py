@@ -190,14 +190,14 @@ def test_former_arguments_of_constructors_work_and_warn(runtime: Runtime) -> Non
 
 def test_shading_and_tone_mapping_take_their_parameters(runtime: Runtime, given: Inputs) -> None:
     gbuffer, size = on_device(given.gbuffer, runtime), given.gbuffer.size
-    openness, indirect = runtime.plane(1, size, 0.5), runtime.plane(3, size)
-    openness.upload(np.full((1, *size), 0.5, np.float32))
+    visibility, indirect = runtime.plane(1, size, 0.5), runtime.plane(3, size)
+    visibility.upload(np.full((1, *size), 0.5, np.float32))
     indirect.upload(np.ones((3, *size), np.float32))
     both = {"multi_bounce": True, "indirect_ao": True}
     shown = []
     for params, switches in ((gi.ShadeParams(**both), {}), (None, both), (None, {})):
         plane = gi.Shade(runtime, size, params).run(
-            gbuffer, given.lights, openness=openness, indirect=indirect, **switches
+            gbuffer, given.lights, visibility=visibility, indirect=indirect, **switches
         )
         shown.append(plane.download())
     np.testing.assert_array_equal(shown[0], shown[1])

@@ -49,7 +49,7 @@ def facing_normal(camera: Camera, plane: Plane) -> NDArray[np.float64]:
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("size", [(3, 5), (17, 31), (47, 61), (16, 600), (600, 16)], ids=str)
 def test_normals_from_depth_are_right_to_a_tenth_of_a_degree_on_planes(
-    form_runtime: Runtime, kind: str, size: tuple[int, int]
+    variant_runtime: Runtime, kind: str, size: tuple[int, int]
 ) -> None:
     made = camera(kind, size)
     for tilt in (0.0, 30.0, 60.0, 80.0, 89.0):
@@ -57,7 +57,7 @@ def test_normals_from_depth_are_right_to_a_tenth_of_a_degree_on_planes(
         # A pixel without a neighbour in its row or column knows too little.
         there = np.isfinite(gbuffer.depth)
         known = there & _beside(there, 0) & _beside(there, 1)
-        normal = derived(form_runtime, gbuffer)
+        normal = derived(variant_runtime, gbuffer)
         wanted = np.broadcast_to(facing_normal(made, plane), normal.shape)
         wrong = degrees_between(normal, wanted)[known]
         # Depths are rounded to 2^-24, and pixels are 0.001 radians apart at least.
@@ -73,7 +73,7 @@ def _beside(there: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_normals_from_depth_agree_with_numpy_twin(
+def test_normals_from_depth_agree_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     given = scene(name, camera(kind), rng)
@@ -86,7 +86,7 @@ def test_normals_from_depth_agree_with_numpy_twin(
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_given_normals_agree_with_numpy_twin(
+def test_given_normals_agree_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -97,13 +97,13 @@ def test_given_normals_agree_with_numpy_twin(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
-def test_every_kernel_form_gives_the_same_normals(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator, normals: bool
+def test_every_kernel_variant_gives_the_same_normals(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, normals: bool
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(131, 217)), rng, margin=(1, 3))
     if not normals:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
-    a, b = derived(runtime, gbuffer), derived(every_form, gbuffer)
+    a, b = derived(runtime, gbuffer), derived(every_variant, gbuffer)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
 
@@ -111,10 +111,10 @@ def test_every_kernel_form_gives_the_same_normals(
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("name", SCENES)
 def test_normals_have_unit_length_and_are_0_where_nothing_is(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str, name: str
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, name: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
-    length = np.linalg.norm(derived(form_runtime, gbuffer).astype(np.float64), axis=-1)
+    length = np.linalg.norm(derived(variant_runtime, gbuffer).astype(np.float64), axis=-1)
     wanted = np.isfinite(gbuffer.depth).astype(float)
     # A given normal's components are rounded by 2^-24, and by GBuffer left alone within 1e-5.
     np.testing.assert_allclose(length, wanted, rtol=0, atol=6e-6)
@@ -122,13 +122,13 @@ def test_normals_have_unit_length_and_are_0_where_nothing_is(
 
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_normal_that_faces_away_from_its_surface_is_turned(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
     gbuffer = scene("corner", camera(kind), rng)
     turned = GBuffer(
         camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal)
     )
-    a, b = derived(form_runtime, gbuffer), derived(form_runtime, turned)
+    a, b = derived(variant_runtime, gbuffer), derived(variant_runtime, turned)
     # In a crease the surface rebuilt from depth may be the other one; measured: 1 pixel of 2867,
     # with the camera given by intrinsics.
     assert np.mean(np.any(a != b, axis=-1)) <= FLIPS
@@ -136,7 +136,7 @@ def test_normal_that_faces_away_from_its_surface_is_turned(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
-    form_runtime: Runtime, sign: float
+    variant_runtime: Runtime, sign: float
 ) -> None:
     # The surface is tilted by 80 degrees and its interpolated normal by 95: the sight says that
     # the normal faces away, the surface that it does not. Its opposite faces the viewer already.
@@ -144,7 +144,7 @@ def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
     plane, leaning = tilted(made, 80.0), tilted(made, 95.0)
     depth = trace(made, [plane]).depth
     normal = sign * np.broadcast_to(leaning.normal, (20, 20, 3))
-    result = derived(form_runtime, GBuffer(camera=made, depth=depth, normal=normal))
+    result = derived(variant_runtime, GBuffer(camera=made, depth=depth, normal=normal))
     wanted = sign * facing_normal(made, leaning)
     np.testing.assert_allclose(result, np.broadcast_to(wanted, result.shape), atol=1e-6)
 
@@ -152,56 +152,56 @@ def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1)], ids=str)
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_image_of_one_row_or_column_has_finite_normals_that_face_the_viewer(
-    form_runtime: Runtime, size: tuple[int, int], kind: str
+    variant_runtime: Runtime, size: tuple[int, int], kind: str
 ) -> None:
     made = camera(kind, size)
     gbuffer = GBuffer(camera=made, depth=np.full(size, 3.0, np.float32))
-    normal = derived(form_runtime, gbuffer)
+    normal = derived(variant_runtime, gbuffer)
     # All differences have no depth, so the surface lies across the view.
     np.testing.assert_allclose(normal, np.broadcast_to([0, 0, 1], normal.shape), atol=1e-6)
 
 
-def test_lone_pixel_has_a_normal_towards_the_viewer(form_runtime: Runtime) -> None:
+def test_lone_pixel_has_a_normal_towards_the_viewer(variant_runtime: Runtime) -> None:
     made = camera(size=(9, 40))
     depth = np.full(made.size, np.inf, np.float32)
     depth[4, 0] = depth[4, 39] = depth[0, 17] = depth[8, 16] = 2.0
-    normal = derived(form_runtime, GBuffer(camera=made, depth=depth))
+    normal = derived(variant_runtime, GBuffer(camera=made, depth=depth))
     wanted = np.where(np.isfinite(depth)[..., None], [0.0, 0.0, 1.0], 0.0)
     np.testing.assert_allclose(normal, wanted, atol=1e-6)  # a length of 1, rounded
 
 
 def test_given_normal_of_0_is_reconstructed_and_others_are_kept(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     holes = rng.random(gbuffer.size) < 0.3
     partly = np.where(holes[..., None], 0.0, gbuffer.normal)
     mixed = derived(
-        form_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly)
+        variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly)
     )
-    given = derived(form_runtime, gbuffer)
-    rebuilt = derived(form_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth))
+    given = derived(variant_runtime, gbuffer)
+    rebuilt = derived(variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth))
     np.testing.assert_array_equal(mixed, np.where(holes[..., None], rebuilt, given))
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("reach", [3.0, 30.0])
 def test_any_depths_give_finite_unit_normals(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str, reach: float
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, reach: float
 ) -> None:
     made = camera(kind, (33, 70))
     depth = (10.0 ** rng.uniform(-reach, reach, made.size)).astype(np.float32)
-    normal = derived(form_runtime, GBuffer(camera=made, depth=depth))
+    normal = derived(variant_runtime, GBuffer(camera=made, depth=depth))
     length = np.linalg.norm(normal.astype(np.float64), axis=-1)
     np.testing.assert_allclose(length, 1.0, rtol=0, atol=1e-6)  # some roundings of 2^-24
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
     gbuffer = scene("noisy", camera(kind), rng)
-    linear = uploaded(form_runtime, gbuffer).linear.download()[0]
+    linear = uploaded(variant_runtime, gbuffer).linear.download()[0]
     depth = np.asarray(gbuffer.depth)
     wanted = depth if kind == "orthographic" else np.where(np.isinf(depth), np.inf, 1.0 / depth)
     np.testing.assert_allclose(linear, wanted, rtol=2e-7)  # a division, rounded
@@ -209,7 +209,7 @@ def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(
 
 @pytest.mark.parametrize("given", [True, False], ids=["given", "from depth"])
 def test_each_layer_has_the_normals_that_it_would_have_alone(
-    form_runtime: Runtime, rng: np.random.Generator, given: bool
+    variant_runtime: Runtime, rng: np.random.Generator, given: bool
 ) -> None:
     made = camera("perspective")
     alone = [scene(name, made, rng) for name in ("corner", "ball")]
@@ -217,13 +217,13 @@ def test_each_layer_has_the_normals_that_it_would_have_alone(
     depth = np.stack([np.asarray(alone[0].depth), np.asarray(alone[1].depth) * 1024.0])
     normal = np.stack([np.asarray(each.normal) for each in alone])
     both = GBuffer(camera=made, depth=depth, normal=normal if given else None)
-    device = uploaded(form_runtime, both)
+    device = uploaded(variant_runtime, both)
     for layer in range(2):
         single = GBuffer(camera=made, depth=depth[layer], normal=normal[layer] if given else None)
-        wanted = uploaded(form_runtime, single).normal.download()
+        wanted = uploaded(variant_runtime, single).normal.download()
         images = device.normal.download()[3 * layer : 3 * layer + 3]
         np.testing.assert_array_equal(images, wanted, err_msg=f"layer {layer}")
-    wanted = uploaded(form_runtime, GBuffer(camera=made, depth=depth[0])).linear.download()
+    wanted = uploaded(variant_runtime, GBuffer(camera=made, depth=depth[0])).linear.download()
     np.testing.assert_array_equal(device.linear.download(), wanted)
 
 

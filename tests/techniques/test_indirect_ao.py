@@ -28,15 +28,15 @@ def box(runtime: Runtime, **options: Any) -> Frame:
 
 
 @pytest.mark.parametrize("with_ao", [False, True])
-def test_shading_agrees_with_float64_twin(
-    form_runtime: Runtime, rng: np.random.Generator, with_ao: bool
+def test_shading_agrees_with_float64_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, with_ao: bool
 ) -> None:
     gbuffer = scene("corner", camera(), rng)
     ao = rng.random(gbuffer.size).astype(np.float32) if with_ao else None
     indirect = rng.random((*gbuffer.size, 3)).astype(np.float32)
     lights = [SpotLight((0.0, 1.0, 1.0), (0.0, -1.0, -1.0), 1.0, 2.0)]
     options: Any = {"ao": ao, "indirect": indirect, "indirect_ao": True}
-    found = shade(gbuffer, lights, runtime=form_runtime, **options)
+    found = shade(gbuffer, lights, runtime=variant_runtime, **options)
     # As of shading without it: some roundings of 2^-24.
     np.testing.assert_allclose(
         found, shade_reference(gbuffer, lights, **options), rtol=2e-5, atol=1e-6

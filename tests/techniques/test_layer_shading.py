@@ -53,41 +53,41 @@ def lit(
     runtime: Runtime,
     gbuffer: GBuffer,
     lights: tuple[Light, ...],
-    openness: NDArray[np.float32] | None = None,
+    visibility: NDArray[np.float32] | None = None,
     step: int = 1,
 ) -> NDArray[np.float32] | None:
     """Return radiance [layers, rows, columns, 3] with margin, or None."""
     device = on_device(gbuffer, runtime)
     plane = None
-    if openness is not None:
-        plane = runtime.plane(1, openness.shape, 1.0)
-        plane.upload(openness[None])
+    if visibility is not None:
+        plane = runtime.plane(1, visibility.shape, 1.0)
+        plane.upload(visibility[None])
     with runtime.frame():
         result = LitLayers(runtime, device.whole, device.attributes).run(
-            device, lights, openness=plane, step=step
+            device, lights, visibility=plane, step=step
         )
         if result is None:
             return None
         return np.moveaxis(result.download().reshape(-1, 3, *device.whole), 1, -1)
 
 
-def spread(openness: NDArray[np.float32], margin: Size, step: int) -> NDArray[np.float32]:
+def spread(visibility: NDArray[np.float32], margin: Size, step: int) -> NDArray[np.float32]:
     """Return A of the nearest pixel that has one for each pixel, margin included."""
     index = []
     for axis in (0, 1):
         at = np.arange(-margin[axis], SIZE[axis] + margin[axis])
         nearest = (np.clip(at, 0, None) + step // 2) // step
-        index.append(np.minimum(nearest, openness.shape[axis] - 1))
-    return openness[np.ix_(*index)]
+        index.append(np.minimum(nearest, visibility.shape[axis] - 1))
+    return visibility[np.ix_(*index)]
 
 
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 @pytest.mark.parametrize("emits", [True, False])
 def test_each_layer_is_shaded_as_if_it_were_alone(
-    form_runtime: Runtime, rng: np.random.Generator, margin: Size, emits: bool
+    variant_runtime: Runtime, rng: np.random.Generator, margin: Size, emits: bool
 ) -> None:
     gbuffer = layered(rng, margin, emits=emits)
-    radiance = lit(form_runtime, gbuffer, LIGHTS)
+    radiance = lit(variant_runtime, gbuffer, LIGHTS)
     assert radiance is not None
     for layer in range(2):
         single = alone(gbuffer, layer)
@@ -99,15 +99,15 @@ def test_each_layer_is_shaded_as_if_it_were_alone(
 
 
 @pytest.mark.parametrize("step", [1, 2, 4])
-def test_openness_dims_the_sky_of_the_nearest_pixels(
-    form_runtime: Runtime, rng: np.random.Generator, step: int
+def test_visibility_dims_the_sky_of_the_nearest_pixels(
+    variant_runtime: Runtime, rng: np.random.Generator, step: int
 ) -> None:
     margin = (3, 5)
     gbuffer = layered(rng, margin, emits=False)
-    openness = rng.random((-(-SIZE[0] // step), -(-SIZE[1] // step)), np.float32)
-    radiance = lit(form_runtime, gbuffer, LIGHTS, openness, step)
+    visibility = rng.random((-(-SIZE[0] // step), -(-SIZE[1] // step)), np.float32)
+    radiance = lit(variant_runtime, gbuffer, LIGHTS, visibility, step)
     assert radiance is not None
-    ao = spread(openness, margin, step)
+    ao = spread(visibility, margin, step)
     for layer in range(2):
         single = alone(gbuffer, layer)
         there = np.isfinite(np.asarray(single.depth))
@@ -116,19 +116,19 @@ def test_openness_dims_the_sky_of_the_nearest_pixels(
 
 
 def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    device = on_device(layered(rng, (3, 5), emits=False), form_runtime)
+    device = on_device(layered(rng, (3, 5), emits=False), variant_runtime)
     sun, turned = ((DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3)))
                    for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5)))
-    both = LitLayers(form_runtime, device.whole, 2, backs=True)
-    fronts = LitLayers(form_runtime, device.whole, 2)
-    with form_runtime.frame():
+    both = LitLayers(variant_runtime, device.whole, 2, backs=True)
+    fronts = LitLayers(variant_runtime, device.whole, 2)
+    with variant_runtime.frame():
         found = both.run(device, sun)
         assert found is not None
         found = found.download()
     for half, lights in ((found[:6], sun), (found[6:], turned)):
-        with form_runtime.frame():
+        with variant_runtime.frame():
             expected = fronts.run(device, lights)
             assert expected is not None
             expected = expected.download()
@@ -137,20 +137,20 @@ def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
 
 
 def test_backs_see_the_sky_of_the_other_side(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     # What a sky sends to a normal it sends to the opposite one when it is mirrored at its middle:
     # rows from the top are those from the bottom, and columns lie half a turn further on.
-    device = on_device(layered(rng, emits=False), form_runtime)
+    device = on_device(layered(rng, emits=False), variant_runtime)
     mirrored = np.roll(SKY[::-1], SKY.shape[1] // 2, axis=1)
-    both = LitLayers(form_runtime, device.whole, 2, backs=True)
-    fronts = LitLayers(form_runtime, device.whole, 2)
-    with form_runtime.frame():
+    both = LitLayers(variant_runtime, device.whole, 2, backs=True)
+    fronts = LitLayers(variant_runtime, device.whole, 2)
+    with variant_runtime.frame():
         found = both.run(device, [Environment(SKY)])
         assert found is not None
         found = found.download()
     for half, sky in ((found[:6], SKY), (found[6:], mirrored)):
-        with form_runtime.frame():
+        with variant_runtime.frame():
             expected = fronts.run(device, [Environment(sky)])
             assert expected is not None
             expected = expected.download()
@@ -159,16 +159,16 @@ def test_backs_see_the_sky_of_the_other_side(
 
 
 def test_records_have_radiance_to_the_bit_and_normals(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    device = on_device(layered(rng, (3, 5)), form_runtime)
-    technique = LitLayers(form_runtime, device.whole, 2)
-    with form_runtime.frame():
+    device = on_device(layered(rng, (3, 5)), variant_runtime)
+    technique = LitLayers(variant_runtime, device.whole, 2)
+    with variant_runtime.frame():
         radiance = technique.run(device, LIGHTS)
         records = technique.records(device, LIGHTS)
         assert radiance is not None
         assert records is not None
-        packed = SenderRecords(form_runtime, device.whole, 2)
+        packed = SenderRecords(variant_runtime, device.whole, 2)
         packed.pack(device, radiance)
         expected = np.moveaxis(radiance.download().reshape(2, 3, *device.whole), 1, -1)
         normal = np.moveaxis(device.normal.download().reshape(2, 3, *device.whole), 1, -1)

@@ -1,4 +1,5 @@
-"""Screen-space shadows: against the numpy twin, where they must fall, and where they must not."""
+"""Screen-space shadows: against the numpy reference, where they must fall, and where they must
+not."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.light_shadows import light_shadows_reference
-from ssgi_cl.techniques.shading.light_data import Lamps
-from ssgi_cl.techniques.shading.light_shadows import LampShadowParams, LampShadows, cone_misses
+from ssgi_cl.techniques.shading.light_data import PunctualLights
+from ssgi_cl.techniques.shading.light_shadows import LightShadowParams, LightShadows, cone_misses
 
 from .analytic import CAMERAS, Ball, Plane, camera, scene, tilted, trace
 
@@ -25,23 +26,23 @@ LIGHTS: tuple[Light, ...] = (
     SpotLight((1.5, 2.0, 1.0), (-1.0, -1.2, -0.8), 0.6, (3.0, 3.0, 1.0), radius=0.1),
     Environment(1.0),
 )
-PARAMS = LampShadowParams(radius=0.8)
+PARAMS = LightShadowParams(radius=0.8)
 ROUNDING = 2e-4
 """Relative to the light: a position rounds to some 1e-6 radii, which a shadow's onset multiplies
 by 50."""
 FLIPS = 4e-3
-"""Share of pixels in which one of 12 taps to each lamp falls to the other side of a pixel's edge:
-ways to lamps run along rows and columns more often than at random."""
+"""Share of pixels in which one of 12 taps to each light falls to the other side of a pixel's edge:
+ways to lights run along rows and columns more often than at random."""
 
 
 def lit(
     runtime: Runtime,
     gbuffer: GBuffer,
     lights: tuple[Light, ...],
-    params: LampShadowParams = PARAMS,
+    params: LightShadowParams = PARAMS,
 ) -> NDArray[np.float32]:
     """Return irradiance [rows, columns, 3] from the kernel."""
-    plane = LampShadows(runtime, gbuffer.size, params).run(uploaded(runtime, gbuffer), lights)
+    plane = LightShadows(runtime, gbuffer.size, params).run(uploaded(runtime, gbuffer), lights)
     assert plane is not None
     return np.moveaxis(plane.download(), 0, -1)
 
@@ -62,15 +63,15 @@ def assert_alike(a: NDArray[Any], b: NDArray[Any]) -> None:
 
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("name", ["corner", "bumpy"])
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng, margin=(3, 5))
     assert_alike(lit(runtime, gbuffer, LIGHTS), light_shadows_reference(gbuffer, LIGHTS, PARAMS))
 
 
-def test_every_kernel_form_agrees_with_numpy_twin_with_two_layers(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_agrees_with_numpy_reference_with_two_layers(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     made = camera(size=(39, 53))
     front, floor = (scene(name, made, rng) for name in ("bumpy", "corner"))
@@ -80,10 +81,10 @@ def test_every_kernel_form_agrees_with_numpy_twin_with_two_layers(
         camera=made, depth=np.stack([depth, deep]), normal=front.normal,
         thickness=rng.uniform(0.0, 1.6, depth.shape).astype(np.float32),
     )
-    params = LampShadowParams(radius=0.8, taps=7, thickness=2.0)
-    found = lit(form_runtime, gbuffer, LIGHTS, params)
+    params = LightShadowParams(radius=0.8, taps=7, thickness=2.0)
+    found = lit(variant_runtime, gbuffer, LIGHTS, params)
     assert_alike(found, light_shadows_reference(gbuffer, LIGHTS, params))
-    # Contraction is off: the same bits.
+    # Contraction is off: bit-identical results.
     np.testing.assert_array_equal(found, lit(runtime, gbuffer, LIGHTS, params))
 
 
@@ -93,7 +94,7 @@ def test_ball_casts_its_shadow_where_geometry_says(runtime: Runtime) -> None:
     ball = Ball((0.0, 0.5, 0.0), 0.5)
     gbuffer = trace(made, [Plane((0, 0, 0), (0, 1, 0)), ball])
     sun = DirectionalLight((1.0, -1.0, 0.0), 1.0)
-    params = LampShadowParams(radius=2.0, taps=64, thickness=0.5)
+    params = LightShadowParams(radius=2.0, taps=64, thickness=0.5)
     found = lit(runtime, gbuffer, (sun,), params)[..., 0]
     depth = np.asarray(gbuffer.depth)
     point = made.unproject(depth)
@@ -118,9 +119,9 @@ def test_what_is_not_shadowed_is_lit_exactly(runtime: Runtime, kind: str) -> Non
     for degrees in (0.0, 45.0, 80.0):
         gbuffer = trace(made, [tilted(made, degrees)], margin=(2, 3))
         device = uploaded(runtime, gbuffer)
-        without = Lamps(runtime, gbuffer.size).run(device, LIGHTS)
+        without = PunctualLights(runtime, gbuffer.size).run(device, LIGHTS)
         assert without is not None
-        found = LampShadows(runtime, gbuffer.size, PARAMS).run(device, LIGHTS)
+        found = LightShadows(runtime, gbuffer.size, PARAMS).run(device, LIGHTS)
         assert found is not None
         np.testing.assert_array_equal(found.download(), without.download())
 
@@ -130,27 +131,30 @@ def test_scale_of_the_world_does_not_matter(runtime: Runtime) -> None:
     for scale in (1.0, 1e3):
         rng = np.random.default_rng(1)
         gbuffer = scene("bumpy", camera(scale=scale), rng, scale=scale)
-        lamp = PointLight(scale * np.array([0.5, 1.2, 0.4]), scale**2, radius=0.2 * scale)
-        results.append(lit(runtime, gbuffer, (lamp,), LampShadowParams(radius=0.8 * scale)))
+        punctual_light = PointLight(scale * np.array([0.5, 1.2, 0.4]), scale**2, radius=0.2 * scale)
+        results.append(lit(runtime, gbuffer, (punctual_light,),
+            LightShadowParams(radius=0.8 * scale)))
     assert_alike(*results)
 
 
-def test_larger_lamp_has_a_softer_shadow(runtime: Runtime) -> None:
+def test_larger_light_has_a_softer_shadow(runtime: Runtime) -> None:
     made = camera()
     gbuffer = scene("ball", made, np.random.default_rng(1))
     shares = []
     for radius in (0.0, 0.4):
-        lamp = PointLight((0.3, 2.5, 0.2), 4.0, radius=radius)
-        plain = lit(runtime, gbuffer, (PointLight(lamp.position, lamp.intensity),),
-                    LampShadowParams(radius=1e-3))[..., 0]
-        found = lit(runtime, gbuffer, (lamp,), LampShadowParams(radius=2.0, taps=32))[..., 0]
+        punctual_light = PointLight((0.3, 2.5, 0.2), 4.0, radius=radius)
+        plain = lit(runtime, gbuffer,
+            (PointLight(punctual_light.position, punctual_light.intensity),),
+                    LightShadowParams(radius=1e-3))[..., 0]
+        found = lit(runtime, gbuffer, (punctual_light,),
+            LightShadowParams(radius=2.0, taps=32))[..., 0]
         share = np.divide(found, plain, where=plain > 0.0, out=np.zeros_like(found))
         tiles = share[:44, :60].reshape(11, 4, 15, 4).mean(axis=(1, 3))
         shares.append(np.mean((tiles > 0.1) & (tiles < 0.9)))
     assert shares[1] > 1.3 * shares[0]
 
 
-def test_lamps_that_reach_nothing_are_skipped_and_say_why(runtime: Runtime) -> None:
+def test_lights_that_reach_nothing_are_skipped_and_say_why(runtime: Runtime) -> None:
     made = camera()
     gbuffer = trace(made, [tilted(made, 20.0)])
     device = uploaded(runtime, gbuffer)
@@ -159,7 +163,7 @@ def test_lamps_that_reach_nothing_are_skipped_and_say_why(runtime: Runtime) -> N
     assert cone_misses(device, behind)
     assert not cone_misses(device, towards)
     with runtime.frame():
-        shadows = LampShadows(runtime, gbuffer.size)
+        shadows = LightShadows(runtime, gbuffer.size)
         assert shadows.run(device, (behind, PointLight((0, 0, 0), 0.0))) is None
     assert [(time.name, time.skipped) for time in runtime.times()] == [
         ("light spot", "its cone misses all that is seen"), ("light point", "it emits nothing"),
@@ -171,7 +175,7 @@ def test_cone_that_is_said_to_miss_lights_nothing(runtime: Runtime, kind: str) -
     rng = np.random.default_rng(3)
     gbuffer = scene("bumpy", camera(kind), rng, margin=(2, 2))
     device = uploaded(runtime, gbuffer)
-    lamps = Lamps(runtime, gbuffer.size)
+    punctual_lights = PunctualLights(runtime, gbuffer.size)
     missed = 0
     for _ in range(40):
         light = SpotLight(
@@ -179,7 +183,7 @@ def test_cone_that_is_said_to_miss_lights_nothing(runtime: Runtime, kind: str) -
         )
         if cone_misses(device, light):
             missed += 1
-            plane = lamps.run(device, (light,))
+            plane = punctual_lights.run(device, (light,))
             assert plane is not None
             assert not plane.download().any()
     assert missed > 5
@@ -199,4 +203,4 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
     params: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        LampShadowParams(**params)
+        LightShadowParams(**params)

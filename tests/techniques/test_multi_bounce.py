@@ -26,7 +26,7 @@ GREY = np.repeat(np.broadcast_to(STEPS, (201, 201))[..., None], 3, axis=-1)
 """Albedo rises along rows, A along columns."""
 
 
-def test_function_agrees_with_float64_twin(rng: np.random.Generator) -> None:
+def test_function_agrees_with_float64_reference(rng: np.random.Generator) -> None:
     a, albedo = rng.random((31, 17)), rng.random((31, 17, 3))
     # Four roundings of float32 of sums of up to 5.
     np.testing.assert_allclose(
@@ -40,7 +40,7 @@ def test_open_stays_open_and_closed_stays_closed() -> None:
     np.testing.assert_array_equal(found[0], 0.0)
 
 
-def test_brightness_rises_with_openness_and_with_albedo_and_is_never_below_a() -> None:
+def test_brightness_rises_with_visibility_and_with_albedo_and_is_never_below_a() -> None:
     found = multi_bounce(A, GREY)[..., 0]
     # Steps of 1 / 200 change it by far more than it is rounded by, unless it stays as it is.
     assert np.diff(found, axis=0).min() > 0.0
@@ -52,7 +52,7 @@ def test_black_surfaces_leave_a_and_white_ones_brighten_it_much() -> None:
     found = multi_bounce(A, GREY)[..., 0]
     # The fit is not exact for black: measured at most 1e-5 above A.
     np.testing.assert_allclose(found[:, 0], STEPS, rtol=0, atol=2e-5)
-    # Infinitely many bounces between white walls of openness 1/2 would make it 1.
+    # Infinitely many bounces between white walls of visibility 1/2 would make it 1.
     assert 0.75 < float(found[100, -1]) < 1.0
 
 
@@ -81,17 +81,17 @@ def test_bad_input_is_refused(ao: Any, albedo: Any, error: type[Exception], mess
         multi_bounce(ao, albedo)
 
 
-def test_shading_with_bounces_agrees_with_float64_twin(
-    form_runtime: Runtime, rng: np.random.Generator
+def test_shading_with_bounces_agrees_with_float64_reference(
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = replace(scene("bumpy", camera(), rng), albedo=rng.random((47, 61, 3)))
     lights = (Environment((0.2, 0.4, 0.6)), DirectionalLight((-0.3, -1.0, -0.5), (3, 2, 1)))
     ao = rng.random(gbuffer.size, np.float32)
-    found = shade(gbuffer, lights, ao=ao, multi_bounce=True, runtime=form_runtime)
+    found = shade(gbuffer, lights, ao=ao, multi_bounce=True, runtime=variant_runtime)
     wanted = shade_reference(gbuffer, lights, ao=ao, multi_bounce=True)
     # As without: some roundings of positions and normals, relative to the brightest pixel.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-5 * float(wanted.max()))
-    plain = shade(gbuffer, lights, ao=ao, runtime=form_runtime)
+    plain = shade(gbuffer, lights, ao=ao, runtime=variant_runtime)
     assert (found >= plain).all()
     assert float(np.mean(found - plain)) > 0.02 * float(np.mean(plain))
 

@@ -1,4 +1,4 @@
-"""Levels of points: against the numpy twin, formulas, and what interpolation may never do."""
+"""Levels of points: against the numpy reference, formulas, and what interpolation may never do."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def fill(
     for level in grid.levels(gbuffer, limit):
         values = level.values.download()
         points = tuple(level.listed().T)
-        shares = level.shares.download()[0][points]
-        assert ((shares > 0.0) & (shares <= 1.0)).all()
-        values[:, *points] += shares * images[:, :: level.step, :: level.step][:, *points]
+        fractions = level.fractions.download()[0][points]
+        assert ((fractions > 0.0) & (fractions <= 1.0)).all()
+        values[:, *points] += fractions * images[:, :: level.step, :: level.step][:, *points]
         level.values.upload(values)
     return np.moveaxis(grid.result.download(), 0, -1), grid.computed()
 
@@ -70,17 +70,17 @@ def there(gbuffer: GBuffer) -> NDArray[np.bool_]:
     return np.isfinite(inner(gbuffer, "depth"))
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize("bound", [0.0, 0.02, math.inf])
 @pytest.mark.parametrize("name", SCENES)
-def test_every_kernel_form_agrees_with_numpy_twin(
-    form_runtime: Runtime, rng: np.random.Generator, name: str, bound: float
+def test_every_kernel_variant_agrees_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, bound: float
 ) -> None:
     gbuffer = scene(name, camera(size=SIZE), rng)
     truth = light(SIZE, 0.5)
-    values, computed = run(form_runtime, gbuffer, truth, bound)
+    values, computed = run(variant_runtime, gbuffer, truth, bound)
     expected, steps = multires_grid_reference(gbuffer, truth, bound, MultiresGridParams())
     off = (np.abs(values - expected) > EXACT).any(axis=-1)
     # With no error allowed, whether something is a straight line is decided by rounding.
@@ -90,7 +90,7 @@ def test_every_kernel_form_agrees_with_numpy_twin(
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_kernel_agrees_with_numpy_twin_in_every_camera_and_with_a_margin(
+def test_kernel_agrees_with_numpy_reference_in_every_camera_and_with_a_margin(
     runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
     gbuffer = scene("ball", camera(kind, SIZE), rng, margin=(3, 6))
@@ -101,13 +101,13 @@ def test_kernel_agrees_with_numpy_twin_in_every_camera_and_with_a_margin(
 
 
 @pytest.mark.parametrize("name", ["bumpy", "noisy"])
-def test_every_kernel_form_gives_the_same_bits_and_order(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, name: str
+def test_every_kernel_variant_gives_bit_identical_results_and_order(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, name: str
 ) -> None:
     gbuffer = scene(name, camera(size=SIZE), rng)
     truth = light(SIZE, 0.5)[..., :1]
     results, orders = [], []
-    for used in (runtime, form_runtime):
+    for used in (runtime, variant_runtime):
         grid = MultiresGrid(used, SIZE, channels=1)
         results.append(fill(grid, on_device(gbuffer, used), truth, 0.02)[0])
         orders.append(np.concatenate([level.listed() for level in grid._levels]))
@@ -242,11 +242,11 @@ def test_sixteen_points_in_a_row_of_the_list_are_a_block(runtime: Runtime) -> No
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 33), (40, 1), (5, 7), (16, 16), (33, 18)])
-def test_every_size_works(form_runtime: Runtime, size: tuple[int, int]) -> None:
+def test_every_size_works(variant_runtime: Runtime, size: tuple[int, int]) -> None:
     seen = camera(size=size)
     gbuffer = trace(seen, [tilted(seen, 20.0)])
     truth = light(size)
-    values, computed = run(form_runtime, gbuffer, truth)
+    values, computed = run(variant_runtime, gbuffer, truth)
     expected, steps = multires_grid_reference(gbuffer, truth, 0.02, MultiresGridParams())
     np.testing.assert_allclose(values, expected, atol=EXACT)
     np.testing.assert_array_equal(computed, steps)
@@ -265,7 +265,7 @@ def test_the_margin_does_not_count(runtime: Runtime, rng: np.random.Generator) -
         for margin in ((0, 0), (5, 16), (7, 3))
     ]
     for values, computed in results[1:]:
-        # Slopes of lines of sight are counted from another corner: the last bit differs.
+        # Slopes of view rays are counted from another corner: the last bit differs.
         np.testing.assert_array_equal(computed, results[0][1])
         np.testing.assert_allclose(values, results[0][0], atol=EXACT)
 

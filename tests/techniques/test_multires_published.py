@@ -62,13 +62,13 @@ def full(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
     "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ball", "step"))]
 )
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-def test_every_kernel_form_agrees_with_the_reference(
-    form_runtime: Runtime, rng: np.random.Generator, name: str, margin: tuple[int, int]
+def test_every_kernel_variant_agrees_with_the_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, margin: tuple[int, int]
 ) -> None:
     gbuffer = scene(name, camera(size=(61, 87)), rng, margin=margin)
     vpls = lights(rng, 40)
     params = {"levels": 5, "depth_threshold": DEPTH, "normal_threshold": NORMAL}
-    e, technique = splatted(form_runtime, gbuffer, vpls, **params)
+    e, technique = splatted(variant_runtime, gbuffer, vpls, **params)
     wanted, kept = multires_published_reference(gbuffer, vpls, 5, DEPTH, NORMAL)
     assert sum(count > 0 for count in technique.counts()) >= 3
     assert [abs(a - b.sum()) <= 2 for a, b in zip(technique.counts(), kept, strict=True)] == (
@@ -96,21 +96,21 @@ def test_the_reference_is_met_in_every_camera(
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (33, 1), (17, 31), (16, 64)], ids=str)
 @pytest.mark.parametrize("levels", [1, 3, 7])
 def test_images_of_any_size(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], levels: int
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], levels: int
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng), lights(rng, 20)
     e, _ = splatted(
-        form_runtime, gbuffer, vpls, levels=levels, depth_threshold=0.2, normal_threshold=NORMAL
+        variant_runtime, gbuffer, vpls, levels=levels, depth_threshold=0.2, normal_threshold=NORMAL
     )
     wanted, _ = multires_published_reference(gbuffer, vpls, levels, 0.2, NORMAL)
     np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-4 * wanted.mean())
 
 
-def test_every_form_gives_the_same_bits(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+def test_every_form_gives_bit_identical_results(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng)
-    one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, form_runtime))
+    one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, variant_runtime))
     np.testing.assert_array_equal(one, other)
 
 
@@ -132,25 +132,25 @@ def test_a_margin_and_deeper_layers_change_nothing(
 
 @pytest.mark.parametrize("size", [(128, 192), (100, 130)], ids=str)
 def test_a_flat_wall_has_the_coarsest_subsplats_alone(
-    form_runtime: Runtime, size: tuple[int, int]
+    variant_runtime: Runtime, size: tuple[int, int]
 ) -> None:
-    _, technique = splatted(form_runtime, wall(size), spots([(0.0, 0.0)], 1.0))
+    _, technique = splatted(variant_runtime, wall(size), spots([(0.0, 0.0)], 1.0))
     coarsest = -(-size[0] // 64) * -(-size[1] // 64)
     assert technique.counts() == [0] * 6 + [coarsest]
 
 
 def test_every_pixel_with_a_surface_lies_in_one_subsplat(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(90, 121)), rng)
     _, technique = splatted(
-        form_runtime, gbuffer, lights(rng, 5), depth_threshold=DEPTH, normal_threshold=0.4
+        variant_runtime, gbuffer, lights(rng, 5), depth_threshold=DEPTH, normal_threshold=0.4
     )
     there = np.isfinite(np.asarray(gbuffer.depth))
     assert not there.all()
     covered = np.zeros(there.shape, int)
     for level in technique._levels:
-        kept = level.shares.download()[0].astype(int)
+        kept = level.fractions.download()[0].astype(int)
         wide = kept.repeat(level.step, axis=0).repeat(level.step, axis=1)
         covered += wide[: there.shape[0], : there.shape[1]]
     np.testing.assert_array_equal(covered, there.astype(int))
@@ -160,11 +160,11 @@ def test_every_pixel_with_a_surface_lies_in_one_subsplat(
 
 
 def test_edges_of_depth_and_of_normals_are_refined(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("step", camera(size=(96, 128)), rng)
     _, technique = splatted(
-        form_runtime, gbuffer, lights(rng, 5), depth_threshold=0.05, normal_threshold=NORMAL
+        variant_runtime, gbuffer, lights(rng, 5), depth_threshold=0.05, normal_threshold=NORMAL
     )
     depth, normal = np.asarray(gbuffer.depth), np.asarray(gbuffer.normal)
     steps = technique.computed()
@@ -183,7 +183,7 @@ def test_edges_of_depth_and_of_normals_are_refined(
         ]
         roof = trace(camera("orthographic", (96, 128), eye=(0, 0, 5), target=(0, 0, 0)), sides)
         _, technique = splatted(
-            form_runtime, roof, lights(rng, 5), depth_threshold=10.0, normal_threshold=NORMAL
+            variant_runtime, roof, lights(rng, 5), depth_threshold=10.0, normal_threshold=NORMAL
         )
         steps = technique.computed()
         normal = np.asarray(roof.normal)
@@ -217,28 +217,28 @@ def test_a_tilted_wall_is_refined_where_its_depth_varies_more(runtime: Runtime) 
 # ---- light
 
 
-def test_constant_light_stays_constant(form_runtime: Runtime) -> None:
+def test_constant_light_stays_constant(variant_runtime: Runtime) -> None:
     # A light so far away that float32 sees no difference over the wall, and an edge in it.
     vpls = spots([(0.0, 0.0)], 1e4, 1e8)
     view = camera("orthographic", size=(96, 128), eye=(0, 0, 3), target=(0, 0, 0))
     near = Plane((0, 0, 0.5), (0, 0, 1), ((1.0, 0.3, 0.0), 0.2))
     gbuffer = trace(view, [Plane((0, 0, 0), (0, 0, 1)), near])
-    e, technique = splatted(form_runtime, gbuffer, vpls)
+    e, technique = splatted(variant_runtime, gbuffer, vpls)
     assert sum(count > 0 for count in technique.counts()) > 3
-    every = full(form_runtime, gbuffer, vpls)
+    every = full(variant_runtime, gbuffer, vpls)
     # Its direction differs by (2 / 1e4)^2, the two walls' distances by 5e-5.
     np.testing.assert_allclose(e, np.broadcast_to(e[0, 0], e.shape), rtol=2e-4)
     np.testing.assert_allclose(e, every, rtol=2e-4)
     flat = wall()
-    e, _ = splatted(form_runtime, flat, vpls, levels=5)
-    one = full(form_runtime, flat, vpls)
+    e, _ = splatted(variant_runtime, flat, vpls, levels=5)
+    one = full(variant_runtime, flat, vpls)
     assert np.ptp(e) <= np.ptp(one)  # interpolation adds no rounding of its own
 
 
-def test_one_level_is_full_shooting(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_one_level_is_full_shooting(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng, margin=(3, 5)), lights(rng, 150)
-    e, technique = splatted(form_runtime, gbuffer, vpls, levels=1)
-    np.testing.assert_array_equal(e, full(form_runtime, gbuffer, vpls))
+    e, technique = splatted(variant_runtime, gbuffer, vpls, levels=1)
+    np.testing.assert_array_equal(e, full(variant_runtime, gbuffer, vpls))
     assert technique.counts() == [int(np.isfinite(gbuffer.inner(np.asarray(gbuffer.depth))).sum())]
 
 
@@ -294,25 +294,25 @@ def test_lights_of_maps_are_those_of_splatting(runtime: Runtime) -> None:
 
 
 def test_nothing_seen_and_no_light_give_nothing(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     view = camera(size=(37, 53))
     nothing = GBuffer(camera=view, depth=np.full((37, 53), np.inf))
-    e, technique = splatted(form_runtime, nothing, lights(rng, 5))
+    e, technique = splatted(variant_runtime, nothing, lights(rng, 5))
     assert not e.any()
     assert not any(technique.counts())
-    assert not multires_splat(wall(), [], method="published", runtime=form_runtime).any()
+    assert not multires_splat(wall(), [], method="published", runtime=variant_runtime).any()
 
 
 def test_second_call_allocates_and_builds_nothing(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    gbuffer, vpls = uploaded(form_runtime, scene("ball", camera(), rng)), lights(rng, 20)
-    technique = MultiresPublished(form_runtime, gbuffer.size, MultiresPublishedParams(vpls=20))
+    gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng, 20)
+    technique = MultiresPublished(variant_runtime, gbuffer.size, MultiresPublishedParams(vpls=20))
     first = technique.run(gbuffer, vpls).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(gbuffer, vpls).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

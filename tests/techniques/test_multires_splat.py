@@ -20,7 +20,7 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.multires_splat import multires_splat_reference
-from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference
 from ssgi_cl.techniques.indirect.multires_splat import (
@@ -84,12 +84,12 @@ def spots(at: Any, height: float, flux: float = 1.0) -> Vpls:
 
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 31)], ids=str)
-def test_every_kernel_form_has_all_light_where_every_pixel_is_computed(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
+def test_every_kernel_variant_has_all_light_where_every_pixel_is_computed(
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
     margin: tuple[int, int],
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng, margin=margin), lights(rng, 50)
-    e, technique = splatted(form_runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
+    e, technique = splatted(variant_runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
     wanted = full(gbuffer, vpls)
     # A few roundings of 2^-24; grazing lights are differences of float32 positions.
     np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-5 * wanted.mean())
@@ -108,17 +108,17 @@ def test_a_margin_changes_nothing(runtime: Runtime, rng: np.random.Generator) ->
     np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * other.mean())
 
 
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng)
-    one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, form_runtime))
+    one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, variant_runtime))
     # Contraction is off, so forms differ only where a device's division is not exact.
     np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * one.mean())
 
 
 @pytest.mark.parametrize("params", [{}, {"cutoff": 0.2}, {"near": "clamped", "coarsest": 8}])
-def test_kernels_agree_with_numpy_twin(
+def test_kernels_agree_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
 ) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng, 100)
@@ -153,8 +153,9 @@ def test_errors_are_shares_of_the_mean_with_few_lights_and_many(
 def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES[name]()
     gbuffer = drawn(made.scene, made.camera(320, 240), runtime=runtime)
-    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
+    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [rsm(made.scene, punctual_light, size=256,
+        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     every, _ = splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
     seen = np.isfinite(np.asarray(gbuffer.depth))
@@ -172,9 +173,9 @@ def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str)
 # ---- light that is easy or hard to interpolate
 
 
-def test_constant_light_stays_constant(form_runtime: Runtime) -> None:
+def test_constant_light_stays_constant(variant_runtime: Runtime) -> None:
     # A light so far away that float32 sees no difference over the wall.
-    e, technique = splatted(form_runtime, wall(), spots([(0.0, 0.0)], 1e4, 1e8))
+    e, technique = splatted(variant_runtime, wall(), spots([(0.0, 0.0)], 1e4, 1e8))
     # Its direction differs by (2 / 1e4)^2.
     np.testing.assert_allclose(e, np.broadcast_to(e[48, 64], e.shape), rtol=1e-6)
     # The coarsest level is complete, with the last column and row of no finer one.
@@ -232,14 +233,15 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
 ) -> None:
     made = BUILTIN_SCENES[name]()
     view = made.camera(320, 240)
-    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
+    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [rsm(made.scene, punctual_light, size=256,
+        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     kinds = [MultiresSplat(runtime, view.size, params) for params in (
         MultiresSplatParams(), MultiresSplatParams(coarsest=1, light_error=0.0),
     )]
     before: tuple[Any, ...] | None = None
-    shares = []
+    fractions = []
     for frame in range(60):
         projection = view.projection.copy()
         projection[0, 2] += 2.0 * 0.01 * frame / view.width
@@ -254,7 +256,7 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
                 for one, other in zip(images, before[1], strict=True)
             )
             calm = few[same & (every < 0.002)]
-            shares.append([np.mean(jumps > limit) for jumps, limit in (
+            fractions.append([np.mean(jumps > limit) for jumps, limit in (
                 (few[same], 0.01), (every[same], 0.01), (calm, 0.01), (calm, 0.02), (calm, 0.05)
             )])
         before = near, images
@@ -262,9 +264,9 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
     # a hundredth of the mean, where with all lights at all pixels it is 0.0019 and 0.0239. Of those
     # that are calm then 0.0004 and 0.0009 do; more than 0.02: 0.00014 and 0.00036, than 0.05:
     # 0.00002 and 0.0001. Most lie next to a point that shows another surface, or light that jumps.
-    few_change, every_change, *calm_changes = np.mean(shares, axis=0)
+    few_change, every_change, *interior_changes = np.mean(fractions, axis=0)
     assert few_change < 1.4 * every_change
-    assert (np.array(calm_changes) < (0.0015, 0.0006, 0.0002)).all()
+    assert (np.array(interior_changes) < (0.0015, 0.0006, 0.0002)).all()
 
 
 def full_on_device(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
@@ -292,7 +294,7 @@ def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runt
 
 @pytest.fixture
 def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
-    """The Cornell box with two layers, its lamp's map, and lights from it."""
+    """The Cornell box with two layers, its light's map, and lights from it."""
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(72, 54), layers=2, overscan=0.1, runtime=runtime)
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
@@ -301,22 +303,22 @@ def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
 
 # Of 4 lights in a square all are as near to the mean, and rounding decides which one is taken.
 @pytest.mark.parametrize("share", SHARES[1:])
-def test_lines_of_sight_agree_with_numpy_twin(
-    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], share: int
+def test_lines_of_sight_agree_with_numpy_reference(
+    variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], share: int
 ) -> None:
     gbuffer, seen, vpls = walled
     params = MultiresSplatParams(
         vpls=500, coarsest=1, light_error=0.0, visibility=True, grid=32, share=share
     )
-    technique = MultiresSplat(form_runtime, gbuffer.size, params)
-    device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
+    technique = MultiresSplat(variant_runtime, gbuffer.size, params)
+    device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, [map_]).download(), 0, -1)
     view = gbuffer.camera.view
     there, point, normal = receivers(gbuffer)
     point, lights_at = (
         points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
     )
-    walls = SightGridReference(
+    walls = OccupancyGridReference(
         np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), params.grid
     )
     tree = VplTreeReference(vpls, gbuffer.camera)
@@ -329,17 +331,17 @@ def test_lines_of_sight_agree_with_numpy_twin(
     assert wanted.mean() < 0.95 * full(gbuffer, vpls).mean()
 
 
-def test_walls_take_light_away_alone_and_in_the_same_bits_again(
-    form_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls]
+def test_walls_take_light_away_alone_and_in_bit_identical_results_again(
+    variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls]
 ) -> None:
     gbuffer, seen, vpls = walled
-    device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
+    device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     made = []
     for visibility in (False, True, True):
         params = MultiresSplatParams(
             vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32
         )
-        technique = MultiresSplat(form_runtime, gbuffer.size, params)
+        technique = MultiresSplat(variant_runtime, gbuffer.size, params)
         made.append(technique.run(device, vpls, [map_]).download())
     np.testing.assert_array_equal(made[1], made[2])
     assert (made[1] <= made[0]).all()
@@ -368,14 +370,14 @@ def test_light_that_walls_block_is_close_to_a_path_tracer(runtime: Runtime) -> N
 
 
 def test_empty_pixels_and_images_get_no_light(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     made, vpls = camera(size=(20, 30)), lights(rng, 40)
     nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
-    np.testing.assert_array_equal(splatted(form_runtime, nothing, vpls)[0], 0.0)
+    np.testing.assert_array_equal(splatted(variant_runtime, nothing, vpls)[0], 0.0)
     gbuffer = scene("ball", made, rng)
     empty = np.isinf(np.asarray(gbuffer.depth))
-    e, _ = splatted(form_runtime, gbuffer, vpls)
+    e, _ = splatted(variant_runtime, gbuffer, vpls)
     np.testing.assert_array_equal(e[empty], 0.0)
     assert e[~empty].any()
 
@@ -448,26 +450,26 @@ def test_errors_of_nothing_and_of_everything_are_limits(runtime: Runtime) -> Non
     gbuffer, vpls = box(runtime)
     every, seen = full_on_device(runtime, gbuffer, vpls), np.isfinite(np.asarray(gbuffer.depth))
     exact, most = splatted(runtime, gbuffer, vpls, error=0.0, light_error=0.0)
-    rough, least = splatted(runtime, gbuffer, vpls, error=1e6, light_error=1e6)
+    gradient, least = splatted(runtime, gbuffer, vpls, error=1e6, light_error=1e6)
     # With no error allowed, what is left to interpolate lies on straight lines but for rounding.
     assert relative(exact - every, every, seen) < 1e-4
-    assert np.isfinite(rough).all()
+    assert np.isfinite(gradient).all()
     assert sum(least.grid.counts().values()) < 0.1 * sum(most.grid.counts().values())
-    assert 0.5 < rough[seen].mean() / every[seen].mean() < 2.0
+    assert 0.5 < gradient[seen].mean() / every[seen].mean() < 2.0
 
 
 # ---- prepared once, called many times
 
 
-def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, rng: np.random.Generator
+def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    gbuffer, vpls = uploaded(form_runtime, scene("ball", camera(), rng)), lights(rng)
-    technique = MultiresSplat(form_runtime, gbuffer.size)
+    gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng)
+    technique = MultiresSplat(variant_runtime, gbuffer.size)
     first = technique.run(gbuffer, vpls).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(gbuffer, vpls).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -25,7 +25,7 @@ BLURS = [
 @pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
 @pytest.mark.parametrize("blur_resolution", ["own", "full"])
 @pytest.mark.parametrize(("blur", "margin"), BLURS, ids=str)
-def test_every_combination_of_resolution_and_blur_agrees_with_numpy_twin(
+def test_every_combination_of_resolution_and_blur_agrees_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, resolution: str, blur_resolution: str,
     blur: tuple[int, int], margin: tuple[int, int],
 ) -> None:
@@ -44,12 +44,12 @@ def test_every_combination_of_resolution_and_blur_agrees_with_numpy_twin(
 @pytest.mark.parametrize("resolution", ["half", "quarter"])
 @pytest.mark.parametrize("degrees", [0.0, 60.0])
 def test_plane_is_open_exactly_when_blurred_at_full_size(
-    form_runtime: Runtime, resolution: str, degrees: float
+    variant_runtime: Runtime, resolution: str, degrees: float
 ) -> None:
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.3, width=71, height=33)
     gbuffer = trace(made, [tilted(made, degrees)])
     a = ssao(gbuffer, radius=0.3, resolution=resolution, blur_radius=7, blur_resolution="full",
-             runtime=form_runtime)
+             runtime=variant_runtime)
     np.testing.assert_array_equal(a, 1.0)
 
 

@@ -16,7 +16,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.reference.occupancy_grid import SightGridReference
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
@@ -39,7 +39,7 @@ def from_above(scene: Scene, runtime: Runtime, height: float = 3.0, layers: int 
     return drawn(scene, camera, layers=layers, runtime=runtime)
 
 
-def lamps(at: tuple[float, float, float], normal: tuple[float, float, float]) -> Vpls:
+def punctual_lights(at: tuple[float, float, float], normal: tuple[float, float, float]) -> Vpls:
     """16 lights at one place, so that each pixel of an interleaved pattern has one."""
     return Vpls(
         np.tile(np.array(at, np.float64), (16, 1)), np.tile(np.array(normal, np.float64), (16, 1)),
@@ -49,7 +49,7 @@ def lamps(at: tuple[float, float, float], normal: tuple[float, float, float]) ->
 
 def held_by(technique: MultiresSplat | VplSplat) -> NDArray[np.bool_]:
     """Return [z, y, x] which cells of a technique's grid are occupied."""
-    walls = technique._walls
+    walls = technique._occupancy
     assert walls is not None
     n = walls.cells // 4
     words = walls.grid.download()[: walls.cells**3 // 32].view(np.uint32)
@@ -93,7 +93,7 @@ def floor_at(gbuffer: GBuffer) -> tuple[Doubles, Doubles]:
 
 @pytest.mark.parametrize("shift", [0.0, 1e5])
 def test_kernel_occupies_the_cells_of_the_reference(
-    form_runtime: Runtime, rng: np.random.Generator, shift: float
+    variant_runtime: Runtime, rng: np.random.Generator, shift: float
 ) -> None:
     parts: list[Quad] = [FLOOR]
     for size in (0.01, 0.05, 0.3, 2.0):
@@ -109,15 +109,15 @@ def test_kernel_occupies_the_cells_of_the_reference(
     camera = Camera.look_at(
         np.array([1.0, 2.0, 4.0]) + shift, np.array([0.1, 0.3, 0.0]) + shift, width=40, height=30
     )
-    gbuffer = drawn(scene, camera, runtime=form_runtime)
-    vpls = lamps((shift, 1.0 + shift, shift), (0, -1, 0))
-    _, technique = lit(form_runtime, "multires", gbuffer, vpls, scene)
+    gbuffer = drawn(scene, camera, runtime=variant_runtime)
+    vpls = punctual_lights((shift, 1.0 + shift, shift), (0, -1, 0))
+    _, technique = lit(variant_runtime, "multires", gbuffer, vpls, scene)
     held = held_by(technique)
-    box = technique._walls.box.download().astype(np.float64)
+    box = technique._occupancy.box.download().astype(np.float64)
     unit = technique._lights.unit
     view = camera.view
     corners = (scene.positions.astype(np.float64) + scene.origin) @ view[:3, :3].T + view[:3, 3]
-    reference = SightGridReference(
+    reference = OccupancyGridReference(
         np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]), [], CELLS, corners[scene.triangles]
     )
     # In the kernel's own box, whose place is rounded; see the tests of rays for the reference's.
@@ -138,7 +138,7 @@ def test_holes_of_a_cut_out_texture_let_light_pass(runtime: Runtime) -> None:
         materials=[Material(), Material(texture=0, alpha_cutoff=0.5)],
     )
     floor = quads(FLOOR)
-    gbuffer, vpls = from_above(floor, runtime), lamps((0, 1.5, 0), (0, -1, 0))
+    gbuffer, vpls = from_above(floor, runtime), punctual_lights((0, 1.5, 0), (0, -1, 0))
     shadowed, _ = lit(runtime, "multires", gbuffer, vpls, scene)
     free, _ = lit(runtime, "multires", gbuffer, vpls, scene, visibility=False)
     x, z = floor_at(gbuffer)
@@ -156,14 +156,14 @@ def test_holes_of_a_cut_out_texture_let_light_pass(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("kind", ["multires", "vpl"])
 def test_a_thin_wall_that_nobody_sees_shadows_the_floor_behind_it(
-    form_runtime: Runtime, kind: str
+    variant_runtime: Runtime, kind: str
 ) -> None:
     scene = quads(FLOOR, ((0, 0, -1), (0, 0.2, 0), (0, 0, 2)))
-    gbuffer = from_above(scene, form_runtime)
-    vpls = lamps((-0.6, 0.4, 0), (0.8, -0.6, 0))
-    free, _ = lit(form_runtime, kind, gbuffer, vpls, scene, visibility=False)
-    solid, _ = lit(form_runtime, kind, gbuffer, vpls, scene)
-    seen, _ = lit(form_runtime, kind, gbuffer, vpls, None)
+    gbuffer = from_above(scene, variant_runtime)
+    vpls = punctual_lights((-0.6, 0.4, 0), (0.8, -0.6, 0))
+    free, _ = lit(variant_runtime, kind, gbuffer, vpls, scene, visibility=False)
+    solid, _ = lit(variant_runtime, kind, gbuffer, vpls, scene)
+    seen, _ = lit(variant_runtime, kind, gbuffer, vpls, None)
     x, _ = floor_at(gbuffer)
     # By similar triangles the shadow ends at 0.6 m x 0.2 / (0.4 - 0.2).
     end, margin = 0.6, 3.0 * CELL
@@ -178,16 +178,16 @@ def test_a_thin_wall_that_nobody_sees_shadows_the_floor_behind_it(
 
 @pytest.mark.parametrize("kind", ["multires", "vpl"])
 @pytest.mark.parametrize("tilt", [0.0, 0.31])
-def test_light_passes_a_gap_of_two_cells(form_runtime: Runtime, kind: str, tilt: float) -> None:
+def test_light_passes_a_gap_of_two_cells(variant_runtime: Runtime, kind: str, tilt: float) -> None:
     half = CELL  # of the gap
     parts: list[Quad] = [
         ((0, 0, side * half), (0, 0.9, 0), (tilt, 0, side * 0.9)) for side in (-1, 1)
     ]
     scene = quads(FLOOR, *parts)
-    gbuffer = from_above(scene, form_runtime)
-    vpls = lamps((-1.0, 0.5, 0), (1, 0, 0))
-    free, _ = lit(form_runtime, kind, gbuffer, vpls, scene, visibility=False)
-    solid, _ = lit(form_runtime, kind, gbuffer, vpls, scene)
+    gbuffer = from_above(scene, variant_runtime)
+    vpls = punctual_lights((-1.0, 0.5, 0), (1, 0, 0))
+    free, _ = lit(variant_runtime, kind, gbuffer, vpls, scene, visibility=False)
+    solid, _ = lit(variant_runtime, kind, gbuffer, vpls, scene)
     x, z = floor_at(gbuffer)
     beyond = (x > 0.5) & (x < 1.5)
     # From the lights at x = -1 the gap is seen twice as wide at x = 1.
@@ -202,7 +202,7 @@ def test_a_box_under_a_plate_and_a_ceiling_above_the_camera_block_light(runtime:
     plate: Quad = ((-0.3, 0.9, -1), (0.6, 0, 0), (0, 0, 2))
     box = [((x, 0, -1), (0, 0.5, 0), (0, 0, 2)) for x in (-0.1, 0.1)]
     scene = quads(FLOOR, plate, *box, ((-0.1, 0.5, -1), (0.2, 0, 0), (0, 0, 2)))
-    gbuffer, vpls = from_above(scene, runtime), lamps((-1.0, 0.3, 0), (1, 0, 0))
+    gbuffer, vpls = from_above(scene, runtime), punctual_lights((-1.0, 0.3, 0), (1, 0, 0))
     x, _ = floor_at(gbuffer)
     behind = (x > 0.4) & (x < 1.5)
     assert behind.any()
@@ -213,7 +213,7 @@ def test_a_box_under_a_plate_and_a_ceiling_above_the_camera_block_light(runtime:
 
     ceiling: Quad = ((-2, 1, -1), (4, 0, 0), (0, 0, 2))
     scene = quads(FLOOR, ceiling)
-    gbuffer, vpls = from_above(scene, runtime, height=0.8), lamps((0, 2.0, 0), (0, -1, 0))
+    gbuffer, vpls = from_above(scene, runtime, height=0.8), punctual_lights((0, 2.0, 0), (0, -1, 0))
     every = np.ones(gbuffer.size, np.bool_)
     assert vpl_sum(runtime, gbuffer, vpls, scene, every) == 0.0
     assert vpl_sum(runtime, gbuffer, vpls, None, every) > 0.0
@@ -234,7 +234,7 @@ def test_flat_and_tilted_planes_don_t_shadow_themselves(runtime: Runtime, height
     floor: Quad = ((-2, 0, -1), (4, height, 0), (0, 0.4 * height, 2))
     scene = quads(floor)
     gbuffer = from_above(scene, runtime)
-    vpls = lamps((0, 1.5, 0), (0, -1, 0))
+    vpls = punctual_lights((0, 1.5, 0), (0, -1, 0))
     for kind in ("multires", "vpl"):
         free, _ = lit(runtime, kind, gbuffer, vpls, scene, visibility=False)
         solid, _ = lit(runtime, kind, gbuffer, vpls, scene)
@@ -244,4 +244,5 @@ def test_flat_and_tilted_planes_don_t_shadow_themselves(runtime: Runtime, height
 def test_scene_of_another_type_is_refused(runtime: Runtime) -> None:
     gbuffer = from_above(quads(FLOOR), runtime)
     with pytest.raises(TypeError, match=r"scene is int: expected a Scene"):
-        vpl_splat(gbuffer, [], scene=3, interleave=True, visibility=True, runtime=runtime)  # type: ignore[arg-type]
+        vpl_splat(gbuffer, [], scene=3, interleave=True, visibility=True,
+            runtime=runtime)  # type: ignore[arg-type]

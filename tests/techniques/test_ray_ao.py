@@ -384,7 +384,7 @@ def test_any_number_of_rays_is_at_most_used(rays: int, nearly_exact: NDArray[np.
     assert np.isfinite(error).all() == (rays > 1)
 
 
-def test_same_arguments_give_the_same_bits_with_any_number_of_threads(
+def test_same_arguments_give_bit_identical_results_with_any_number_of_threads(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene, camera = posts()

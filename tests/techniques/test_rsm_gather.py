@@ -1,4 +1,4 @@
-"""Gathering from reflective shadow maps: against formulas, its numpy twin and traced light."""
+"""Gathering from reflective shadow maps: against formulas, its numpy reference and traced light."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ LIGHTS = {
     "point": PointLight((0.15, 0.3, 0.25), (3.0, 2.0, 1.0)),
     "directional": DirectionalLight((0.1, -0.2, 1.0), (2.0, 2.0, 1.0)),
 }
-ROADS: dict[str, dict[str, Any]] = {
+GATHER_METHODS: dict[str, dict[str, Any]] = {
     "all": {"pattern": "all"},
     "flux": {},
     "fixed": {"pattern": "fixed"},
     "rotated": {"pattern": "rotated"},
     "every": {"resolution": "adaptive", "error": 0.0},
 }
-TWIN = 1e-4
+REFERENCE = 1e-4
 """Relative to the mean and to the pixel itself. Measured in nearly all: 4e-5 at most, 4e-7 in the
 mean."""
 FLIPS = 2e-3
@@ -99,29 +99,29 @@ def relative(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
     """Return the share of pixels that differ by more than TWIN, or are no numbers."""
-    return float(np.mean(~(np.abs(a - b) <= TWIN * (b.mean() + b)).all(axis=-1)))
+    return float(np.mean(~(np.abs(a - b) <= REFERENCE * (b.mean() + b)).all(axis=-1)))
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize("light", slow_but(LIGHTS, "point"))
-@pytest.mark.parametrize("road", ROADS)
-def test_every_kernel_form_agrees_with_numpy_twin(
-    form_runtime: Runtime, light: str, road: str
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
+def test_every_kernel_variant_agrees_with_numpy_reference(
+    variant_runtime: Runtime, light: str, gather_method: str
 ) -> None:
-    params = RsmGatherParams(samples=60, **ROADS[road])
-    e = RsmGather(form_runtime, box().size, params)(box(), box_map(light))
+    params = RsmGatherParams(samples=60, **GATHER_METHODS[gather_method])
+    e = RsmGather(variant_runtime, box().size, params)(box(), box_map(light))
     assert share_off(e, rsm_gather_reference(box(), box_map(light), params)) <= FLIPS
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("road", ["flux", "fixed", "every"])
-def test_kernel_agrees_with_numpy_twin_in_every_camera_and_with_a_margin(
-    runtime: Runtime, rng: np.random.Generator, kind: str, road: str
+@pytest.mark.parametrize("gather_method", ["flux", "fixed", "every"])
+def test_kernel_agrees_with_numpy_reference_in_every_camera_and_with_a_margin(
+    runtime: Runtime, rng: np.random.Generator, kind: str, gather_method: str
 ) -> None:
     gbuffer = scene("bumpy", camera(kind), rng, margin=(3, 6))
-    params = RsmGatherParams(samples=50, **ROADS[road])
+    params = RsmGatherParams(samples=50, **GATHER_METHODS[gather_method])
     e = RsmGather(runtime, gbuffer.size, params, gbuffer.margin)(gbuffer, box_map())
     assert share_off(e, rsm_gather_reference(gbuffer, box_map(), params)) <= FLIPS
 
@@ -134,23 +134,26 @@ def test_with_all_texels_every_pixel_is_the_sum_over_the_map(runtime: Runtime, l
     assert share_off(e, rsm_gather_reference(box(20, 15), seen, params)) == 0.0
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_every_kernel_form_gives_the_same_bits(
-    runtime: Runtime, form_runtime: Runtime, road: str
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
+def test_every_kernel_variant_gives_bit_identical_results(
+    runtime: Runtime, variant_runtime: Runtime, gather_method: str
 ) -> None:
-    a = rsm_gather(box(), box_map("point"), 40, runtime=runtime, **ROADS[road])
-    b = rsm_gather(box(), box_map("point"), 40, runtime=form_runtime, **ROADS[road])
+    a = rsm_gather(box(), box_map("point"), 40, runtime=runtime, **GATHER_METHODS[gather_method])
+    b = rsm_gather(box(), box_map("point"), 40, runtime=variant_runtime,
+        **GATHER_METHODS[gather_method])
     np.testing.assert_array_equal(a, b)
 
 
 # ---- several maps
 
 
-@pytest.mark.parametrize("road", ["flux", "rotated", "all", "every"])
-def test_several_maps_give_the_sum_of_their_light(form_runtime: Runtime, road: str) -> None:
+@pytest.mark.parametrize("gather_method", ["flux", "rotated", "all", "every"])
+def test_several_maps_give_the_sum_of_their_light(variant_runtime: Runtime,
+    gather_method: str) -> None:
     maps = [box_map("spot"), box_map("point", 16), box_map("directional")]
-    each = [rsm_gather(box(), seen, 60, runtime=form_runtime, **ROADS[road]) for seen in maps]
-    e = rsm_gather(box(), maps, 60, runtime=form_runtime, **ROADS[road])
+    each = [rsm_gather(box(), seen, 60, runtime=variant_runtime,
+        **GATHER_METHODS[gather_method]) for seen in maps]
+    e = rsm_gather(box(), maps, 60, runtime=variant_runtime, **GATHER_METHODS[gather_method])
     # Sums of three float32; "every" may leave another pixel to interpolation with no error.
     off = np.abs(e - sum(each)) > 1e-5 * (e + e.mean())
     assert np.mean(off) <= FLIPS
@@ -215,8 +218,8 @@ def test_nothing_is_brighter_than_discs_allow(runtime: Runtime) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
     own = rasterized(view.scene, replace(seen.cameras[0], width=80, height=80), runtime=runtime)
     every = rsm_gather(own, seen, pattern="all", runtime=runtime)
-    for road in ("flux", "fixed", "rotated", "every"):
-        e = rsm_gather(own, seen, 64, runtime=runtime, **ROADS[road])
+    for gather_method in ("flux", "fixed", "rotated", "every"):
+        e = rsm_gather(own, seen, 64, runtime=runtime, **GATHER_METHODS[gather_method])
         assert np.isfinite(e).all()
         # Larger discs in place of texels are darker near by; twice the largest sum is no firefly.
         assert e.max() < 2.0 * every.max()
@@ -262,10 +265,10 @@ def test_unbiased_weights_integrate_and_the_papers_do_not() -> None:
 
 @pytest.mark.parametrize("size", [(64, 64), (37, 53), (1, 200), (384, 64)])
 def test_samples_are_drawn_in_proportion_to_flux(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
-    texels = TexelRecords(form_runtime, size)
-    device = DeviceRsm(form_runtime, size)
+    texels = TexelRecords(variant_runtime, size)
+    device = DeviceRsm(variant_runtime, size)
     flux = (rng.random((3, *size)) ** 8).astype(np.float32)
     flux[:, :, size[1] // 2 :] *= 1e-3
     flux[:, rng.random(size) < 0.3] = 0.0
@@ -274,7 +277,7 @@ def test_samples_are_drawn_in_proportion_to_flux(
     place = np.indices(size).astype(np.float32)
     device.position.upload(np.stack([place[1], place[0], np.zeros(size, np.float32)]))
     texels.update(device)
-    samples = FluxSamples(form_runtime, texels, 4096)
+    samples = FluxSamples(variant_runtime, texels, 4096)
     samples.update()
     records = samples.records.download().reshape(-1, RECORD)
     x, y = records[:, 0].astype(int), records[:, 1].astype(int)
@@ -330,8 +333,9 @@ def test_the_cornell_box_has_the_light_that_mitsuba_traces_through_walls(
     small = box(48, 36)
     truth = one_bounce(view.scene, small.camera, [light], 256, visibility=False).mean
     seen = rsm(view.scene, light, size=512, runtime=runtime)
-    for road in ({"pattern": "all"}, {"samples": 4096}, {"samples": 4096, "pattern": "fixed"}):
-        e = rsm_gather(small, seen, runtime=runtime, **road)
+    for gather_method in ({"pattern": "all"}, {"samples": 4096},
+        {"samples": 4096, "pattern": "fixed"}):
+        e = rsm_gather(small, seen, runtime=runtime, **gather_method)
         np.testing.assert_allclose(e.mean(axis=(0, 1)), truth.mean(axis=(0, 1)), rtol=0.02)
 
 
@@ -374,12 +378,12 @@ def test_a_scene_far_from_the_origin_looks_like_one_there(runtime: Runtime) -> N
 
 
 def test_pixels_of_the_finest_level_are_gathered_for_as_at_full_size(
-    form_runtime: Runtime,
+    variant_runtime: Runtime,
 ) -> None:
     params = RsmGatherParams(samples=30, resolution="adaptive")
-    technique = RsmGather(form_runtime, box().size, params)
+    technique = RsmGather(variant_runtime, box().size, params)
     e = technique(box(), box_map())
-    every = rsm_gather(box(), box_map(), 30, runtime=form_runtime)
+    every = rsm_gather(box(), box_map(), 30, runtime=variant_runtime)
     same = (e == every).all(axis=-1)
     assert 0.0 < technique.computed < 1.0
     assert 0.5 * technique.computed < np.mean(same)
@@ -390,16 +394,16 @@ def test_pixels_of_the_finest_level_are_gathered_for_as_at_full_size(
 def test_fewer_pixels_are_within_the_error_that_is_allowed(runtime: Runtime) -> None:
     large, seen = box(400, 300), box_map("spot", 128)
     every = rsm_gather(large, seen, runtime=runtime)
-    shares, off = [], []
+    fractions, off = [], []
     for error in (0.01, 0.03):
         params = RsmGatherParams(resolution="adaptive", error=error)
         technique = RsmGather(runtime, large.size, params)
         off.append(relative(technique(large, seen), every))
-        shares.append(technique.computed)
+        fractions.append(technique.computed)
     # Measured at 800 x 600 with 400 samples: 0.6 and 1.4 % of the mean.
     assert off[0] < 0.015
     assert off[0] < off[1] < 0.03
-    assert 0.0 < shares[1] < shares[0] < 0.15
+    assert 0.0 < fractions[1] < fractions[0] < 0.15
 
 
 def test_a_plain_wall_needs_few_pixels(runtime: Runtime) -> None:
@@ -421,23 +425,24 @@ def test_at_full_size_everything_is_computed(runtime: Runtime) -> None:
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (3, 17), (9, 16)], ids=str)
 @pytest.mark.parametrize("resolution", ["full", "adaptive"])
 def test_images_of_any_size(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], resolution: str
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], resolution: str
 ) -> None:
     gbuffer = scene("corner", camera(size=size), rng)
     params = RsmGatherParams(samples=20, resolution=resolution, error=0.0)
-    e = RsmGather(form_runtime, size, params)(gbuffer, box_map())
+    e = RsmGather(variant_runtime, size, params)(gbuffer, box_map())
     assert share_off(e, rsm_gather_reference(gbuffer, box_map(), params)) <= FLIPS
 
 
 # ---- prepared once, called many times
 
 
-@pytest.mark.parametrize("road", ["flux", "rotated", "every"])
-def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, road: str
+@pytest.mark.parametrize("gather_method", ["flux", "rotated", "every"])
+def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
+    variant_runtime: Runtime, gather_method: str
 ) -> None:
-    runtime = form_runtime
-    technique = RsmGather(runtime, box().size, RsmGatherParams(samples=20, **ROADS[road]))
+    runtime = variant_runtime
+    technique = RsmGather(runtime, box().size,
+        RsmGatherParams(samples=20, **GATHER_METHODS[gather_method]))
     gbuffer = DeviceGBuffer(runtime, box().size)
     gbuffer.upload(box())
     light = on_device_rsm(box_map(), runtime)
@@ -487,46 +492,50 @@ def _empty(seen: ReflectiveShadowMap) -> ReflectiveShadowMap:
 
 @pytest.mark.parametrize("change", [_dark, _empty])
 @pytest.mark.parametrize("light", ["spot", "point"])
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_a_map_without_light_gives_none(
     runtime: Runtime, change: Callable[[ReflectiveShadowMap], ReflectiveShadowMap], light: str,
-    road: str,
+    gather_method: str,
 ) -> None:
-    e = rsm_gather(box(), change(box_map(light)), 30, runtime=runtime, **ROADS[road])
+    e = rsm_gather(box(), change(box_map(light)), 30, runtime=runtime,
+        **GATHER_METHODS[gather_method])
     assert not e.any()
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("road", ROADS)
-def test_maps_of_one_texel_a_face(runtime: Runtime, light: str, road: str) -> None:
-    params = RsmGatherParams(samples=30, **ROADS[road])
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
+def test_maps_of_one_texel_a_face(runtime: Runtime, light: str, gather_method: str) -> None:
+    params = RsmGatherParams(samples=30, **GATHER_METHODS[gather_method])
     seen = box_map(light, 1)
     e = RsmGather(runtime, box().size, params)(box(), seen)
     assert share_off(e, rsm_gather_reference(box(), seen, params)) <= FLIPS
 
 
 @pytest.mark.parametrize("factor", [1e-12, 1e6, 1e20])
-@pytest.mark.parametrize("road", ROADS)
-def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float, road: str) -> None:
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
+def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float,
+    gather_method: str) -> None:
     seen = box_map()
     brighter = replace(seen, flux=np.asarray(seen.flux, np.float64) * factor)
-    one = rsm_gather(box(), seen, 30, runtime=runtime, **ROADS[road])
-    other = rsm_gather(box(), brighter, 30, runtime=runtime, **ROADS[road])
+    one = rsm_gather(box(), seen, 30, runtime=runtime, **GATHER_METHODS[gather_method])
+    other = rsm_gather(box(), brighter, 30, runtime=runtime, **GATHER_METHODS[gather_method])
     np.testing.assert_allclose(
         other.astype(np.float64) / factor, one, rtol=1e-3, atol=1e-4 * one.mean()
     )
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_texels_a_million_times_brighter_than_others(runtime: Runtime, road: str) -> None:
+@pytest.mark.parametrize("gather_method", GATHER_METHODS)
+def test_texels_a_million_times_brighter_than_others(runtime: Runtime, gather_method: str) -> None:
     seen = box_map()
     flux = np.asarray(seen.flux).copy()
     flux[16, 16] *= 1e6
-    e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **ROADS[road])
+    e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime,
+        **GATHER_METHODS[gather_method])
     assert np.isfinite(e).all()
     flux[16, 16] = 3e38
     assert np.isfinite(
-        rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **ROADS[road])
+        rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime,
+        **GATHER_METHODS[gather_method])
     ).all()
 
 
@@ -534,8 +543,8 @@ def test_a_light_inside_a_wall_lights_it_from_within(runtime: Runtime) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
     inside = PointLight((0.186, 0.08, 0.168), 1.0)  # in the short block
     seen = rsm(view.scene, inside, size=32, runtime=runtime)
-    for road in ("flux", "fixed", "rotated", "every"):
-        e = rsm_gather(box(), seen, runtime=runtime, **ROADS[road])
+    for gather_method in ("flux", "fixed", "rotated", "every"):
+        e = rsm_gather(box(), seen, runtime=runtime, **GATHER_METHODS[gather_method])
         assert np.isfinite(e).all()
 
 
@@ -544,12 +553,12 @@ def test_a_scene_of_any_scale_gives_numbers_or_is_refused(runtime: Runtime, size
     made = Camera.look_at(np.multiply(size, (0.1, 0.2, 1)), (0, 0, 0), width=9, height=9)
     gbuffer = GBuffer(camera=made, depth=np.full((9, 9), size))
     seen = texel(size=9, distance=size)
-    for road in ROADS.values():
+    for gather_method in GATHER_METHODS.values():
         if size not in (1e-6, 1e9):  # float32 does not hold fourth powers of distances there
             with pytest.raises(ValueError, match=r"expects 1e-07 to 1e\+09 \(scene units"):
-                rsm_gather(gbuffer, seen, 30, runtime=runtime, **road)
+                rsm_gather(gbuffer, seen, 30, runtime=runtime, **gather_method)
             continue
-        assert np.isfinite(rsm_gather(gbuffer, seen, 30, runtime=runtime, **road)).all()
+        assert np.isfinite(rsm_gather(gbuffer, seen, 30, runtime=runtime, **gather_method)).all()
 
 
 @pytest.mark.parametrize(

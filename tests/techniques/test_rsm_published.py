@@ -24,7 +24,7 @@ from .test_rsm_gather import LIGHTS, box, box_map, facing, relative, texel
 SETTINGS = Settings(
     samples=60, radius=0.4, offset=1.0, spacing=4, position_tolerance=2.0, normal_tolerance=0.2
 )
-TWIN = 1e-4
+REFERENCE = 1e-4
 """Relative to the mean and the pixel; measured 4e-6 at most, 2e-7 in the median."""
 FLIPS = 2e-3
 """Share of pixels that may differ more: a place in the map or a threshold may round to either side
@@ -40,7 +40,7 @@ def gathered(
 
 
 def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
-    return float(np.mean(~(np.abs(a - b) <= TWIN * (b.mean() + b)).all(axis=-1)))
+    return float(np.mean(~(np.abs(a - b) <= REFERENCE * (b.mean() + b)).all(axis=-1)))
 
 
 # ---- against float64
@@ -55,11 +55,11 @@ def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
     ],
     ids=str,
 )
-def test_every_kernel_form_agrees_with_the_reference(
-    form_runtime: Runtime, light: str, change: dict[str, Any]
+def test_every_kernel_variant_agrees_with_the_reference(
+    variant_runtime: Runtime, light: str, change: dict[str, Any]
 ) -> None:
     settings = replace(SETTINGS, **change)
-    e, _ = gathered(form_runtime, box(), box_map(light), settings)
+    e, _ = gathered(variant_runtime, box(), box_map(light), settings)
     wanted, _ = rsm_published_reference(box(), [box_map(light)], settings)
     assert wanted.any()
     assert share_off(e, wanted) <= FLIPS
@@ -78,24 +78,24 @@ def test_the_reference_is_met_in_every_camera_and_with_a_margin(
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (3, 17), (9, 16)], ids=str)
 def test_images_of_any_size(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
     gbuffer = scene("corner", camera(size=size), rng)
-    e, _ = gathered(form_runtime, gbuffer, box_map(), SETTINGS)
+    e, _ = gathered(variant_runtime, gbuffer, box_map(), SETTINGS)
     wanted, _ = rsm_published_reference(gbuffer, [box_map()], SETTINGS)
     assert share_off(e, wanted) <= FLIPS
 
 
-def test_several_maps_give_the_sum_of_their_light(form_runtime: Runtime) -> None:
+def test_several_maps_give_the_sum_of_their_light(variant_runtime: Runtime) -> None:
     maps = [box_map(light) for light in LIGHTS]
-    e, _ = gathered(form_runtime, box(), maps, SETTINGS)
+    e, _ = gathered(variant_runtime, box(), maps, SETTINGS)
     # Each one's light is held to the reference above.
-    each = [gathered(form_runtime, box(), seen, SETTINGS)[0] for seen in maps]
+    each = [gathered(variant_runtime, box(), seen, SETTINGS)[0] for seen in maps]
     np.testing.assert_allclose(e, sum(each), rtol=1e-5, atol=1e-6 * e.mean())
 
 
-def test_every_form_gives_the_same_bits(runtime: Runtime, form_runtime: Runtime) -> None:
-    one, other = (gathered(r, box(), box_map(), SETTINGS)[0] for r in (runtime, form_runtime))
+def test_every_form_gives_bit_identical_results(runtime: Runtime, variant_runtime: Runtime) -> None:
+    one, other = (gathered(r, box(), box_map(), SETTINGS)[0] for r in (runtime, variant_runtime))
     np.testing.assert_array_equal(one, other)
 
 
@@ -197,8 +197,8 @@ def test_no_tolerance_leaves_every_pixel_to_gathering(runtime: Runtime) -> None:
 # ---- as the other techniques
 
 
-def test_second_call_allocates_and_builds_nothing(form_runtime: Runtime) -> None:
-    runtime = form_runtime
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime) -> None:
+    runtime = variant_runtime
     technique = RsmPublished(runtime, box().size, RsmPublishedParams(samples=20))
     gbuffer = DeviceGBuffer(runtime, box().size)
     gbuffer.upload(box())

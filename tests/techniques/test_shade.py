@@ -1,4 +1,4 @@
-"""Deferred shading: against its float64 twin and formulas of light."""
+"""Deferred shading: against its float64 reference and formulas of light."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ LIGHTS["all"] = (
 )
 
 
-# ---- against the float64 twin
+# ---- against the float64 reference
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ LIGHTS["all"] = (
         for kind in CAMERAS for name in LIGHTS
     ],
 )
-def test_kernel_agrees_with_twin_for_every_light_and_camera(
+def test_kernel_agrees_with_reference_for_every_light_and_camera(
     runtime: Runtime, rng: np.random.Generator, kind: str, lights: str
 ) -> None:
     given = LIGHTS[lights]
@@ -99,15 +99,15 @@ def test_kernel_agrees_with_twin_for_every_light_and_camera(
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5), (17, 16)], ids=str)
-def test_every_kernel_form_agrees_with_twin_with_all_inputs(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str, margin: tuple[int, int]
+def test_every_kernel_variant_agrees_with_reference_with_all_inputs(
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, margin: tuple[int, int]
 ) -> None:
     size = (21, 37)
     gbuffer = painted(scene("bumpy", camera(kind, size), rng, margin=margin), rng)
     ao = rng.random(size, np.float32)
     indirect = rng.random((*size, 3), np.float32)
     lights = LIGHTS["all"]
-    radiance = shade(gbuffer, lights, ao=ao, indirect=indirect, runtime=form_runtime)
+    radiance = shade(gbuffer, lights, ao=ao, indirect=indirect, runtime=variant_runtime)
     expected = shade_reference(gbuffer, lights, ao=ao, indirect=indirect)
     assert radiance.shape == (*size, 3)
     assert off(radiance, expected) <= FLIPS
@@ -115,12 +115,12 @@ def test_every_kernel_form_agrees_with_twin_with_all_inputs(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (17, 31), (3, 5), (16, 64)], ids=str)
-def test_every_kernel_form_gives_the_same_bits(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator, size: tuple[int, int]
+def test_every_kernel_variant_gives_bit_identical_results(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
     gbuffer = painted(scene("corner", camera(size=size), rng), rng)
     a = shade(gbuffer, LIGHTS["all"], runtime=runtime)
-    b = shade(gbuffer, LIGHTS["all"], runtime=every_form)
+    b = shade(gbuffer, LIGHTS["all"], runtime=every_variant)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-7)
 
@@ -129,13 +129,13 @@ def test_every_kernel_form_gives_the_same_bits(
 
 
 def test_plane_under_a_point_light_has_irradiance_i_cos_over_d_squared(
-    form_runtime: Runtime,
+    variant_runtime: Runtime,
 ) -> None:
     made = Camera.orthographic((0, 9, 0), (0, 0, 0), (0, 0, 1), view_height=8, width=64, height=48)
     gbuffer = white(trace(made, [Plane((0, 0, 0), (0, 1, 0))]))
     position = made.unproject(np.asarray(gbuffer.depth))
     light = PointLight((0.4, 1.5, -0.3), (2.0, 1.0, 0.5))
-    radiance = shade(gbuffer, [light], runtime=form_runtime)
+    radiance = shade(gbuffer, [light], runtime=variant_runtime)
     to_light = np.asarray(light.position) - position
     distance = np.linalg.norm(to_light, axis=-1, keepdims=True)
     irradiance = np.asarray(light.intensity) * to_light[..., 1:2] / distance**3
@@ -143,12 +143,12 @@ def test_plane_under_a_point_light_has_irradiance_i_cos_over_d_squared(
     np.testing.assert_allclose(radiance * np.pi, irradiance, rtol=1e-5)
 
 
-def test_spot_shines_within_its_cone_and_nowhere_else(form_runtime: Runtime) -> None:
+def test_spot_shines_within_its_cone_and_nowhere_else(variant_runtime: Runtime) -> None:
     made = Camera.orthographic((0, 9, 0), (0, 0, 0), (0, 0, 1), view_height=8, width=96, height=96)
     gbuffer = white(trace(made, [Plane((0, 0, 0), (0, 1, 0))]))
     position = made.unproject(np.asarray(gbuffer.depth))
     light = SpotLight((0, 2, 0), (0, -1, 0), 0.7, 1.0)
-    lit = shade(gbuffer, [light], runtime=form_runtime)[..., 0] > 0
+    lit = shade(gbuffer, [light], runtime=variant_runtime)[..., 0] > 0
     radius = np.hypot(position[..., 0], position[..., 2])
     edge = 2 * math.tan(0.7)
     clear = np.abs(radius - edge) > 1e-4  # the cosine at the edge rounds by 2^-24 / sin 0.7
@@ -158,23 +158,23 @@ def test_spot_shines_within_its_cone_and_nowhere_else(form_runtime: Runtime) -> 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0])
 def test_directional_light_gives_its_irradiance_times_the_cosine(
-    form_runtime: Runtime, degrees: float
+    variant_runtime: Runtime, degrees: float
 ) -> None:
     made = camera("orthographic", (9, 20))
     plane = tilted(made, degrees, distance=100.0)
     light = DirectionalLight(made.view[2, :3] * -3.0, (5.0, 2.0, 1.0))
-    radiance = shade(white(trace(made, [plane])), [light], runtime=form_runtime)
+    radiance = shade(white(trace(made, [plane])), [light], runtime=variant_runtime)
     expected = np.asarray(light.irradiance) * math.cos(math.radians(degrees)) / np.pi
     # The normal's components round by 2^-25 each, relative to a cosine of 0.087 at least.
     np.testing.assert_allclose(radiance, np.broadcast_to(expected, radiance.shape), rtol=2e-6)
 
 
 def test_constant_environment_gives_albedo_times_its_radiance(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = painted(scene("bumpy", camera(), rng), rng, emits=False)
     sky = np.array([0.2, 1.0, 7.0])
-    radiance = shade(gbuffer, [Environment(sky)], runtime=form_runtime)
+    radiance = shade(gbuffer, [Environment(sky)], runtime=variant_runtime)
     there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
     # E = pi L, radiance = albedo / pi E: three roundings.
     expected = np.where(there, np.asarray(gbuffer.albedo) * sky, sky)
@@ -188,42 +188,44 @@ def test_back_of_a_surface_is_not_lit(runtime: Runtime) -> None:
     np.testing.assert_array_equal(shade(gbuffer, lights, runtime=runtime), 0.0)
 
 
-def test_no_light_at_all_leaves_emission(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_no_light_at_all_leaves_emission(variant_runtime: Runtime,
+    rng: np.random.Generator) -> None:
     gbuffer = painted(scene("noisy", camera(), rng), rng)
     there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
-    radiance = shade(gbuffer, [], runtime=form_runtime)
+    radiance = shade(gbuffer, [], runtime=variant_runtime)
     np.testing.assert_array_equal(radiance, np.where(there, np.asarray(gbuffer.emission), 0.0))
     dull = replace(gbuffer, emission=None)
-    np.testing.assert_array_equal(shade(dull, [], runtime=form_runtime), 0.0)
+    np.testing.assert_array_equal(shade(dull, [], runtime=variant_runtime), 0.0)
 
 
 # ---- what each input does
 
 
-def test_ao_never_darkens_direct_light(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_ao_never_darkens_direct_light(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = painted(scene("bumpy", camera(size=(21, 37)), rng), rng)
     lights = (*LIGHTS["spot"], *LIGHTS["point"], *LIGHTS["directional"])
-    closed = shade(gbuffer, lights, ao=np.zeros(gbuffer.size), runtime=form_runtime)
-    np.testing.assert_array_equal(closed, shade(gbuffer, lights, runtime=form_runtime))
+    closed = shade(gbuffer, lights, ao=np.zeros(gbuffer.size), runtime=variant_runtime)
+    np.testing.assert_array_equal(closed, shade(gbuffer, lights, runtime=variant_runtime))
 
 
 def test_radiance_is_direct_plus_ao_times_ambient_plus_indirect_plus_emission(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = painted(scene("bumpy", camera(size=(21, 37)), rng), rng)
     dull = replace(gbuffer, emission=None)
     there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
-    lamps = (*LIGHTS["spot"], *LIGHTS["point"])
+    punctual_lights = (*LIGHTS["spot"], *LIGHTS["point"])
     skies = LIGHTS["image environment"]
     ao = rng.random(gbuffer.size, np.float32)
     indirect = rng.random((*gbuffer.size, 3), np.float32)
     parts = (
-        shade(dull, lamps, runtime=form_runtime).astype(np.float64)
-        + ao[..., None] * shade(dull, skies, runtime=form_runtime)
-        + shade(dull, [], indirect=indirect, runtime=form_runtime)
+        shade(dull, punctual_lights, runtime=variant_runtime).astype(np.float64)
+        + ao[..., None] * shade(dull, skies, runtime=variant_runtime)
+        + shade(dull, [], indirect=indirect, runtime=variant_runtime)
         + np.asarray(gbuffer.emission)
     )
-    whole = shade(gbuffer, lamps + skies, ao=ao, indirect=indirect, runtime=form_runtime)
+    whole = shade(gbuffer, punctual_lights + skies, ao=ao, indirect=indirect,
+        runtime=variant_runtime)
     np.testing.assert_allclose(
         whole[there[..., 0]], parts[there[..., 0]], rtol=1e-6  # four sums round by 2^-24
     )
@@ -281,13 +283,13 @@ def test_sum_of_environments_of_different_kinds(runtime: Runtime, rng: np.random
 # ---- extremes
 
 
-def test_light_at_a_surface_point_gives_finite_radiance(form_runtime: Runtime) -> None:
+def test_light_at_a_surface_point_gives_finite_radiance(variant_runtime: Runtime) -> None:
     made = camera(size=(9, 20))
     gbuffer = white(trace(made, [tilted(made, 40.0)]))
     position, _, _ = world_surface(gbuffer)
     for at in (position[4, 7], position[4, 7] + 1e-20, position[4, 7] + 1e-6):
         for light in (PointLight(at, 1e6), SpotLight(at, (0, -1, 0), 1.0, 1e6)):
-            assert np.isfinite(shade(gbuffer, [light], runtime=form_runtime)).all()
+            assert np.isfinite(shade(gbuffer, [light], runtime=variant_runtime)).all()
 
 
 def test_absurdly_bright_light_gives_finite_radiance(
@@ -325,17 +327,17 @@ def test_scene_a_million_units_away_looks_the_same(
 # ---- prepared once, called many times
 
 
-def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, rng: np.random.Generator
+def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = painted(scene("bumpy", camera(), rng), rng)
-    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device = DeviceGBuffer(variant_runtime, gbuffer.size)
     device.upload(gbuffer)
-    technique = Shade(form_runtime, gbuffer.size)
+    technique = Shade(variant_runtime, gbuffer.size)
     first = technique.run(device, LIGHTS["all"]).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device, LIGHTS["all"]).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -1,4 +1,4 @@
-"""Shadows of deferred shading: against their float64 twin, geometry, and rays."""
+"""Shadows of deferred shading: against their float64 reference, geometry, and rays."""
 
 from __future__ import annotations
 
@@ -71,7 +71,8 @@ NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @pytest.mark.parametrize("name", ["spot", "point", "directional"])
-def test_shadow_agrees_with_twin_on_every_kernel_form(form_runtime: Runtime, name: str) -> None:
+def test_shadow_agrees_with_reference_on_every_kernel_variant(variant_runtime: Runtime,
+    name: str) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     light = {
         "spot": made.lights[0],
@@ -79,9 +80,9 @@ def test_shadow_agrees_with_twin_on_every_kernel_form(form_runtime: Runtime, nam
         # Through the open front: what the camera looks along, from above.
         "directional": DirectionalLight(-made.camera(4, 3).view[2, :3] + (0.2, -0.3, 0.0), 1.0),
     }[name]
-    gbuffer = white(gi.rasterize.gbuffer(made.scene, made.camera(96, 72), runtime=form_runtime))
-    rsm = gi.rasterize.rsm(made.scene, light, size=128, runtime=form_runtime)
-    radiance = shade(gbuffer, [light], rsms=[rsm], runtime=form_runtime)
+    gbuffer = white(gi.rasterize.gbuffer(made.scene, made.camera(96, 72), runtime=variant_runtime))
+    rsm = gi.rasterize.rsm(made.scene, light, size=128, runtime=variant_runtime)
+    radiance = shade(gbuffer, [light], rsms=[rsm], runtime=variant_runtime)
     expected = shade_reference(gbuffer, [light], rsms=[rsm])
     # A texel at its limit may count or not; measured: none of 20736 pixels.
     assert off(radiance, expected) <= FLIPS
@@ -240,7 +241,7 @@ def lit_by_ray(
     return np.asarray(hit) < 0
 
 
-BUILTIN_LAMPS = [
+BUILTIN_LIGHTS = [
     ("cornell_box", 0, "own"),
     ("cornell_box", 0, "point"),
     pytest.param("hall", 0, "own", marks=pytest.mark.slow),
@@ -249,7 +250,7 @@ BUILTIN_LAMPS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "index", "kind"), BUILTIN_LAMPS)
+@pytest.mark.parametrize(("name", "index", "kind"), BUILTIN_LIGHTS)
 def test_shadow_is_that_of_rays_away_from_shadow_edges(
     runtime: Runtime, name: str, index: int, kind: str
 ) -> None:
@@ -292,7 +293,7 @@ def test_shadow_is_that_of_rays_away_from_shadow_edges(
             away &= lit_by_ray(rays, light, there, off_surface) == truth
     wrong = away & (np.abs(factor[lit] - truth) > 1e-3)
     assert away.mean() > 0.4
-    # At 400 x 300 pixels: 0 in the Cornell box and under the hall's lamp, 0.3 % in the sun, all of
+    # At 400 x 300 pixels: 0 in the Cornell box and under the hall's light, 0.3 % in the sun, all of
     # it light through window bars thinner than the map's texels.
     assert wrong.sum() / away.sum() < 5e-3
     assert (wrong & truth).sum() / away.sum() < 1e-3  # acne
@@ -312,14 +313,14 @@ def test_shadow_of_a_spot_reaches_no_further_than_its_map(runtime: Runtime) -> N
 def test_lights_without_a_map_cast_no_shadow(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(48, 36), runtime=runtime)
-    lamps = (made.lights[0], PointLight((0.2, 0.3, 0.1), 1.0))
-    maps = [None, gi.rasterize.rsm(made.scene, lamps[1], size=64, runtime=runtime)]
-    both = shade(gbuffer, lamps, rsms=maps, runtime=runtime)
-    expected = shade_reference(gbuffer, lamps, rsms=maps)
+    punctual_lights = (made.lights[0], PointLight((0.2, 0.3, 0.1), 1.0))
+    maps = [None, gi.rasterize.rsm(made.scene, punctual_lights[1], size=64, runtime=runtime)]
+    both = shade(gbuffer, punctual_lights, rsms=maps, runtime=runtime)
+    expected = shade_reference(gbuffer, punctual_lights, rsms=maps)
     assert off(both, expected) <= FLIPS
 
 
-def test_twin_of_the_shadow_is_open_where_the_map_is_empty(rng: np.random.Generator) -> None:
+def test_reference_of_the_shadow_is_open_where_the_map_is_empty(rng: np.random.Generator) -> None:
     made = camera(size=(9, 11))
     position, normal, _ = world_surface(scene("corner", made, rng))
     square = Camera.look_at((0, 3, 0.1), (0, 0, 0), width=8, height=8)

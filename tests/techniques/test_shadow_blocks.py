@@ -53,11 +53,11 @@ def slopes(u: Doubles, row: int, column: int) -> list[float]:
 
 
 @pytest.mark.parametrize("perspective", [True, False])
-def test_blocks_of_a_plane_have_its_slopes(form_runtime: Runtime, perspective: bool) -> None:
+def test_blocks_of_a_plane_have_its_slopes(variant_runtime: Runtime, perspective: bool) -> None:
     rows, columns = np.indices((SIZE, SIZE))
     u = np.stack([2.0 + 0.03 * columns - 0.01 * rows, 3.0 - 0.02 * columns + 0.04 * rows])
     depth = (1.0 / u if perspective else 5.0 - u).astype(np.float32)
-    highest, lowest, b, c = np.moveaxis(found(form_runtime, depth, perspective), 1, 0)
+    highest, lowest, b, c = np.moveaxis(found(variant_runtime, depth, perspective), 1, 0)
     wanted = np.ones_like(b)
     # Roundings of u, some 4, over the 2 texels at least from which a slope is taken.
     np.testing.assert_allclose(b, wanted * [[[0.03]], [[-0.02]]], atol=1e-6)
@@ -68,11 +68,11 @@ def test_blocks_of_a_plane_have_its_slopes(form_runtime: Runtime, perspective: b
 
 @pytest.mark.parametrize("perspective", [True, False])
 def test_all_texels_of_a_block_lie_between_its_planes(
-    form_runtime: Runtime, rng: np.random.Generator, perspective: bool
+    variant_runtime: Runtime, rng: np.random.Generator, perspective: bool
 ) -> None:
     depth = rng.uniform(1.0, 4.0, (2, SIZE, SIZE)).astype(np.float32)
     depth[1, :, 12:] = np.inf
-    blocks = found(form_runtime, depth, perspective)
+    blocks = found(variant_runtime, depth, perspective)
     for face, row, column in np.ndindex(2, *blocks.shape[2:]):
         block = blocks[face, :, row, column]
         if not face:

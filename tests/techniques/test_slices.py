@@ -80,11 +80,11 @@ def layered(made: Camera, margin: tuple[int, int] = (0, 0)) -> tuple[GBuffer, GB
     return front, both, behind
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, subject: Subject, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind, size=(31, 39)), rng)
@@ -93,7 +93,7 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     assert share_off(a, wanted, ROUNDING) <= FLIPS
 
 
-def test_normals_that_turn_away_agree_with_numpy_twin(
+def test_normals_that_turn_away_agree_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, subject: Subject
 ) -> None:
     made = camera("orthographic")
@@ -140,8 +140,8 @@ SLOW = [
 
 @pytest.mark.parametrize(("name", "choice"), [*VARIANTS, *SLOW], ids=str)
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime,
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime,
     rng: np.random.Generator,
     name: str,
     choice: dict[str, Any],
@@ -150,11 +150,11 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
     subject = SUBJECTS[name]
     gbuffer = scene("bumpy", camera(kind, size=(31, 39)), rng)
     params = {"radius": RADIUS, "blur_radius": 0, **choice}
-    a = subject.function(gbuffer, **params, runtime=form_runtime)
+    a = subject.function(gbuffer, **params, runtime=variant_runtime)
     assert share_off(a, subject.reference(gbuffer, subject.params(**params)), ROUNDING) <= FLIPS
 
 
-def test_an_image_of_more_than_a_strip_agrees_with_numpy_twin(
+def test_an_image_of_more_than_a_strip_agrees_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, subject: Subject
 ) -> None:
     gbuffer = scene("noisy", camera("intrinsics", size=(9, 2 * STRIP)), rng)
@@ -177,11 +177,11 @@ SLOW_MARGINS = [("full", (0, 0)), ("full", (2, 7)), ("half", (0, 0)), ("quarter"
     ],
     ids=str,
 )
-def test_blurred_layers_with_any_margin_agree_with_numpy_twin_at_every_resolution(
-    form_runtime: Runtime, subject: Subject, resolution: str, margin: tuple[int, int]
+def test_blurred_layers_with_any_margin_agree_with_numpy_reference_at_every_resolution(
+    variant_runtime: Runtime, subject: Subject, resolution: str, margin: tuple[int, int]
 ) -> None:
     _, both, _ = layered(camera(size=(21, 27)), margin)
-    a = subject.function(both, RADIUS, resolution=resolution, runtime=form_runtime)
+    a = subject.function(both, RADIUS, resolution=resolution, runtime=variant_runtime)
     wanted = subject.reference(both, subject.params(radius=RADIUS, resolution=resolution))
     # A flip spreads over the 5 x 5 pixels of the blur and over the pixels of a coarse one.
     assert share_off(a, wanted, WEIGHTS) <= 25 * FLIPS
@@ -189,16 +189,16 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_twin_at_every_resolutio
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "noisy"])
-def test_every_kernel_form_gives_the_same_result(
+def test_every_kernel_variant_gives_the_same_result(
     runtime: Runtime,
-    every_form: Runtime,
+    every_variant: Runtime,
     rng: np.random.Generator,
     subject: Subject,
     name: str,
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = subject.function(gbuffer, RADIUS, runtime=runtime)
-    b = subject.function(gbuffer, RADIUS, runtime=every_form)
+    b = subject.function(gbuffer, RADIUS, runtime=every_variant)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 
@@ -245,10 +245,10 @@ def test_plane_with_rebuilt_normals_is_open_at_any_tilt(
 @pytest.mark.parametrize("resolution", ["half", "quarter"])
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_plane_is_open_at_reduced_resolution_of_odd_sizes(
-    form_runtime: Runtime, subject: Subject, resolution: str, size: tuple[int, int]
+    variant_runtime: Runtime, subject: Subject, resolution: str, size: tuple[int, int]
 ) -> None:
     gbuffer = trace(made := camera(size=size), [tilted(made, 40.0)])
-    a = subject.function(gbuffer, 1.0, resolution=resolution, runtime=form_runtime)
+    a = subject.function(gbuffer, 1.0, resolution=resolution, runtime=variant_runtime)
     assert a.shape == size
     # A constant is blurred and upsampled: two divisions round by 2^-24 each.
     np.testing.assert_allclose(a, 1.0, rtol=0, atol=5e-7)
@@ -268,14 +268,14 @@ def test_inner_corner_is_darker_than_the_planes_away_from_it(
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_second_layer_shows_what_a_thing_near_the_eye_hides(
-    form_runtime: Runtime, subject: Subject, kind: str
+    variant_runtime: Runtime, subject: Subject, kind: str
 ) -> None:
     front, both, behind = layered(camera(kind))
     seen = np.asarray(front.depth) == np.asarray(behind.depth)
     # Joined, the surfaces of the bitmask break where they go from one layer to the next.
     single: dict[str, Any] = {"joined": False} if subject.kind is BitmaskAo else {}
     one, two, whole = (
-        subject.function(g, 1.0, blur_radius=0, runtime=form_runtime, **single)
+        subject.function(g, 1.0, blur_radius=0, runtime=variant_runtime, **single)
         for g in (front, both, behind)
     )
     # The ball is farther away than the radius, so that only what it hides makes a difference.
@@ -367,7 +367,7 @@ def test_radius_beyond_the_scene_sees_the_scene_and_no_more(
 @pytest.mark.parametrize(
     "kind", ["perspective", pytest.param("orthographic", marks=pytest.mark.slow)]
 )
-def test_any_radius_gives_openness_between_0_and_1(
+def test_any_radius_gives_visibility_between_0_and_1(
     runtime: Runtime, rng: np.random.Generator, subject: Subject, radius: float, kind: str
 ) -> None:
     gbuffer = scene("noisy", camera(kind), rng)
@@ -380,8 +380,8 @@ def test_any_radius_gives_openness_between_0_and_1(
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
 @pytest.mark.parametrize("name", [*SUBJECTS, "falloff", "angle"])
-def test_any_depths_give_openness_between_0_and_1(
-    form_runtime: Runtime, rng: np.random.Generator, name: str, kind: str, resolution: str
+def test_any_depths_give_visibility_between_0_and_1(
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, kind: str, resolution: str
 ) -> None:
     more: dict[str, Any] = {"falloff": {"falloff": 0.5}, "angle": {"sectors": "angle"}}
     choice = more.get(name, {})
@@ -393,7 +393,7 @@ def test_any_depths_give_openness_between_0_and_1(
         gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
         for radius in (1e-20, 1.0, 1e20):
             a = subject.function(
-                gbuffer, radius, resolution=resolution, runtime=form_runtime, **choice
+                gbuffer, radius, resolution=resolution, runtime=variant_runtime, **choice
             )
             assert a.min() >= 0.0
             assert a.max() <= 1.0
@@ -437,21 +437,21 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-def test_two_runs_give_the_same_bits(
-    form_runtime: Runtime, rng: np.random.Generator, subject: Subject
+def test_two_runs_give_bit_identical_results(
+    variant_runtime: Runtime, rng: np.random.Generator, subject: Subject
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
-    device = _uploaded(form_runtime, gbuffer)
-    technique = subject.kind(form_runtime, gbuffer.size, subject.params(radius=RADIUS))
+    device = _uploaded(variant_runtime, gbuffer)
+    technique = subject.kind(variant_runtime, gbuffer.size, subject.params(radius=RADIUS))
     np.testing.assert_array_equal(technique(device), technique(device))
 
 
-def test_empty_image_is_open(form_runtime: Runtime, subject: Subject) -> None:
+def test_empty_image_is_open(variant_runtime: Runtime, subject: Subject) -> None:
     for kind in ("perspective", "orthographic"):
         made = camera(kind, size=(9, 20))
         gbuffer = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
         for resolution in ("full", "half"):
-            a = subject.function(gbuffer, resolution=resolution, runtime=form_runtime)
+            a = subject.function(gbuffer, resolution=resolution, runtime=variant_runtime)
             np.testing.assert_array_equal(a, 1.0)
 
 
@@ -479,17 +479,17 @@ def test_pattern_of_a_tile_spreads_angles_and_distances_evenly() -> None:
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_second_call_allocates_and_builds_nothing(
-    form_runtime: Runtime, subject: Subject, resolution: str
+    variant_runtime: Runtime, subject: Subject, resolution: str
 ) -> None:
     _, both, _ = layered(camera())
-    device = _uploaded(form_runtime, both)
+    device = _uploaded(variant_runtime, both)
     technique = subject.kind(
-        form_runtime, both.size, subject.params(radius=RADIUS, resolution=resolution), layers=2
+        variant_runtime, both.size, subject.params(radius=RADIUS, resolution=resolution), layers=2
     )
     first = technique.run(device).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -1,4 +1,5 @@
-"""SSAO: against formulas, against its numpy twin, and against itself under what must not matter."""
+"""SSAO: against formulas, against its numpy reference, and against itself under what must not
+matter."""
 
 from __future__ import annotations
 
@@ -50,11 +51,11 @@ PIXEL = 0.1
 """Scene units that a pixel of `wall` covers."""
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -65,7 +66,7 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
-def test_blurred_result_agrees_with_numpy_twin_at_every_resolution(
+def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
     runtime: Runtime, rng: np.random.Generator, name: str, resolution: str
 ) -> None:
     gbuffer = scene(name, camera(), rng)
@@ -89,24 +90,24 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime, rng: np.random.Generator, variant: str
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime, rng: np.random.Generator, variant: str
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(31, 39)), rng)
     params = {"radius": RADIUS, "blur_radius": 0, **VARIANTS[variant]}
-    a = ssao(gbuffer, **params, runtime=form_runtime)
+    a = ssao(gbuffer, **params, runtime=variant_runtime)
     assert share_off(a, ssao_reference(gbuffer, SsaoParams(**params)), ROUNDING) <= FLIPS
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator, name: str, resolution: str
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, name: str, resolution: str
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
-    b = ssao(gbuffer, RADIUS, resolution=resolution, runtime=every_form)
+    b = ssao(gbuffer, RADIUS, resolution=resolution, runtime=every_variant)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 
@@ -141,12 +142,12 @@ def test_plane_is_open_at_any_tilt(
         np.testing.assert_allclose(a, 1.0, rtol=0, atol=1e-5, err_msg=f"tilt {degrees}")
 
 
-def test_plane_is_open_on_every_kernel_form(form_runtime: Runtime) -> None:
+def test_plane_is_open_on_every_kernel_variant(variant_runtime: Runtime) -> None:
     made = camera(size=(17, 31))
     for normals in (True, False):
         gbuffer = trace(made, [tilted(made, 80.0)], normals=normals)
         np.testing.assert_allclose(
-            ssao(gbuffer, 1.0, runtime=form_runtime), 1.0, rtol=0, atol=1e-5  # as above
+            ssao(gbuffer, 1.0, runtime=variant_runtime), 1.0, rtol=0, atol=1e-5  # as above
         )
 
 
@@ -220,11 +221,11 @@ def test_falloff_weighs_occluders_by_its_formula(runtime: Runtime, name: str) ->
 
 @pytest.mark.parametrize("contrast", [0.3, 2.5, 10.0])
 def test_contrast_raises_the_result_to_its_power_and_leaves_the_open_open(
-    form_runtime: Runtime, rng: np.random.Generator, contrast: float
+    variant_runtime: Runtime, rng: np.random.Generator, contrast: float
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(31, 39)), rng)
-    a = ssao(gbuffer, RADIUS, blur_radius=0, contrast=1.0, runtime=form_runtime)
-    deeper = ssao(gbuffer, RADIUS, blur_radius=0, contrast=contrast, runtime=form_runtime)
+    a = ssao(gbuffer, RADIUS, blur_radius=0, contrast=1.0, runtime=variant_runtime)
+    deeper = ssao(gbuffer, RADIUS, blur_radius=0, contrast=contrast, runtime=variant_runtime)
     # v_pow's bound; 1 stays exactly 1.
     np.testing.assert_allclose(deeper, a.astype(np.float64) ** contrast, rtol=0, atol=3e-7)
     assert (a == 1.0).any()
@@ -305,7 +306,7 @@ def test_radius_below_a_pixel_leaves_everything_open(
         pytest.param(False, "perspective", marks=pytest.mark.slow),
     ],
 )
-def test_any_radius_gives_openness_between_0_and_1(
+def test_any_radius_gives_visibility_between_0_and_1(
     runtime: Runtime, rng: np.random.Generator, radius: float, hemisphere: bool, kind: str
 ) -> None:
     gbuffer = scene("noisy", camera(kind), rng)
@@ -317,8 +318,8 @@ def test_any_radius_gives_openness_between_0_and_1(
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_any_depths_give_openness_between_0_and_1(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str, resolution: str
+def test_any_depths_give_visibility_between_0_and_1(
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, resolution: str
 ) -> None:
     made = camera(kind, (33, 70))
     for reach in (3.0, 37.0):
@@ -326,7 +327,7 @@ def test_any_depths_give_openness_between_0_and_1(
         depth[rng.random(made.size) < 0.1] = np.inf
         gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
         for radius in (1e-20, 1.0, 1e20):
-            a = ssao(gbuffer, radius, resolution=resolution, runtime=form_runtime)
+            a = ssao(gbuffer, radius, resolution=resolution, runtime=variant_runtime)
             assert a.min() >= 0.0
             assert a.max() <= 1.0
 
@@ -369,10 +370,11 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, kind
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-def test_two_runs_give_the_same_bits(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_two_runs_give_bit_identical_results(variant_runtime: Runtime,
+    rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
-    device = _uploaded(form_runtime, gbuffer)
-    technique = Ssao(form_runtime, gbuffer.size, SsaoParams(radius=RADIUS))
+    device = _uploaded(variant_runtime, gbuffer)
+    technique = Ssao(variant_runtime, gbuffer.size, SsaoParams(radius=RADIUS))
     np.testing.assert_array_equal(technique(device), technique(device))
 
 
@@ -394,12 +396,12 @@ def test_margin_gives_what_a_larger_image_gives_inside(
 
 @pytest.mark.parametrize("margin", [(1, 2), (3, 3), (2, 7), (0, 5)])
 @pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
-def test_any_margin_agrees_with_numpy_twin_at_every_resolution(
-    form_runtime: Runtime, rng: np.random.Generator, margin: tuple[int, int], resolution: str
+def test_any_margin_agrees_with_numpy_reference_at_every_resolution(
+    variant_runtime: Runtime, rng: np.random.Generator, margin: tuple[int, int], resolution: str
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(20, 28)), rng, margin=margin)
     params = SsaoParams(radius=RADIUS, resolution=resolution)
-    a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=form_runtime)
+    a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=variant_runtime)
     assert share_off(a, ssao_reference(gbuffer, params), WEIGHTS) <= 25 * FLIPS
 
 
@@ -415,11 +417,11 @@ def test_reduced_resolution_is_close_to_the_full_one(
     assert math.sqrt(np.mean((a - full) ** 2)) < bound
 
 
-def test_empty_image_is_open(form_runtime: Runtime) -> None:
+def test_empty_image_is_open(variant_runtime: Runtime) -> None:
     made = camera(size=(9, 20))
     gbuffer = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
     for resolution in ("full", "half"):
-        a = ssao(gbuffer, resolution=resolution, runtime=form_runtime)
+        a = ssao(gbuffer, resolution=resolution, runtime=variant_runtime)
         np.testing.assert_array_equal(a, 1.0)
 
 
@@ -467,17 +469,17 @@ def test_normals_may_point_either_way(runtime: Runtime, rng: np.random.Generator
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_second_call_allocates_and_builds_nothing(
-    form_runtime: Runtime, rng: np.random.Generator, resolution: str
+    variant_runtime: Runtime, rng: np.random.Generator, resolution: str
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    device = _uploaded(form_runtime, gbuffer)
+    device = _uploaded(variant_runtime, gbuffer)
     technique = Ssao(
-        form_runtime, gbuffer.size, SsaoParams(radius=RADIUS, resolution=resolution)
+        variant_runtime, gbuffer.size, SsaoParams(radius=RADIUS, resolution=resolution)
     )
     first = technique.run(device).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -17,7 +17,7 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.indirect.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness
+from ssgi_cl.techniques.indirect.ssdo_back import SenderVisibility
 from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.indirect.ssdo_views import ViewsParams
@@ -108,12 +108,12 @@ def test_bent_normals_are_those_of_gtao_if_slices_are_many(
     assert float(np.sum(bent * one.inner(np.asarray(one.normal)), axis=-1).mean()) < 0.99
 
 
-def test_lamps_shine_as_they_do_in_shading(form_runtime: Runtime, corner: GBuffer) -> None:
+def test_lights_shine_as_they_do_in_shading(variant_runtime: Runtime, corner: GBuffer) -> None:
     lights = [LAMP, SUN]
-    options: dict[str, Any] = {"runtime": form_runtime, "lamp_taps": 0}
+    options: dict[str, Any] = {"runtime": variant_runtime, "lamp_taps": 0}
     direct, _ = ssdo(corner, lights, bounce=False, **options)
     white = replace(corner, albedo=np.ones_like(corner.albedo))
-    expected = np.pi * shade(white, lights, runtime=form_runtime)
+    expected = np.pi * shade(white, lights, runtime=variant_runtime)
     np.testing.assert_allclose(direct, expected, rtol=1e-5, atol=1e-6 * expected.max())
     with_bounce, bounce = ssdo(corner, lights, method="points", **options)
     np.testing.assert_array_equal(direct, with_bounce)
@@ -122,15 +122,15 @@ def test_lamps_shine_as_they_do_in_shading(form_runtime: Runtime, corner: GBuffe
 
 def test_shadow_maps_dim_direct_light_and_what_it_makes_surfaces_send(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
-    lamp = made.lights[0]
-    assert isinstance(lamp, gi.SpotLight)
+    punctual_light = made.lights[0]
+    assert isinstance(punctual_light, gi.SpotLight)
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
     dark = replace(gbuffer, emission=None)
-    rsm = gi.rasterize.rsm(made.scene, lamp, size=128, runtime=runtime)
+    rsm = gi.rasterize.rsm(made.scene, punctual_light, size=128, runtime=runtime)
     options: dict[str, Any] = {"radius": 0.3, "method": "points", "runtime": runtime}
-    with_map = ssdo(dark, [lamp], rsms=[rsm], **options)
-    marched = ssdo(dark, [lamp], **options)
-    without = ssdo(dark, [lamp], lamp_taps=0, **options)
+    with_map = ssdo(dark, [punctual_light], rsms=[rsm], **options)
+    marched = ssdo(dark, [punctual_light], **options)
+    without = ssdo(dark, [punctual_light], lamp_taps=0, **options)
     for by_map, by_march, open_ in zip(with_map, marched, without, strict=True):
         assert (means(by_map) < 0.95 * means(open_)).all()
         assert (means(by_march) < 0.97 * means(open_)).all()
@@ -190,8 +190,8 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
     device = on_device(single, runtime)
     params = SsdoParams(method="points")
     with runtime.frame():
-        openness = SenderOpenness(runtime, device.size, params, device.margin, 1).run(device)
-        coarse = openness.download()[0]
+        visibility = SenderVisibility(runtime, device.size, params, device.margin, 1).run(device)
+        coarse = visibility.download()[0]
     # Each pixel takes the nearest that was looked at; the margin has the border's.
     index = [np.clip((np.arange(-edge, size + edge).clip(0) + 2) // 4, 0, len_ - 1)
              for edge, size, len_ in zip((4, 6), device.size, coarse.shape, strict=True)]
@@ -215,10 +215,10 @@ def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer,
 @pytest.mark.parametrize("method", METHODS)
 def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> None:
     made, gbuffer, views = box_with_views(runtime, 2)
-    lamp = made.lights[0]
+    punctual_light = made.lights[0]
     options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, "method": method}
-    alone = ssdo(gbuffer, [lamp, SKY], **options)
-    one, two = (ssdo(gbuffer, [lamp, SKY], views=views[:n], **options) for n in (1, 2))
+    alone = ssdo(gbuffer, [punctual_light, SKY], **options)
+    one, two = (ssdo(gbuffer, [punctual_light, SKY], views=views[:n], **options) for n in (1, 2))
     for fewer, more in ((alone, one), (one, two)):
         assert (means(more[0]) < means(fewer[0])).all(), "less of the sky is seen"
         assert (means(more[1]) > means(fewer[1])).all(), "more surfaces send"
@@ -226,7 +226,7 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> No
     away = gi.Camera.look_at((50, 0, 0), (99, 0, 0), width=32, height=24)
     blind = gi.rasterize.gbuffer(made.scene, away, runtime=runtime)
     for with_it, without in zip(
-        ssdo(gbuffer, [lamp, SKY], views=[blind], **options), alone, strict=True
+        ssdo(gbuffer, [punctual_light, SKY], views=[blind], **options), alone, strict=True
     ):
         np.testing.assert_array_equal(with_it, without)
 
@@ -348,14 +348,14 @@ def test_lower_resolutions_find_about_the_same(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_kernel_form_finds_the_same(
-    other_form: Runtime, runtime: Runtime, corner: GBuffer, method: str
+def test_every_kernel_variant_finds_the_same(
+    other_variant: Runtime, runtime: Runtime, corner: GBuffer, method: str
 ) -> None:
     lights = [LAMP, SKY, IMAGE]
     options: dict[str, Any] = {"method": method, "resolution": "half"}
-    one = np.stack(ssdo(corner, lights, runtime=other_form, **options))
+    one = np.stack(ssdo(corner, lights, runtime=other_variant, **options))
     other = np.stack(ssdo(corner, lights, runtime=runtime, **options))
-    # Shading rounds as compilers like; the rest gives the same bits.
+    # Shading rounds as compilers like; the rest gives bit-identical results.
     np.testing.assert_allclose(one, other, atol=1e-5 * other.max())
 
 

@@ -102,8 +102,8 @@ CHOICES: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("choice", CHOICES, ids=str)
-def test_every_kernel_form_agrees_with_numpy_twin(
-    form_runtime: Runtime, rng: np.random.Generator, kind: str, choice: dict[str, Any]
+def test_every_kernel_variant_agrees_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, choice: dict[str, Any]
 ) -> None:
     gbuffer, sky = with_layers(rng, kind), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
@@ -115,13 +115,13 @@ def test_every_kernel_form_agrees_with_numpy_twin(
         normal = np.stack([front, front * turned]).astype(np.float32)
         gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32), normal=normal)
     params = {"radius": 0.6, **choice}
-    found, _ = gathered(form_runtime, gbuffer, radiance, (sky,), **params)
+    found, _ = gathered(variant_runtime, gbuffer, radiance, (sky,), **params)
     look_up = filtered(np.asarray(sky.radiance)).astype(np.float32).astype(np.float64)
     wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, look_up)
     assert found.shape == wanted.shape
     off = ~(np.abs(found - wanted) <= ROUNDING * np.pi)
     # Which neighbour gives a pixel its slope may change by rounding, and with it what those around
-    # find: depths moved by 1e-7 change 2 to 22 of 1209 pixels of the orthographic twin itself.
+    # find: depths moved by 1e-7 change 2 to 22 of 1209 pixels of the orthographic reference itself.
     most = FLIPS if kind == "perspective" else 1e-2
     sky_first = 4 if "bent_normals" in choice else 1
     looked_up = off[sky_first:sky_first + 3]
@@ -131,14 +131,14 @@ def test_every_kernel_form_agrees_with_numpy_twin(
     assert looked_up.any(axis=0).mean() <= 5 * FLIPS
 
 
-def test_every_kernel_form_gives_the_same_bits(
-    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_bit_identical_results(
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, sky = with_layers(rng), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
     (one, first), (other, second) = (
         gathered(device, gbuffer, radiance, (sky,), radius=0.6, back=0.7)
-        for device in (runtime, other_form)
+        for device in (runtime, other_variant)
     )
     np.testing.assert_array_equal(one, other)
     assert first.masks is not None
@@ -234,7 +234,7 @@ def test_radiance_of_any_size_gives_finite_light_in_proportion(
     np.testing.assert_array_equal(brighter[1:], found[1:] * np.float32(2.0**60))
 
 
-def test_masks_are_what_openness_counts(runtime: Runtime, rng: np.random.Generator) -> None:
+def test_masks_are_what_visibility_counts(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     found, end = gathered(runtime, gbuffer, radius=0.6, slices=1)
     assert end.masks is not None

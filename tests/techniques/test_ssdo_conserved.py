@@ -28,14 +28,14 @@ WALL, FLOOR = (1.0, 1.0), (2.0, 3.0)
 """Height and width of the wall x = 0, depth and width of the floor y = 0, in scene units."""
 
 
-def lines_of_sight(camera: Camera) -> Pair:
+def visibility_rays(camera: Camera) -> Pair:
     start = camera.unproject(np.zeros(camera.size, np.float32))
     return start, camera.unproject(np.ones(camera.size, np.float32)) - start
 
 
 def inside_of(camera: Camera, low: Sequence[float], high: Sequence[float]) -> GBuffer:
     """Return what a camera in an empty box sees."""
-    start, along = lines_of_sight(camera)
+    start, along = visibility_rays(camera)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(along > 0.0, (high - start) / along, (low - start) / along)
     depth = np.where(along == 0.0, np.inf, depth)
@@ -63,7 +63,7 @@ class Beside:
 
 
 def wall_beside_floor(camera: Camera) -> Beside:
-    start, along = lines_of_sight(camera)
+    start, along = visibility_rays(camera)
     with np.errstate(divide="ignore", invalid="ignore"):
         to_floor, to_wall = (-start[..., axis] / along[..., axis] for axis in (1, 0))
         at_floor, at_wall = (start + t[..., None] * along for t in (to_floor, to_wall))

@@ -30,7 +30,7 @@ def ball_from_inside(height: float) -> tuple[GBuffer, float]:
     a, b = np.sum(along**2, axis=-1), along @ start
     depth = (np.sqrt(b * b - a * (start @ start - RADIUS**2)) - b) / a
     normal = -(start + depth[..., None] * along) / RADIUS
-    # A pixel shows its area across the line of sight over the cosine.
+    # A pixel shows its area across the view ray over the cosine.
     facing = -np.sum(normal * along, axis=-1) / np.sqrt(a)
     to_x, to_y, _, _ = camera.pixel_to_view
     area = np.sum(abs(to_x * to_y) * depth**2 / np.sqrt(a) / facing)

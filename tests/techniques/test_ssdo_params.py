@@ -14,7 +14,7 @@ from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmaskParams
 from ssgi_cl.techniques.indirect.ssdo_params import METHODS, METHODS_OF, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
-from ssgi_cl.techniques.shading.light_shadows import LampShadowParams
+from ssgi_cl.techniques.shading.light_shadows import LightShadowParams
 
 BACK_ENDS: dict[str, Callable[[SsdoParams], Params]] = {
     "bitmask": SsdoParams.bitmask, "points": SsdoParams.points, "published": SsdoParams.points,
@@ -22,7 +22,7 @@ BACK_ENDS: dict[str, Callable[[SsdoParams], Params]] = {
 COUNTS: list[tuple[str, type[Params], str]] = [
     ("slices", SsdoBitmaskParams, "slices"), ("taps", SsdoBitmaskParams, "taps"),
     ("samples", PointsParams, "samples"), ("blur_radius", BilateralParams, "radius"),
-    ("blur_passes", BilateralParams, "passes"), ("lamp_taps", LampShadowParams, "taps"),
+    ("blur_passes", BilateralParams, "passes"), ("lamp_taps", LightShadowParams, "taps"),
 ]
 """Of SSDO, and where they are handed on."""
 
@@ -46,8 +46,8 @@ def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value
     params = SsdoParams(method=method, **{name: value})
     BACK_ENDS[method](params)
     assert params.blur
-    if params.lamp_taps:  # without, no lamp casts a shadow
-        params.lamps()
+    if params.lamp_taps:  # without, no light casts a shadow
+        params.punctual_lights()
 
 
 @pytest.mark.parametrize(("name", "behind", "there"), COUNTS)

@@ -1,4 +1,5 @@
-"""Auxiliary cameras of SSDO from taps: against the numpy twin, and what they must leave alone."""
+"""Auxiliary cameras of SSDO from taps: against the numpy reference, and what they must leave
+alone."""
 
 from __future__ import annotations
 
@@ -75,14 +76,14 @@ class Case:
 
 
 def assert_alike(found: Gathered, expected: Gathered, flips: float) -> None:
-    for name in ("openness", "sky", "bounce"):
+    for name in ("visibility", "sky", "bounce"):
         a, b = getattr(found, name), getattr(expected, name)
         assert np.isfinite(a).all()
         off = np.abs(a - b) > ROUNDING * np.maximum(1.0, np.abs(b))
         assert np.mean(off) <= flips, name
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "perspective": {},
@@ -99,7 +100,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
         for name in VARIANTS
     ],
 )
-def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime, variant: str) -> None:
+def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime,
+    variant: str) -> None:
     rng = np.random.default_rng(5)
     chosen = dict(VARIANTS[variant])
     step = chosen.pop("step", 1)
@@ -112,26 +114,26 @@ def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime, variant
         thickness = rng.uniform(0.1, RADIUS, np.shape(other.depth)[1:]).astype(np.float32)
         other = replace(other, thickness=thickness)
     own, sent = rng.random((1, *np.shape(gbuffer.depth), 3)), 0.1 + rng.random((2, 31, 41, 3))
-    case = Case(form_runtime, gbuffer, params=params, step=step, own=own, sky=sky)
+    case = Case(variant_runtime, gbuffer, params=params, step=step, own=own, sky=sky)
     case.add(other, sent)
     before = ssdo_points_reference(gbuffer, params, step=step, radiance=own, sky=sky)
     after = ssdo_point_views_reference(gbuffer, before, other, sent, params, step=step, sky=sky)
-    assert (before.openness - after.openness).max() > 0.05
+    assert (before.visibility - after.visibility).max() > 0.05
     assert (after.bounce - before.bounce).max() > 0.05
     # Two cameras, and with 33 directions of 7 taps four times as many that may flip.
     assert_alike(case.found(), after, 5.0 * FLIPS)
     # A second one at the same place finds what the first did: nothing more.
     found = case.found()
     case.add(other, sent)
-    for name in ("openness", "sky", "bounce"):
+    for name in ("visibility", "sky", "bounce"):
         np.testing.assert_array_equal(getattr(case.found(), name), getattr(found, name))
 
 
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, other_form: Runtime
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, other_variant: Runtime
 ) -> None:
     results = []
-    for one in (runtime, other_form):
+    for one in (runtime, other_variant):
         rng = np.random.default_rng(5)
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         case = Case(one, gbuffer, own=rng.random((1, *SIZE, 3)), sky=rng.random((8, 16, 3)))
@@ -158,7 +160,7 @@ def test_first_camera_again_changes_nothing(runtime: Runtime, method: str) -> No
     case.add(gbuffer, sent)
     after = case.found()
     # What is near the eye is told from the radius with a view, else from the receiver's depth.
-    for name in ("openness", "sky", "bounce"):
+    for name in ("visibility", "sky", "bounce"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
 
@@ -195,7 +197,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
         np.testing.assert_allclose(found.bounce[..., 1], 0.5 * found.bounce[..., 0], rtol=1e-5)
         sums.append(found.bounce[..., 0].mean())
         # The wall hides a good part of the half ball over its foot, a few per cent of the image.
-        assert found.openness.mean() < before.openness.mean() - 0.01
+        assert found.visibility.mean() < before.visibility.mean() - 0.01
     assert sums[0] > before.bounce.mean() + 0.05
     # What the second one adds is at the edges of what the first of the two shows.
     assert sums[1] == pytest.approx(sums[0], rel=0.1)

@@ -1,4 +1,5 @@
-"""SSDO from taps: against its numpy twin, sums over all senders, and under what must not matter."""
+"""SSDO from taps: against its numpy reference, sums over all senders, and under what must not
+matter."""
 
 from __future__ import annotations
 
@@ -66,7 +67,7 @@ def gathered(
 
 def assert_alike(one: Gathered, other: Gathered) -> None:
     """Check that but for a few flips both are the same up to roundings."""
-    for name in ("openness", "sky", "bounce"):
+    for name in ("visibility", "sky", "bounce"):
         a, b = getattr(one, name), getattr(other, name)
         assert np.isfinite(a).all()
         off = np.abs(a - b) > ROUNDING * np.maximum(1.0, np.abs(b))
@@ -92,14 +93,14 @@ def two_layers(rng: np.random.Generator, *, normals: bool) -> GBuffer:
     )
 
 
-# ---- against the numpy twin
+# ---- against the numpy reference
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize(
     "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bumpy", "noisy"))]
 )
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind, size=(33, 43)), rng, margin=(3, 5))
@@ -119,8 +120,8 @@ STEPS = (1, 2, 4, 1)
 
 
 @pytest.mark.parametrize(("variant", "step"), list(zip(VARIANTS, STEPS, strict=True)))
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime, rng: np.random.Generator, variant: str, step: int
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime, rng: np.random.Generator, variant: str, step: int
 ) -> None:
     gbuffer = two_layers(rng, normals=variant != "few")
     if variant == "many":  # each pixel its own
@@ -129,20 +130,20 @@ def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
     params = PointsParams(radius=RADIUS, **VARIANTS[variant])
     sent = senders(gbuffer, rng)[: 1 if variant == "few" else 2]
     sky = rng.random((8, 16, 3)) if step != 2 else None
-    found = gathered(form_runtime, gbuffer, params, step=step, radiance=sent, sky=sky)
+    found = gathered(variant_runtime, gbuffer, params, step=step, radiance=sent, sky=sky)
     expected = ssdo_points_reference(gbuffer, params, step=step, radiance=sent, sky=sky)
     assert_alike(found, expected)
 
 
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = two_layers(rng, normals=True)
     sent = senders(gbuffer, rng)
     a = gathered(runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
-    b = gathered(other_form, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
-    # Contraction is off and light is added in the order of the taps: the same bits.
-    np.testing.assert_array_equal(a.openness, b.openness)
+    b = gathered(other_variant, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
+    # Contraction is off and light is added in the order of the taps: bit-identical results.
+    np.testing.assert_array_equal(a.visibility, b.visibility)
     np.testing.assert_array_equal(a.bounce, b.bounce)
 
 
@@ -157,7 +158,7 @@ def test_plane_is_open_and_dark_at_any_tilt(runtime: Runtime, kind: str) -> None
         gbuffer = trace(made, [tilted(made, degrees)])
         sent = np.ones((1, *np.asarray(floor.depth).shape, 3))
         found = gathered(runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
-        np.testing.assert_array_equal(found.openness, 1.0)
+        np.testing.assert_array_equal(found.visibility, 1.0)
         np.testing.assert_array_equal(found.bounce, 0.0)
 
 

@@ -28,7 +28,7 @@ STACKS = {
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_layers_that_bound_something_closed_are_paired(form_runtime: Runtime, kind: str) -> None:
+def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime, kind: str) -> None:
     made = camera(kind, size=(1, len(STACKS)))
     towards = made.view[2, :3]  # the normal of what faces the camera
     letters = np.array([list(stack) for stack in STACKS]).T[:, None]
@@ -38,9 +38,9 @@ def test_layers_that_bound_something_closed_are_paired(form_runtime: Runtime, ki
         camera=made, depth=depth.astype(np.float32),
         normal=(signs[..., None] * towards).astype(np.float32),
     )
-    device = DeviceGBuffer(form_runtime, made.size, layers=4, attributes=4)
+    device = DeviceGBuffer(variant_runtime, made.size, layers=4, attributes=4)
     device.upload(gbuffer)
-    plane = Sides(form_runtime).run(device)
+    plane = Sides(variant_runtime).run(device)
     assert plane is not None
     wanted = np.array(list(STACKS.values())).T[:, None]
     np.testing.assert_array_equal(plane.download(), wanted)

@@ -104,7 +104,7 @@ def test_open_tiles_change_no_bit_of_light(
             planes = technique.run(device, lights, views=further, tiles=known)
             found.append([
                 None if plane is None else plane.download()
-                for plane in (planes.direct, planes.bounce, planes.openness)
+                for plane in (planes.direct, planes.bounce, planes.visibility)
             ])
     for expected, got in zip(*found, strict=True):
         np.testing.assert_equal(got, expected)
@@ -244,7 +244,7 @@ def test_skips_leave_the_bits_of_frames(
 
 
 @pytest.mark.slow
-def test_a_flat_floor_needs_lamps_alone_and_says_so(runtime: Runtime) -> None:
+def test_a_flat_floor_needs_lights_alone_and_says_so(runtime: Runtime) -> None:
     frame = drawn(runtime, "flat_floor", ["tiles"], (480, 360))
     told = {p.name: p.skipped for p in frame.passes if p.skipped}
     assert told["ssdo tiles"] == "690 of 690 tiles are open (690 flat)"

@@ -71,13 +71,14 @@ def layered(made: Camera, seed: int) -> GBuffer:
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_kernel_agrees_with_numpy_twin_for_every_camera(runtime: Runtime, kind: str) -> None:
+def test_kernel_agrees_with_numpy_reference_for_every_camera(runtime: Runtime, kind: str) -> None:
     _assert_agrees(runtime, kind, "full")
 
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime, resolution: str) -> None:
-    _assert_agrees(form_runtime, "perspective", resolution)
+def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime,
+    resolution: str) -> None:
+    _assert_agrees(variant_runtime, "perspective", resolution)
 
 
 def test_deeper_layers_without_normals_lie_across_the_view(runtime: Runtime) -> None:
@@ -135,11 +136,11 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
         assert (runtime.allocated_bytes, runtime.builds) == counts
 
 
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, other_form: Runtime
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, other_variant: Runtime
 ) -> None:
     results = []
-    for one in (runtime, other_form):
+    for one in (runtime, other_variant):
         rng = np.random.default_rng(5)
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         device, further = uploaded(one, gbuffer), uploaded(one, layered(aside("perspective"), 3))

@@ -1,4 +1,4 @@
-"""Surfaces that no earlier view shows: against the numpy twin, and of known scenes."""
+"""Surfaces that no earlier view shows: against the numpy reference, and of known scenes."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def assert_agrees(runtime: Runtime, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_kernel_agrees_with_numpy_twin_for_every_camera(runtime: Runtime, kind: str) -> None:
+def test_kernel_agrees_with_numpy_reference_for_every_camera(runtime: Runtime, kind: str) -> None:
     assert_agrees(runtime, kind)
 
 
-def test_every_kernel_form_agrees_with_numpy_twin(form_runtime: Runtime) -> None:
-    assert_agrees(form_runtime, "perspective")
+def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime) -> None:
+    assert_agrees(variant_runtime, "perspective")
 
 
 def test_view_itself_shows_all_and_one_from_elsewhere_nothing(runtime: Runtime) -> None:

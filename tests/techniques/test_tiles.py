@@ -18,7 +18,7 @@ from ssgi_cl.reference.tiles import by_tile, nearness, rises_reference, too_far
 from ssgi_cl.techniques.ao.slices import SliceTechnique
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.shading.light_data import Lamp, Lamps
+from ssgi_cl.techniques.shading.light_data import PunctualLight, PunctualLights
 from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.tiles import TILE, Reach, Tiles
 
@@ -26,7 +26,7 @@ from . import analytic
 
 SIZE = (70, 150)
 CAMERAS = ("perspective", "orthographic")
-OPEN, CALM, FAR, FLAT = 1, 2, 4, 8
+OPEN, INTERIOR, FAR, FLAT = 1, 2, 4, 8
 
 
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
@@ -58,12 +58,12 @@ def proven(
 @pytest.mark.parametrize("name", CAMERAS)
 @pytest.mark.parametrize("margin", [(0, 0), (5, 20)])
 def test_boxes_and_normals_hold_every_pixel_of_their_tiles(
-    form_runtime: Runtime, name: str, margin: tuple[int, int]
+    variant_runtime: Runtime, name: str, margin: tuple[int, int]
 ) -> None:
     camera = analytic.camera(name, SIZE)
     gbuffer = corner(camera, margin)
-    device = uploaded(form_runtime, gbuffer)
-    facts = Tiles(form_runtime, SIZE, margin).look(device)
+    device = uploaded(variant_runtime, gbuffer)
+    summary = Tiles(variant_runtime, SIZE, margin).look(device)
     depth = gbuffer.inner(gbuffer.first("depth"))
     turn, shift = camera.view[:3, :3], camera.view[:3, 3]
     safe = np.where(np.isfinite(depth), depth, 1.0)
@@ -72,10 +72,10 @@ def test_boxes_and_normals_hold_every_pixel_of_their_tiles(
     normals = device.normal.download()[inner]
     there = np.isfinite(depth)
     shown = by_tile(there, np.logical_or).astype(bool)
-    assert len(facts.boxes.least) == np.count_nonzero(shown)
+    assert len(summary.boxes.least) == np.count_nonzero(shown)
     for values, least, greatest in (
-        (points, facts.boxes.least, facts.boxes.greatest),
-        (normals, facts.boxes.normal_least, facts.boxes.normal_greatest),
+        (points, summary.boxes.least, summary.boxes.greatest),
+        (normals, summary.boxes.normal_least, summary.boxes.normal_greatest),
     ):
         for axis in range(3):
             low = by_tile(np.where(there, values[axis], np.inf), np.minimum)[shown]
@@ -84,7 +84,7 @@ def test_boxes_and_normals_hold_every_pixel_of_their_tiles(
             assert (greatest[:, axis] >= high).all()
 
 
-def test_layers_without_a_pixel_are_not_counted(form_runtime: Runtime) -> None:
+def test_layers_without_a_pixel_are_not_counted(variant_runtime: Runtime) -> None:
     gbuffer = corner(analytic.camera("perspective", SIZE))
     front = np.asarray(gbuffer.depth)
     nothing = np.full_like(front, np.inf)
@@ -94,8 +94,8 @@ def test_layers_without_a_pixel_are_not_counted(form_runtime: Runtime) -> None:
         layered = GBuffer(
             camera=gbuffer.camera, depth=np.stack([front, *deeper]), normal=gbuffer.normal
         )
-        device = uploaded(form_runtime, layered)
-        assert Tiles(form_runtime, SIZE, (0, 0), 3).look(device).layers == expected
+        device = uploaded(variant_runtime, layered)
+        assert Tiles(variant_runtime, SIZE, (0, 0), 3).look(device).layers == expected
 
 
 # ---- what is proven
@@ -103,7 +103,7 @@ def test_layers_without_a_pixel_are_not_counted(form_runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
-    form_runtime: Runtime, name: str
+    variant_runtime: Runtime, name: str
 ) -> None:
     camera = analytic.camera(name, SIZE)
     gbuffer = corner(camera)
@@ -112,7 +112,7 @@ def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
     depth = np.asarray(gbuffer.depth, np.float64)
     near = 1.0 if camera.is_orthographic else depth.min()
     reach = Reach(radius=px * min(abs(to_x), abs(to_y)) * near, more_px=0.0)
-    bits, device = proven(form_runtime, gbuffer, reach)
+    bits, device = proven(variant_runtime, gbuffer, reach)
     rises = rises_reference(depth, np.moveaxis(device.normal.download(), 0, -1), camera, px)
     highest = by_tile(rises, np.maximum)
     flat = (bits & FLAT) > 0
@@ -127,14 +127,14 @@ def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
     assert sure.sum() >= 5
     assert flat[sure].mean() >= 0.5  # nothing is proven beside a tile that is bent or half empty
     np.testing.assert_array_equal(
-        bits == (OPEN | (bits & CALM)), by_tile(nearness(depth, camera), np.maximum) == -np.inf
+        bits == (OPEN | (bits & INTERIOR)), by_tile(nearness(depth, camera), np.maximum) == -np.inf
     )
 
 
 @pytest.mark.parametrize("name", [*CAMERAS, "intrinsics"])
 @pytest.mark.parametrize("step", [1, 2])
 def test_far_tiles_are_those_where_the_radius_covers_less_than_a_pixel(
-    form_runtime: Runtime, name: str, step: int
+    variant_runtime: Runtime, name: str, step: int
 ) -> None:
     camera = analytic.camera(name, SIZE)
     gbuffer = corner(camera)
@@ -144,7 +144,7 @@ def test_far_tiles_are_those_where_the_radius_covers_less_than_a_pixel(
     found = set()
     for share in (0.9, 1.1):
         reach = Reach(radius=share * step * min(abs(to_x), abs(to_y)) * middle, step=step)
-        bits, _ = proven(form_runtime, gbuffer, reach)
+        bits, _ = proven(variant_runtime, gbuffer, reach)
         small = by_tile(too_far(depth, camera, reach), np.logical_and).astype(bool)
         empty = by_tile(np.isfinite(depth), np.logical_or) == 0
         np.testing.assert_array_equal((bits & FAR) > 0, small & ~empty)
@@ -172,7 +172,7 @@ def test_tiles_look_as_far_as_the_radius_and_its_limits_say(
         bits, _ = proven(runtime, gbuffer, reach)
         for row in range(rows // TILE):
             for column in range(edge):
-                # Lengths across a line of sight grow in the image with its slope.
+                # Lengths across a view ray grow in the image with its slope.
                 x = np.abs(at_x + to_x * TILE * np.array([column, column + 1])).max()
                 y = np.abs(at_y + to_y * TILE * np.array([row, row + 1])).max()
                 px = min(1.3 / min(abs(to_x), abs(to_y)) / 5.0, most_px) * stretch
@@ -193,8 +193,8 @@ def test_calm_tiles_have_open_ones_all_round(runtime: Runtime) -> None:
     around = np.stack([
         opened[i : i + rows, j : j + columns] for i in range(3) for j in range(3)
     ])
-    np.testing.assert_array_equal((bits & CALM) > 0, around.all(axis=0))
-    assert 0 < np.count_nonzero(bits & CALM) < np.count_nonzero(bits & OPEN) < bits.size
+    np.testing.assert_array_equal((bits & INTERIOR) > 0, around.all(axis=0))
+    assert 0 < np.count_nonzero(bits & INTERIOR) < np.count_nonzero(bits & OPEN) < bits.size
 
 
 # ---- what it is for
@@ -216,20 +216,20 @@ def test_calm_tiles_have_open_ones_all_round(runtime: Runtime) -> None:
     ids=str,
 )
 def test_open_tiles_change_no_bit_of_the_result(
-    form_runtime: Runtime, name: str, choice: dict[str, Any], camera: str
+    variant_runtime: Runtime, name: str, choice: dict[str, Any], camera: str
 ) -> None:
     entry = TECHNIQUES[name]
     margin = (3, 9)
     gbuffer = corner(analytic.camera(camera, (150, 200)), margin)
-    device = uploaded(form_runtime, gbuffer)
-    tiles = Tiles(form_runtime, gbuffer.size, margin)
+    device = uploaded(variant_runtime, gbuffer)
+    tiles = Tiles(variant_runtime, gbuffer.size, margin)
     tiles.look(device)
     opened = []
     make: Any = entry.technique
     more = (1,) if issubclass(entry.technique, SliceTechnique) else ()
     for radius in (0.02, 0.1):
         params = entry.params(radius=radius, **choice)  # type: ignore[call-arg]
-        technique = make(form_runtime, gbuffer.size, params, margin, *more)
+        technique = make(variant_runtime, gbuffer.size, params, margin, *more)
         expected = technique.run(device).download()
         reach = technique.reach(device)
         known = tiles.open(device, reach)
@@ -325,42 +325,42 @@ def test_techniques_that_plain_surfaces_occlude_have_no_reach(runtime: Runtime) 
         assert technique.reach(gbuffer) is None
 
 
-def test_lamps_that_are_left_out_light_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
+def test_lights_that_are_left_out_light_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     camera = analytic.camera("perspective", SIZE)
     device = uploaded(runtime, corner(camera))
-    facts = Tiles(runtime, SIZE).look(device)
-    shading = Lamps(runtime, SIZE)
+    summary = Tiles(runtime, SIZE).look(device)
+    shading = PunctualLights(runtime, SIZE)
     left_out = 0
     for _ in range(25):
         place, aim = rng.uniform(-3.0, 3.0, 3), rng.standard_normal(3)
-        lamps: list[Lamp] = [
+        punctual_lights: list[PunctualLight] = [
             PointLight(place, 1.0), SpotLight(place, aim, rng.uniform(0.1, 1.2), 1.0),
             DirectionalLight(aim, 1.0),
         ]
-        reach = reaching(lamps, facts.boxes, camera)
-        for lamp, reaches in zip(lamps, reach, strict=True):
+        reach = reaching(punctual_lights, summary.boxes, camera)
+        for punctual_light, reaches in zip(punctual_lights, reach, strict=True):
             with runtime.frame():
-                plane = shading.run(device, [lamp])
+                plane = shading.run(device, [punctual_light])
                 assert plane is not None
                 dark = not plane.download().any()
             if not reaches:
-                assert dark, lamp
+                assert dark, punctual_light
                 left_out += 1
     assert left_out >= 5
 
 
-def test_a_lamp_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> None:
+def test_a_light_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> None:
     camera = analytic.camera("perspective", SIZE)
     floor = analytic.Plane((0.0, -0.3, 0.0), (0.0, 1.0, 0.0), ((0.0, 0.0, 1.0), -4.0))
     device = uploaded(runtime, analytic.trace(camera, [floor]))
-    facts = Tiles(runtime, SIZE).look(device)
-    lamps: list[Lamp] = [
+    summary = Tiles(runtime, SIZE).look(device)
+    punctual_lights: list[PunctualLight] = [
         PointLight((0.0, -3.0, 0.0), 1.0), DirectionalLight((0.0, 1.0, 0.0), 1.0),
         PointLight((0.0, 1.0, 0.0), 1.0),
         SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.1, 1.0),
     ]
-    assert reaching(lamps, facts.boxes, camera).tolist() == [False, False, True, True]
-    assert math.isfinite(facts.boxes.greatest.max())
+    assert reaching(punctual_lights, summary.boxes, camera).tolist() == [False, False, True, True]
+    assert math.isfinite(summary.boxes.greatest.max())
     near = Tiles(runtime, SIZE).look(uploaded(runtime, corner(camera)))
     away = SpotLight((0.0, 5.0, 0.0), (0.0, 1.0, 0.0), 1.0, 1.0)
     assert not reaching([away], near.boxes, camera)[0]

@@ -1,4 +1,4 @@
-"""Tone mapping: against its float64 twin, and what a picture must keep."""
+"""Tone mapping: against its float64 reference, and what a picture must keep."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def ramp(low: float, high: float, count: int = 4096) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("curve", CURVES)
 @pytest.mark.parametrize("exposure", [1e-3, 1.0, 37.5])
-def test_every_kernel_form_agrees_with_twin(
-    form_runtime: Runtime, rng: np.random.Generator, curve: str, exposure: float
+def test_every_kernel_variant_agrees_with_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, curve: str, exposure: float
 ) -> None:
     radiance = np.exp(rng.normal(0.0, 4.0, (23, 37, 3))).astype(np.float32)
-    image = tonemap(radiance, exposure=exposure, curve=curve, runtime=form_runtime)
+    image = tonemap(radiance, exposure=exposure, curve=curve, runtime=variant_runtime)
     assert image.dtype == np.uint8
     assert image.shape == radiance.shape
     expected = encoded_reference(radiance, exposure, curve)
@@ -37,17 +37,17 @@ def test_every_kernel_form_agrees_with_twin(
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_brighter_is_never_darker_in_the_picture(form_runtime: Runtime, curve: str) -> None:
-    image = tonemap(ramp(1e-6, 1e6), exposure=1.0, curve=curve, runtime=form_runtime)
+def test_brighter_is_never_darker_in_the_picture(variant_runtime: Runtime, curve: str) -> None:
+    image = tonemap(ramp(1e-6, 1e6), exposure=1.0, curve=curve, runtime=variant_runtime)
     assert np.all(np.diff(image[0, :, 0].astype(int)) >= 0)
     assert image[0, 0, 0] == 0
     assert image[0, -1, 0] == 255
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_black_stays_black_and_the_brightest_is_white(form_runtime: Runtime, curve: str) -> None:
+def test_black_stays_black_and_the_brightest_is_white(variant_runtime: Runtime, curve: str) -> None:
     radiance = np.array([[[0, 0, 0], [1e6] * 3, [3e38] * 3, [1e-38] * 3]], np.float32)
-    image = tonemap(radiance, exposure=1.0, curve=curve, runtime=form_runtime)
+    image = tonemap(radiance, exposure=1.0, curve=curve, runtime=variant_runtime)
     np.testing.assert_array_equal(image[0, :, 0], [0, 255, 255, 0])
 
 
@@ -66,11 +66,11 @@ def test_channels_do_not_mix(runtime: Runtime) -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 3), (3, 3), (17, 31), (5, 65)], ids=str)
-def test_odd_sizes_agree_with_twin_at_automatic_exposure(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+def test_odd_sizes_agree_with_reference_at_automatic_exposure(
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
     radiance = rng.random((*size, 3), np.float32)
-    image = tonemap(radiance, runtime=form_runtime)
+    image = tonemap(radiance, runtime=variant_runtime)
     expected = encoded_reference(radiance, auto_exposure(radiance))
     assert np.abs(image - expected).max() <= HALF_STEP
 
@@ -128,13 +128,13 @@ def test_absurd_exposure_gives_black_or_white(runtime: Runtime, exposure: float)
 # ---- prepared, bad input
 
 
-def test_second_call_allocates_and_builds_nothing(form_runtime: Runtime) -> None:
-    plane = form_runtime.plane(3, (9, 20), 0.5)
-    technique = Tonemap(form_runtime, (9, 20))
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime) -> None:
+    plane = variant_runtime.plane(3, (9, 20), 0.5)
+    technique = Tonemap(variant_runtime, (9, 20))
     first = technique.run(plane, 1.0)
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(plane, 1.0)
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

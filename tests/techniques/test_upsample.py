@@ -1,4 +1,4 @@
-"""Joint-bilateral upsampling: against its numpy twin, on planes, and at silhouettes."""
+"""Joint-bilateral upsampling: against its numpy reference, on planes, and at silhouettes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def upsample_blurred(
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -74,27 +74,27 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     ],
 )
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_step_and_margin(
-    form_runtime: Runtime, rng: np.random.Generator, step: int, channels: int,
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_step_and_margin(
+    variant_runtime: Runtime, rng: np.random.Generator, step: int, channels: int,
     margin: tuple[int, int],
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
     small = coarse_size(gbuffer.size, step)
     image = rng.random(small if channels == 1 else (*small, 3)).astype(np.float32)
     options = {"step": step, "background": -1.0, "depth_sigma": 0.02, "normal_sigma": 0.5}
-    fine = upsample(image, gbuffer, runtime=form_runtime, **options)
+    fine = upsample(image, gbuffer, runtime=variant_runtime, **options)
     wanted = upsample_reference(image, gbuffer, **options)
     assert share_off(fine, wanted) <= FLIPS
 
 
 @pytest.mark.slow
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     a = upsample(image, gbuffer, runtime=runtime)
-    b = upsample(image, gbuffer, runtime=every_form)
+    b = upsample(image, gbuffer, runtime=every_variant)
     # Contraction is off, so forms differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
 
@@ -102,12 +102,12 @@ def test_every_kernel_form_gives_the_same_result(
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("step", [2, 4])
 def test_constant_stays_constant_at_odd_sizes(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
 ) -> None:
     gbuffer = scene("noisy", camera(size=size), rng)
     there = np.isfinite(gbuffer.depth)
     image = np.full(coarse_size(size, step), 0.7, np.float32)
-    fine = upsample(image, gbuffer, step=step, background=-1.0, runtime=form_runtime)
+    fine = upsample(image, gbuffer, step=step, background=-1.0, runtime=variant_runtime)
     assert fine.shape == size
     # A quotient of 4 products and sums, each rounded by 2^-24.
     np.testing.assert_allclose(fine[there], 0.7, rtol=1e-6)
@@ -132,16 +132,16 @@ def test_ramp_on_a_plane_comes_back_as_a_ramp(
 @pytest.mark.parametrize("step", [2, 4])
 @pytest.mark.parametrize("blurred", [False, True])
 def test_silhouette_does_not_leak(
-    form_runtime: Runtime, rng: np.random.Generator, step: int, blurred: bool
+    variant_runtime: Runtime, rng: np.random.Generator, step: int, blurred: bool
 ) -> None:
     gbuffer = scene("step", camera(size=(49, 61)), rng)
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
     assert 0.1 < near.mean() < 0.9
     if blurred:
         params = BilateralParams(radius=7)
-        fine = upsample_blurred(near[::step, ::step], gbuffer, form_runtime, step, params)
+        fine = upsample_blurred(near[::step, ::step], gbuffer, variant_runtime, step, params)
     else:
-        fine = upsample(near[::step, ::step], gbuffer, step=step, runtime=form_runtime)
+        fine = upsample(near[::step, ::step], gbuffer, step=step, runtime=variant_runtime)
     # Both sizes end on a coarse pixel, so that a pixel has one of its own side in reach unless the
     # slanted edge cuts it off. What is on the other side weighs exactly 0.
     own = _own_side_in_reach(near, step)
@@ -168,16 +168,17 @@ def test_step_of_one_returns_the_image(runtime: Runtime, rng: np.random.Generato
     )
 
 
-def test_coarse_pixels_keep_their_values(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_coarse_pixels_keep_their_values(variant_runtime: Runtime,
+    rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=(33, 71)), rng)
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
-    fine = upsample(image, gbuffer, background=0.0, runtime=form_runtime)
+    fine = upsample(image, gbuffer, background=0.0, runtime=variant_runtime)
     there = np.isfinite(np.asarray(gbuffer.depth))[::2, ::2]
     np.testing.assert_allclose(fine[::2, ::2][there], image[there], rtol=3e-7)  # as above
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
-def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_blurred_upsampling_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind), rng)
@@ -196,14 +197,14 @@ def test_blurred_upsampling_agrees_with_numpy_twin_in_every_scene_and_camera(
     ],
 )
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-def test_every_kernel_form_of_blurred_upsampling_agrees_with_numpy_twin(
-    form_runtime: Runtime, rng: np.random.Generator, step: int, radius: int,
+def test_every_kernel_variant_of_blurred_upsampling_agrees_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, step: int, radius: int,
     margin: tuple[int, int],
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
     image = rng.random(coarse_size(gbuffer.size, step))
     params = BilateralParams(radius=radius, depth_sigma=0.02, normal_sigma=0.5)
-    fine = upsample_blurred(image, gbuffer, form_runtime, step, params, background=-1.0)
+    fine = upsample_blurred(image, gbuffer, variant_runtime, step, params, background=-1.0)
     wanted = upsample_blur_reference(image, gbuffer, params, step=step, background=-1.0)
     assert share_off(fine, wanted) <= FLIPS
 
@@ -222,7 +223,7 @@ def test_blurred_upsampling_by_one_is_the_blur(
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("step", [2, 4])
 def test_constant_stays_constant_when_blurred_at_odd_sizes(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], step: int
 ) -> None:
     gbuffer = scene("noisy", camera(size=size), rng)
     there = np.isfinite(gbuffer.depth)
@@ -231,7 +232,7 @@ def test_constant_stays_constant_when_blurred_at_odd_sizes(
     for value, tolerance in ((0.7, 2e-6), (1.0, 0.0)):
         image = np.full(coarse_size(size, step), value)
         params = BilateralParams(radius=7)
-        fine = upsample_blurred(image, gbuffer, form_runtime, step, params, background=-1.0)
+        fine = upsample_blurred(image, gbuffer, variant_runtime, step, params, background=-1.0)
         np.testing.assert_allclose(fine[there], value, rtol=tolerance)
         np.testing.assert_array_equal(fine[~there], -1.0)
 
@@ -252,11 +253,11 @@ def test_blurred_upsampling_of_a_tilted_plane_is_that_of_one_that_faces_the_view
 
 
 def test_reduced_gbuffer_sees_what_its_camera_says(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     for margin in ((0, 0), (3, 5), (2, 3)):
         gbuffer = scene("bumpy", camera(size=(22, 34)), rng, margin=margin)
-        device = DeviceGBuffer(form_runtime, gbuffer.size, margin=margin)
+        device = DeviceGBuffer(variant_runtime, gbuffer.size, margin=margin)
         device.upload(gbuffer)
         reduced = ReducedGBuffer(device, 2)
         reduced.update(device)
@@ -269,22 +270,22 @@ def test_reduced_gbuffer_sees_what_its_camera_says(
         )
 
 
-def test_two_runs_give_the_same_bits_and_allocate_nothing(
-    form_runtime: Runtime, rng: np.random.Generator
+def test_two_runs_give_bit_identical_results_and_allocate_nothing(
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    device = DeviceGBuffer(form_runtime, gbuffer.size)
+    device = DeviceGBuffer(variant_runtime, gbuffer.size)
     device.upload(gbuffer)
     reduced = ReducedGBuffer(device, 2)
-    technique = Upsample(form_runtime, gbuffer.size)
-    plane = form_runtime.plane(1, reduced.size)
+    technique = Upsample(variant_runtime, gbuffer.size)
+    plane = variant_runtime.plane(1, reduced.size)
     plane.upload(rng.random((1, *reduced.size)).astype(np.float32))
     results = []
     for _ in range(2):
-        before = form_runtime.allocated_bytes, form_runtime.builds
+        before = variant_runtime.allocated_bytes, variant_runtime.builds
         reduced.update(device)
         results.append(technique.run(plane, reduced, device).download())
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(*results)
 
 

@@ -1,5 +1,5 @@
 """Values that kernels take as arguments are in no key: another one allocates and compiles nothing,
-and gives the same bits as an object that is prepared for it."""
+and gives bit-identical results as an object that is prepared for it."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ CASES = {
         lit, gi.SsdoParams, {"taps": 4, "thickness": 0.1, "resolution": "half"},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
-    "ssdo, further camera": Case(
+    "ssdo, auxiliary camera": Case(
         of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}
     ),
     "ssdo, points": Case(

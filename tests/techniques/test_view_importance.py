@@ -17,7 +17,7 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.view_importance import GROUP, run_weights, view_importance_reference
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.techniques.indirect.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
@@ -30,16 +30,17 @@ from .test_vpl_tree import uploaded
 
 
 @pytest.mark.parametrize("overscan", [0.0, 0.1])
-def test_importance_agrees_with_the_reference(form_runtime: Runtime, overscan: float) -> None:
+def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan: float) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(
-        made.scene, made.camera(72, 54), layers=2, overscan=overscan, runtime=form_runtime
+        made.scene, made.camera(72, 54), layers=2, overscan=overscan, runtime=variant_runtime
     )
-    seen = rsm(made.scene, made.lights[0], size=100, runtime=form_runtime)  # type: ignore[arg-type]
+    seen = rsm(made.scene, made.lights[0], size=100,
+        runtime=variant_runtime)  # type: ignore[arg-type]
     technique = MultiresSplat(
-        form_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32)
+        variant_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32)
     )
-    device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
+    device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     technique.run(device, None, [map_])
     array = technique._importance._importance
     assert array is not None
@@ -50,9 +51,9 @@ def test_importance_agrees_with_the_reference(form_runtime: Runtime, overscan: f
 
     view = gbuffer.camera.view
     _, point, _ = receivers(gbuffer)
-    by_flux = choose_vpls(seen, 500, runtime=form_runtime)
+    by_flux = choose_vpls(seen, 500, runtime=variant_runtime)
     inside = np.concatenate([point, by_flux.position]) @ view[:3, :3].T + view[:3, 3]
-    walls = SightGridReference(inside, seen_surfaces(gbuffer, [seen]), 32)
+    walls = OccupancyGridReference(inside, seen_surfaces(gbuffer, [seen]), 32)
     wanted = view_importance_reference(seen, gbuffer, walls)
     np.testing.assert_array_equal(sums[1], wanted[1])
     assert sums[1].sum() > 1000
@@ -77,21 +78,21 @@ def two_rooms(runtime: Runtime) -> tuple[Any, Any, Any]:
 
 @pytest.mark.parametrize("kind", ["multires", "vpl"])
 def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(
-    form_runtime: Runtime, kind: str
+    variant_runtime: Runtime, kind: str
 ) -> None:
-    scene, gbuffer, seen = two_rooms(form_runtime)
-    device, map_ = uploaded(form_runtime, gbuffer), on_device_rsm(seen, form_runtime)
-    solid, view, shares = device_scene(scene, form_runtime), gbuffer.camera.view, []
+    scene, gbuffer, seen = two_rooms(variant_runtime)
+    device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
+    solid, view, shares = device_scene(scene, variant_runtime), gbuffer.camera.view, []
     for importance in (False, True):
         given: dict[str, Any] = {
             "vpls": 512, "cutoff": 0.0, "visibility": True, "importance": importance
         }
         technique: Any
         if kind == "multires":
-            technique = MultiresSplat(form_runtime, gbuffer.size, MultiresSplatParams(**given))
+            technique = MultiresSplat(variant_runtime, gbuffer.size, MultiresSplatParams(**given))
         else:
             technique = VplSplat(
-                form_runtime, gbuffer.size, VplSplatParams(**given, interleave=True)
+                variant_runtime, gbuffer.size, VplSplatParams(**given, interleave=True)
             )
         technique.run(device, None, [map_], scene=solid)
         lights = technique._lights
@@ -113,8 +114,9 @@ def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(
 def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["parlour"]()
     gbuffer = uploaded(runtime, drawn(made.scene, made.camera(120, 90), runtime=runtime))
-    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [on_device_rsm(rsm(made.scene, lamp, size=256, runtime=runtime)) for lamp in lamps[:1]]  # type: ignore[arg-type]
+    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [on_device_rsm(rsm(made.scene, punctual_light, size=256,
+        runtime=runtime)) for punctual_light in punctual_lights[:1]]  # type: ignore[arg-type]
     solid = device_scene(made.scene, runtime)
     means = {}
     for share, importance in ((1, True), (16, True), (16, False)):
@@ -169,22 +171,22 @@ def test_importance_makes_the_sums_anew(runtime: Runtime) -> None:
 
 
 def test_pieces_are_cut_by_importance_and_lights_lie_amid_their_flux(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     seen = rsm(
         quads(((-1, 0, -1), (2, 0, 0), (0, 0, 2))), DirectionalLight((0, -1, 0), 1.0), size=64,
-        runtime=form_runtime,
+        runtime=variant_runtime,
     )
     flux = 10.0 ** rng.uniform(-2, 0, (64, 64, 1)) * np.ones(3)
     seen = replace(seen, flux=np.where(np.asarray(seen.flux) > 0.0, flux, 0.0).astype(np.float32))
-    device = on_device_rsm(seen, form_runtime)
-    curve = FluxCurve(form_runtime, curve_key([device]))
+    device = on_device_rsm(seen, variant_runtime)
+    curve = FluxCurve(variant_runtime, curve_key([device]))
     chosen = ChosenVpls(curve, 50)
     # Groups of runs that differ by a factor of ten in their weight.
     groups = np.where(rng.random(curve.run_count // GROUP) < 0.5, 0.0, 4.0).repeat(GROUP)
     importance = np.stack([groups, np.ones_like(groups)])
     sums = np.append(importance.ravel(), importance.sum(axis=1)).astype(np.float32)
-    curve.update([device], form_runtime.array(sums))
+    curve.update([device], variant_runtime.array(sums))
     chosen.update()
     found = chosen.download()
 

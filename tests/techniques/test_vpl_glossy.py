@@ -1,4 +1,5 @@
-"""Virtual point lights with Phong lobes: their flux, their limits, the twin, bounds, bad input."""
+"""Virtual point lights with Phong lobes: their flux, their limits, the reference, bounds, bad
+input."""
 
 from __future__ import annotations
 
@@ -118,14 +119,14 @@ def test_all_flux_of_a_light_arrives_on_a_sphere_round_it(exponent: float, cosin
 
 
 def test_a_lobe_of_exponent_1_round_the_normal_is_a_diffuse_light(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(35, 50)), rng), lobes(rng)
     vpls = replace(vpls, axis=vpls.normal, gloss=np.ones(100))
     diffuse = replace(vpls, axis=None, gloss=None)
     for params in ({"cutoff": 0.0}, {"cutoff": 0.2, "interleave": True, "blur_radius": 0}):
         wanted = vpl_splat_reference(gbuffer, diffuse, VplSplatParams(**params))
-        assert_close(mirrored_light(form_runtime, gbuffer, vpls, **params), wanted)
+        assert_close(mirrored_light(variant_runtime, gbuffer, vpls, **params), wanted)
 
 
 def test_a_light_is_no_sharper_than_its_own_disc_lets_it_be(runtime: Runtime) -> None:
@@ -147,7 +148,7 @@ def test_a_light_is_no_sharper_than_its_own_disc_lets_it_be(runtime: Runtime) ->
         assert e <= 1.0 / 0.3
 
 
-# ---- against the twin, and bounds
+# ---- against the reference, and bounds
 
 
 @pytest.mark.parametrize(
@@ -160,19 +161,19 @@ def test_a_light_is_no_sharper_than_its_own_disc_lets_it_be(runtime: Runtime) ->
     ],
     ids=str,
 )
-def test_every_kernel_form_agrees_with_numpy_twin(
-    form_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
+def test_every_kernel_variant_agrees_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(35, 50)), rng), lobes(rng)
-    e = mirrored_light(form_runtime, gbuffer, vpls, **params)
+    e = mirrored_light(variant_runtime, gbuffer, vpls, **params)
     assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(**params)))
 
 
 def test_forms_give_the_same_result(
-    runtime: Runtime, other_form: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(45, 61)), rng), lobes(rng)
-    one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, other_form))
+    one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, other_variant))
     # Contraction is off, so forms differ only where a device's division is not exact; powers of up
     # to 1000 make more of that.
     np.testing.assert_allclose(one, other, rtol=1e-4)
@@ -246,27 +247,27 @@ def polished(runtime: Runtime) -> tuple[GBuffer, ReflectiveShadowMap]:
     [SPOT, PointLight((0.1, 0.7, 0.3), 2.0), DirectionalLight((0.1, -1.0, -0.3), 3.0)],
     ids=lambda light: type(light).__name__,
 )
-def test_maps_hold_what_materials_mirror(form_runtime: Runtime, light: Any) -> None:
-    seen = rsm(polished_scene(0.6, 60.0), light, size=32, runtime=form_runtime)
+def test_maps_hold_what_materials_mirror(variant_runtime: Runtime, light: Any) -> None:
+    seen = rsm(polished_scene(0.6, 60.0), light, size=32, runtime=variant_runtime)
     flux, mirrored = np.asarray(seen.flux), np.asarray(seen.specular_flux)
     floor = (np.asarray(seen.normal)[..., 1] ** 2 > 0.5) & np.isfinite(seen.depth)
     assert floor.any()
     np.testing.assert_allclose(mirrored[floor], 3.0 * flux[floor], rtol=1e-5)
     np.testing.assert_array_equal(mirrored[~floor], 0.0)
     np.testing.assert_array_equal(np.asarray(seen.gloss)[floor], 60.0)
-    assert rsm(polished_scene(0.0), light, size=8, runtime=form_runtime).specular_flux is None
+    assert rsm(polished_scene(0.0), light, size=8, runtime=variant_runtime).specular_flux is None
 
 
 @pytest.mark.parametrize("light", [SPOT, PointLight((0.1, 0.7, 0.3), 2.0)], ids=["spot", "point"])
-def test_drawn_lobes_are_those_of_the_host(form_runtime: Runtime, light: Light) -> None:
+def test_drawn_lobes_are_those_of_the_host(variant_runtime: Runtime, light: Light) -> None:
     made = polished_scene()
-    maps = LightMaps(form_runtime, 32, flux=True, glossy=True)
-    with form_runtime.frame():
+    maps = LightMaps(variant_runtime, 32, flux=True, glossy=True)
+    with variant_runtime.frame():
         _, drawn = maps.draw(made, [light])
     assert drawn is not None
     assert drawn.lobes is not None
-    host = rsm(made, light, size=32, runtime=form_runtime)  # type: ignore[arg-type]
-    given = on_device_rsm(host, form_runtime)
+    host = rsm(made, light, size=32, runtime=variant_runtime)  # type: ignore[arg-type]
+    given = on_device_rsm(host, variant_runtime)
     assert given.lobes is not None
     there = np.isfinite(np.asarray(host.depth))
     # The host has its normals, and the device its directions, in float32.
@@ -280,10 +281,10 @@ def test_drawn_lobes_are_those_of_the_host(form_runtime: Runtime, light: Light) 
         )
 
 
-def test_lights_with_lobes_are_chosen_as_in_the_twin(form_runtime: Runtime) -> None:
-    _, seen = polished(form_runtime)
-    other = rsm(polished_scene(0.2, 900.0), SPOT, size=32, runtime=form_runtime)
-    vpls = choose_vpls([seen, other], 200, glossy=True, runtime=form_runtime)
+def test_lights_with_lobes_are_chosen_as_in_the_reference(variant_runtime: Runtime) -> None:
+    _, seen = polished(variant_runtime)
+    other = rsm(polished_scene(0.2, 900.0), SPOT, size=32, runtime=variant_runtime)
+    vpls = choose_vpls([seen, other], 200, glossy=True, runtime=variant_runtime)
     wanted = choose_vpls_reference([seen, other], 200, glossy=True)
     for name in ("position", "normal", "axis", "flux", "area", "gloss"):
         found, exact = getattr(vpls, name), getattr(wanted, name)
@@ -314,7 +315,7 @@ def test_a_polished_floor_throws_light_where_the_mirror_says(runtime: Runtime) -
 
 
 @pytest.mark.parametrize("interleave", [False, True])
-def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
+def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
     runtime: Runtime, interleave: bool
 ) -> None:
     gbuffer, seen = polished(runtime)

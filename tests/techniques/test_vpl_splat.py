@@ -1,4 +1,5 @@
-"""Splatting of virtual point lights: against its twins, closed forms, limits, walls, bad input."""
+"""Splatting of virtual point lights: against its references, closed forms, limits, walls, bad
+input."""
 
 from __future__ import annotations
 
@@ -19,14 +20,14 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference.occupancy_grid import SightGridReference, seen_surfaces
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import (
     receivers,
-    vpl_sight_reference,
     vpl_splat_reference,
+    vpl_visibility_reference,
 )
 from ssgi_cl.techniques.indirect.occupancy_grid import cells_for
-from ssgi_cl.techniques.indirect.packed_vpls import NEAR_ROOM
+from ssgi_cl.techniques.indirect.packed_vpls import NEAR_CAPACITY
 from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 from ssgi_cl.truth import one_bounce
@@ -61,7 +62,7 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
 def irradiance(
     runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
 ) -> NDArray[np.float32]:
-    """Without what the cut leaves out, unless asked for, as the twins have it."""
+    """Without what the cut leaves out, unless asked for, as the references have it."""
     params = {"vpls": max(len(vpls), 1), "restore": False, **params}
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(**params))
     return np.moveaxis(technique.run(uploaded(runtime, gbuffer), vpls).download(), 0, -1)
@@ -72,12 +73,12 @@ def assert_close(a: NDArray[Any], b: NDArray[Any], tolerance: float = ROUNDING) 
     assert np.mean(~(np.abs(a - b) <= allowed)) <= GRAZED
 
 
-# ---- against the twin
+# ---- against the reference
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("name", ["corner", "ball", "bumpy"])
-def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
+def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer, vpls = scene(name, camera(kind), rng), lights(rng)
@@ -101,37 +102,37 @@ def test_kernel_agrees_with_numpy_twin_in_every_scene_and_camera(
     ],
     ids=str,
 )
-def test_every_kernel_form_agrees_with_numpy_twin_for_every_switch(
-    form_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
+def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
+    variant_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(35, 50)), rng), lights(rng)
-    e = irradiance(form_runtime, gbuffer, vpls, **params)
+    e = irradiance(variant_runtime, gbuffer, vpls, **params)
     assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(vpls=100, **params)))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 5), (17, 31)], ids=str)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 @pytest.mark.parametrize("interleave", [False, True])
-def test_every_kernel_form_agrees_with_numpy_twin_at_odd_sizes_and_margins(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
+def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margins(
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
     margin: tuple[int, int], interleave: bool,
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng, margin=margin), lights(rng, 33)
     params = {"cutoff": 0.01, "interleave": interleave, "blur_radius": 0}
-    e = irradiance(form_runtime, gbuffer, vpls, **params)
+    e = irradiance(variant_runtime, gbuffer, vpls, **params)
     wanted = vpl_splat_reference(gbuffer, vpls, VplSplatParams(vpls=33, **params))
     assert_close(e, wanted)
 
 
 @pytest.mark.slow
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, every_form: Runtime, rng: np.random.Generator
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(61, 87)), rng), lights(rng, 300)
     for interleave in (False, True):
         one, other = (
             irradiance(r, gbuffer, vpls, cutoff=0.02, interleave=interleave, blur_radius=0)
-            for r in (runtime, every_form)
+            for r in (runtime, every_variant)
         )
         # Contraction is off, so forms differ only where a device's division is not exact.
         np.testing.assert_allclose(one, other, rtol=1e-6)
@@ -196,13 +197,13 @@ def facing_wall(size: tuple[int, int] = (9, 9)) -> GBuffer:
 @pytest.mark.parametrize("distance", [0.01, 0.5, 4.0])
 @pytest.mark.parametrize("near", ["disk", "clamped"])
 def test_one_light_gives_the_form_factor_of_its_disc(
-    form_runtime: Runtime, distance: float, near: str
+    variant_runtime: Runtime, distance: float, near: str
 ) -> None:
     vpls = Vpls(
         np.array([[0.0, 0.0, distance]]), np.array([[0.0, 0.0, -1.0]]),
         np.array([[1.0, 2.0, 3.0]]), np.array([0.3]),
     )
-    e = irradiance(form_runtime, facing_wall(), vpls, cutoff=0.0, near=near)[4, 4]
+    e = irradiance(variant_runtime, facing_wall(), vpls, cutoff=0.0, near=near)[4, 4]
     sphere = math.pi * distance**2
     spread = sphere + 0.3 if near == "disk" else max(sphere, 0.3)
     # Some roundings of 2^-24.
@@ -225,7 +226,7 @@ def test_the_cut_fades_between_its_level_and_twice_that(runtime: Runtime) -> Non
 
 
 def test_no_pixel_is_brighter_than_the_discs_allow(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("corner", camera(), rng)
     _, point, normal = receivers(gbuffer)
@@ -238,23 +239,23 @@ def test_no_pixel_is_brighter_than_the_discs_allow(
         10.0 ** rng.uniform(-12, 0, 200),
     )
     for near in ("disk", "clamped"):
-        e = irradiance(form_runtime, gbuffer, vpls, cutoff=0.0, near=near)
+        e = irradiance(variant_runtime, gbuffer, vpls, cutoff=0.0, near=near)
         assert np.isfinite(e).all()
         assert (e >= 0.0).all()
         for i in range(0, 200, 50):
             names = ("position", "normal", "flux", "area")
             one = Vpls(*(getattr(vpls, name)[i : i + 1] for name in names))
-            most = irradiance(form_runtime, gbuffer, one, cutoff=0.0, near=near).max()
+            most = irradiance(variant_runtime, gbuffer, one, cutoff=0.0, near=near).max()
             assert most <= 1.0 / max(one.area[0], 1e-11) * (1.0 + 1e-5)
 
 
 @pytest.mark.parametrize("power", [1e-38, 1e-20, 1e20, 1e38, 1e300])
-def test_any_flux_gives_finite_light(form_runtime: Runtime, power: float) -> None:
+def test_any_flux_gives_finite_light(variant_runtime: Runtime, power: float) -> None:
     vpls = Vpls(
         np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]] * 2),
         np.full((2, 3), power), np.array([1e-9, 1e9]),
     )
-    e = irradiance(form_runtime, facing_wall(), vpls, cutoff=0.0)
+    e = irradiance(variant_runtime, facing_wall(), vpls, cutoff=0.0)
     assert np.isfinite(e).all()
     assert e.max() <= 1.001e30
 
@@ -270,15 +271,15 @@ def test_lights_of_all_brightnesses_add_up(runtime: Runtime, rng: np.random.Gene
 
 
 @pytest.mark.parametrize("interleave", [False, True])
-def test_no_lights_give_no_light(form_runtime: Runtime, interleave: bool) -> None:
+def test_no_lights_give_no_light(variant_runtime: Runtime, interleave: bool) -> None:
     none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    e = irradiance(form_runtime, facing_wall(), none, cutoff=0.01, interleave=interleave,
+    e = irradiance(variant_runtime, facing_wall(), none, cutoff=0.01, interleave=interleave,
                    visibility=interleave)
     np.testing.assert_array_equal(e, 0.0)
 
 
 def test_empty_pixels_and_images_get_no_light(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     made, vpls = camera(size=(20, 30)), lights(rng)
     nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
@@ -286,8 +287,8 @@ def test_empty_pixels_and_images_get_no_light(
     empty = np.isinf(np.asarray(gbuffer.depth))
     for interleave in (False, True):
         params = {"cutoff": 0.0, "interleave": interleave, "visibility": interleave}
-        np.testing.assert_array_equal(irradiance(form_runtime, nothing, vpls, **params), 0.0)
-        e = irradiance(form_runtime, gbuffer, vpls, **params)
+        np.testing.assert_array_equal(irradiance(variant_runtime, nothing, vpls, **params), 0.0)
+        e = irradiance(variant_runtime, gbuffer, vpls, **params)
         np.testing.assert_array_equal(e[empty], 0.0)
         assert e[~empty].any()
 
@@ -353,15 +354,16 @@ def test_without_a_cut_nothing_is_lost(runtime: Runtime, rng: np.random.Generato
 # ---- parts
 
 
-def test_close_lights_are_the_lights_that_they_are_made_of(form_runtime: Runtime) -> None:
+def test_close_lights_are_the_lights_that_they_are_made_of(variant_runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=form_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=form_runtime)  # type: ignore[arg-type]
-    vpls = choose_vpls(seen, 1, parts=True, runtime=form_runtime)
+    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=variant_runtime)
+    seen = rsm(made.scene, made.lights[0], size=64,
+        runtime=variant_runtime)  # type: ignore[arg-type]
+    vpls = choose_vpls(seen, 1, parts=True, runtime=variant_runtime)
     assert vpls.parts is not None
     assert len(vpls.parts) == 16
-    refined = irradiance(form_runtime, gbuffer, vpls, cutoff=0.0, refine=1e6)
-    parts = irradiance(form_runtime, gbuffer, vpls.parts, cutoff=0.0)
+    refined = irradiance(variant_runtime, gbuffer, vpls, cutoff=0.0, refine=1e6)
+    parts = irradiance(variant_runtime, gbuffer, vpls.parts, cutoff=0.0)
     # A tile looks at all parts of its lights, others only at those that face it.
     np.testing.assert_allclose(refined, parts, rtol=3e-6)
 
@@ -380,16 +382,17 @@ def test_parts_bring_lights_closer_to_all_texels(runtime: Runtime) -> None:
     assert rmse[0] < 0.8 * rmse[1]
 
 
-def test_interleaved_pixels_take_parts_of_all_lights_near_by(form_runtime: Runtime) -> None:
+def test_interleaved_pixels_take_parts_of_all_lights_near_by(variant_runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(32, 24), runtime=form_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=form_runtime)  # type: ignore[arg-type]
-    vpls = choose_vpls(seen, 40, parts=True, runtime=form_runtime)
+    gbuffer = drawn(made.scene, made.camera(32, 24), runtime=variant_runtime)
+    seen = rsm(made.scene, made.lights[0], size=64,
+        runtime=variant_runtime)  # type: ignore[arg-type]
+    vpls = choose_vpls(seen, 40, parts=True, runtime=variant_runtime)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
-    e = irradiance(form_runtime, gbuffer, vpls, **params)
+    e = irradiance(variant_runtime, gbuffer, vpls, **params)
     assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(vpls=40, **params)))
-    whole = irradiance(form_runtime, gbuffer, vpls, refine=0.0, **params)
-    every = irradiance(form_runtime, gbuffer, vpls.parts, **{**params, "interleave": False})
+    whole = irradiance(variant_runtime, gbuffer, vpls, refine=0.0, **params)
+    every = irradiance(variant_runtime, gbuffer, vpls.parts, **{**params, "interleave": False})
     off, whole_off = (math.sqrt(np.mean((x - every) ** 2)) for x in (e, whole))
     # Measured: 0.80 times, before the blur.
     assert off < 0.9 * whole_off
@@ -399,7 +402,7 @@ def test_more_lights_near_by_than_there_is_room_for_stay_whole(runtime: Runtime)
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(20, 15), runtime=runtime)
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
-    vpls = choose_vpls(seen, NEAR_ROOM + 100, parts=True, runtime=runtime)
+    vpls = choose_vpls(seen, NEAR_CAPACITY + 100, parts=True, runtime=runtime)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
     whole, refined = (
         irradiance(runtime, gbuffer, vpls, refine=r, **params) for r in (0.0, 1e6)
@@ -441,7 +444,7 @@ def test_interleaved_lights_are_close_to_all_of_them(runtime: Runtime) -> None:
     assert some.mean() == pytest.approx(all_of_them.mean(), rel=0.01)
 
 
-def room(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, Any, Vpls]:
+def capacity(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, Any, Vpls]:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(
         made.scene, made.camera(size[1], size[0]), layers=3, overscan=0.125, runtime=runtime
@@ -459,15 +462,15 @@ def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: in
     assert cells_for(size) == cells
 
 
-def test_lines_of_sight_agree_with_numpy_twin(form_runtime: Runtime) -> None:
-    gbuffer, seen, vpls = room(form_runtime)
+def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime) -> None:
+    gbuffer, seen, vpls = capacity(variant_runtime)
     params = VplSplatParams(
         vpls=512, cutoff=0.0, interleave=True, visibility=True, blur_radius=0, grid=32, share=5
     )
-    device = uploaded(form_runtime, gbuffer)
-    technique = VplSplat(form_runtime, gbuffer.size, params)
+    device = uploaded(variant_runtime, gbuffer)
+    technique = VplSplat(variant_runtime, gbuffer.size, params)
     e = np.moveaxis(
-        technique.run(device, vpls, [on_device_rsm(seen, form_runtime)]).download(), 0, -1
+        technique.run(device, vpls, [on_device_rsm(seen, variant_runtime)]).download(), 0, -1
     )
     view = gbuffer.camera.view
 
@@ -475,7 +478,7 @@ def test_lines_of_sight_agree_with_numpy_twin(form_runtime: Runtime) -> None:
         return points @ view[:3, :3].T + view[:3, 3]
 
     _, point, _ = receivers(gbuffer)
-    grid = SightGridReference(
+    grid = OccupancyGridReference(
         in_view(np.concatenate([point, vpls.position])), seen_surfaces(gbuffer, [seen]),
         params.grid,
     )
@@ -484,7 +487,7 @@ def test_lines_of_sight_agree_with_numpy_twin(form_runtime: Runtime) -> None:
         turn = view[:3, :3].T
         return grid.hidden(in_view(x), n @ turn, in_view(y), m @ turn)
 
-    wanted = vpl_sight_reference(gbuffer, vpls, params, technique.lists(), hidden)
+    wanted = vpl_visibility_reference(gbuffer, vpls, params, technique.lists(), hidden)
     mean = wanted.mean()
     # A point on the side of a cell may be in either: 1 of some 60 lines of a pixel then differs.
     off = np.abs(e - wanted).max(axis=-1) > 1e-3 * mean
@@ -522,12 +525,12 @@ def parted_floor(
     ],
 )
 def test_a_wall_blocks_light_and_open_space_does_not(
-    form_runtime: Runtime, height: float, eye: tuple[float, float, float], grid: int, most: float
+    variant_runtime: Runtime, height: float, eye: tuple[float, float, float], grid: int, most: float
 ) -> None:
-    gbuffer, vpls = parted_floor(form_runtime, height, eye)
+    gbuffer, vpls = parted_floor(variant_runtime, height, eye)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": grid}
     free, tested = (
-        irradiance(form_runtime, gbuffer, vpls, visibility=v, **params) for v in (False, True)
+        irradiance(variant_runtime, gbuffer, vpls, visibility=v, **params) for v in (False, True)
     )
     seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
     x, z = np.full((2, *seen.shape), np.nan)
@@ -540,8 +543,8 @@ def test_a_wall_blocks_light_and_open_space_does_not(
         np.testing.assert_array_equal(tested, free)
 
 
-def test_a_wall_blocks_the_parts_of_near_lights(form_runtime: Runtime) -> None:
-    gbuffer, vpls = parted_floor(form_runtime, 0.4)
+def test_a_wall_blocks_the_parts_of_near_lights(variant_runtime: Runtime) -> None:
+    gbuffer, vpls = parted_floor(variant_runtime, 0.4)
     # All lights count as near: of each, a pixel takes one of 16 parts, which lie where it does.
     whole = Vpls(vpls.position[::8], vpls.normal[::8], vpls.flux[::8], np.ones(32))
     each = np.repeat(np.arange(32), 16)
@@ -551,10 +554,10 @@ def test_a_wall_blocks_the_parts_of_near_lights(form_runtime: Runtime) -> None:
     lights = replace(whole, parts=parts)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64, "refine": 100.0}
     free, tested = (
-        irradiance(form_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True)
+        irradiance(variant_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True)
     )
     # The whole lights alone would give another result: parts are smaller.
-    assert not np.allclose(free, irradiance(form_runtime, gbuffer, whole, **params), rtol=0.01)
+    assert not np.allclose(free, irradiance(variant_runtime, gbuffer, whole, **params), rtol=0.01)
     seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
     x, z = np.full((2, *seen.shape), np.nan)
     x[seen], z[seen] = point[:, 0], point[:, 2]
@@ -564,7 +567,7 @@ def test_a_wall_blocks_the_parts_of_near_lights(form_runtime: Runtime) -> None:
 
 
 def test_dark_maps_and_lights_a_million_times_brighter_are_no_trouble(runtime: Runtime) -> None:
-    gbuffer, seen, _ = room(runtime)
+    gbuffer, seen, _ = capacity(runtime)
     flux = np.asarray(seen.flux)
     dark, bright = (replace(seen, flux=flux * np.float32(k)) for k in (0.0, 1e6))
     np.testing.assert_array_equal(vpl_splat(gbuffer, dark, 64, runtime=runtime), 0.0)
@@ -618,7 +621,8 @@ def test_the_cornell_box_has_the_bounce_that_paths_through_walls_have(runtime: R
     world = one_bounce(made.scene, view, made.lights, 256, visibility=False)
     means = [
         vpl_splat(
-            gbuffer, rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
+            gbuffer,
+            rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
             count, 0.0, runtime=runtime,
         ).mean()
         for size, count in ((256, 4096), (512, 4096), (512, 16384))
@@ -638,7 +642,8 @@ def test_irradiance_does_not_depend_on_the_map_s_size(
     gbuffer = drawn(made.scene, made.camera(80, 60), runtime=runtime)
     means = [
         vpl_splat(
-            gbuffer, rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
+            gbuffer,
+            rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
             4096, 0.0, runtime=runtime,
         ).mean()
         for size in sizes
@@ -658,12 +663,12 @@ def test_irradiance_does_not_depend_on_the_map_s_size(
     ids=str,
 )
 def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
-    form_runtime: Runtime, params: dict[str, Any]
+    variant_runtime: Runtime, params: dict[str, Any]
 ) -> None:
-    gbuffer, seen, _ = room(form_runtime)
-    device, maps = uploaded(form_runtime, gbuffer), [on_device_rsm(seen, form_runtime)]
-    technique = VplSplat(form_runtime, gbuffer.size, VplSplatParams(vpls=512, **params))
-    vpls = choose_vpls(maps, 512, parts=technique.params.parted, runtime=form_runtime)
+    gbuffer, seen, _ = capacity(variant_runtime)
+    device, maps = uploaded(variant_runtime, gbuffer), [on_device_rsm(seen, variant_runtime)]
+    technique = VplSplat(variant_runtime, gbuffer.size, VplSplatParams(vpls=512, **params))
+    vpls = choose_vpls(maps, 512, parts=technique.params.parted, runtime=variant_runtime)
     chosen = technique.run(device, None, maps).download()
     given = technique.run(device, vpls, maps).download()
     # Lights may be on either side of a rounded edge; of the coarse ones for what a cut leaves out,
@@ -672,7 +677,7 @@ def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
 
 
 def test_lights_are_chosen_anew_when_a_map_changes(runtime: Runtime) -> None:
-    gbuffer, seen, _ = room(runtime)
+    gbuffer, seen, _ = capacity(runtime)
     device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(vpls=512))
     first = technique.run(device, None, maps).download()
@@ -691,20 +696,20 @@ def test_neither_lights_nor_maps_are_refused(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("given_lights", [False, True])
 @pytest.mark.parametrize("visibility", [False, True])
-def test_second_call_allocates_and_builds_nothing_and_gives_the_same_bits(
-    form_runtime: Runtime, visibility: bool, given_lights: bool
+def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
+    variant_runtime: Runtime, visibility: bool, given_lights: bool
 ) -> None:
-    gbuffer, seen, vpls = room(form_runtime)
-    device, maps = uploaded(form_runtime, gbuffer), [on_device_rsm(seen, form_runtime)]
+    gbuffer, seen, vpls = capacity(variant_runtime)
+    device, maps = uploaded(variant_runtime, gbuffer), [on_device_rsm(seen, variant_runtime)]
     params = VplSplatParams(
         vpls=512, cutoff=0.5, restore=True, interleave=visibility, visibility=visibility
     )
-    technique = VplSplat(form_runtime, gbuffer.size, params)
+    technique = VplSplat(variant_runtime, gbuffer.size, params)
     given = vpls if given_lights else None
     first = technique.run(device, given, maps).download()
-    before = form_runtime.allocated_bytes, form_runtime.builds
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device, given, maps).download()
-    assert (form_runtime.allocated_bytes, form_runtime.builds) == before
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
 

@@ -1,4 +1,5 @@
-"""The tree of virtual point lights: against its twin, sums, limits, order, far and near groups."""
+"""The tree of virtual point lights: against its reference, sums, limits, order, far and near
+groups."""
 
 from __future__ import annotations
 
@@ -84,15 +85,15 @@ def full(gbuffer: GBuffer, vpls: Vpls) -> NDArray[np.float64]:
     return vpl_splat_reference(gbuffer, vpls, VplSplatParams(cutoff=0.0))
 
 
-# ---- against the twin
+# ---- against the reference
 
 
 @pytest.mark.parametrize("count", [1, 5, 64, 300])
-def test_records_are_those_of_the_twin(
-    form_runtime: Runtime, rng: np.random.Generator, count: int
+def test_records_are_those_of_the_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, count: int
 ) -> None:
     gbuffer, vpls = scene("corner", camera(), rng), lights(rng, count)
-    tree = Lit(form_runtime, gbuffer, vpls, 0.01).tree
+    tree = Lit(variant_runtime, gbuffer, vpls, 0.01).tree
     found, wanted = tree.records()[0], VplTreeReference(vpls, gbuffer.camera)
     unit = tree.lights.unit
     power = tree.lights.values["gain"] * unit**2
@@ -109,12 +110,12 @@ def test_records_are_those_of_the_twin(
 
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("light_error", [1e-4, 3e-3, 0.1])
-def test_cuts_and_their_light_are_those_of_the_twin(
+def test_cuts_and_their_light_are_those_of_the_reference(
     runtime: Runtime, rng: np.random.Generator, kind: str, light_error: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
     lit = Lit(runtime, gbuffer, vpls, light_error)
-    twin = VplTreeReference(vpls, gbuffer.camera)
+    numpy_reference = VplTreeReference(vpls, gbuffer.camera)
     point, normal = lit.in_view(gbuffer)
     found = lit.irradiance[lit.seen]
     groups = range(0, len(point), GROUP)
@@ -122,10 +123,10 @@ def test_cuts_and_their_light_are_those_of_the_twin(
     other = total = 0
     for start, records in zip(groups, cuts, strict=True):
         own = slice(start, start + GROUP)
-        wanted = twin.cut(group_of(point[own], normal[own]), lit.tolerance)
+        wanted = numpy_reference.cut(group_of(point[own], normal[own]), lit.tolerance)
         other += len(np.setxor1d(records, wanted))
         total += len(wanted)
-        light = twin.irradiance(records, point[own], normal[own])
+        light = numpy_reference.irradiance(records, point[own], normal[own])
         # Grazing light is a difference of float32 positions.
         np.testing.assert_allclose(found[own], light, rtol=1e-3, atol=1e-5 * found.mean())
     # An error next to the tolerance, or a light next to a horizon, may round to either side.
@@ -134,7 +135,7 @@ def test_cuts_and_their_light_are_those_of_the_twin(
 
 @pytest.mark.parametrize("light_error", [0.0, 3e-3])
 def test_near_lights_give_way_to_their_parts_as_in_the_reference(
-    form_runtime: Runtime, rng: np.random.Generator, light_error: float
+    variant_runtime: Runtime, rng: np.random.Generator, light_error: float
 ) -> None:
     gbuffer, whole = scene("bumpy", camera(size=(24, 32)), rng), lights(rng)
     each = [np.repeat(v, 16, axis=0) for v in (whole.position, whole.normal, whole.flux)]
@@ -143,7 +144,7 @@ def test_near_lights_give_way_to_their_parts_as_in_the_reference(
     flux = each[2] * rng.uniform(0.0, 2.0 / 16.0, (len(each[2]), 1))
     parts = Vpls(each[0] + spread, each[1], flux, np.repeat(whole.area, 16) / 16.0)
     vpls, refine = replace(whole, parts=parts), 300.0
-    lit = Lit(form_runtime, gbuffer, vpls, light_error, refine=refine)
+    lit = Lit(variant_runtime, gbuffer, vpls, light_error, refine=refine)
     reference = VplTreeReference(vpls, gbuffer.camera)
     point, normal = lit.in_view(gbuffer)
     found, wanted, unrefined = lit.irradiance[lit.seen], [], []
@@ -159,11 +160,11 @@ def test_near_lights_give_way_to_their_parts_as_in_the_reference(
 
 
 @pytest.mark.parametrize("light_error", [0.0, 0.005])
-def test_every_kernel_form_gives_the_same_result(
-    runtime: Runtime, form_runtime: Runtime, rng: np.random.Generator, light_error: float
+def test_every_kernel_variant_gives_the_same_result(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, light_error: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(33, 41)), rng, margin=(3, 5)), lights(rng)
-    one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, form_runtime))
+    one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, variant_runtime))
     # Contraction is off, so forms differ only where a device's division is not exact.
     np.testing.assert_allclose(one.irradiance, other.irradiance, rtol=1e-6)
     groups = -(-int(one.seen.sum()) // GROUP)
@@ -176,10 +177,10 @@ def test_every_kernel_form_gives_the_same_result(
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 5), (17, 31)], ids=str)
 def test_without_an_error_the_light_is_that_of_all_lights(
-    form_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng), lights(rng)
-    e, wanted = Lit(form_runtime, gbuffer, vpls, 0.0).irradiance, full(gbuffer, vpls)
+    e, wanted = Lit(variant_runtime, gbuffer, vpls, 0.0).irradiance, full(gbuffer, vpls)
     np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-5 * wanted.mean())
 
 
@@ -198,8 +199,9 @@ def test_several_batches_add_up(runtime: Runtime, rng: np.random.Generator) -> N
 def test_few_lights_stand_for_many_at_a_known_error(runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES[name]()
     gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    lamps = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, lamp, size=256, runtime=runtime) for lamp in lamps]  # type: ignore[arg-type]
+    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
+    maps = [rsm(made.scene, punctual_light, size=256,
+        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     exact = Lit(runtime, gbuffer, vpls, 0.0)
     mean = exact.irradiance[exact.seen].mean()
@@ -225,14 +227,15 @@ def test_the_mean_is_close_to_that_of_the_image(runtime: Runtime, rng: np.random
 # ---- limits
 
 
-def test_lights_on_one_spot_are_one_light(form_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime,
+    rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     one = Vpls(
         np.array([[0.0, 1.0, 0.5]]), np.array([[0.0, -1.0, 0.0]]), np.array([[1.0, 2.0, 3.0]]),
         np.array([0.01]),
     )
     many = Vpls(*(np.repeat(v, 64, axis=0) for v in (one.position, one.normal, one.flux, one.area)))
-    lit = Lit(form_runtime, gbuffer, many, 1e-4)
+    lit = Lit(variant_runtime, gbuffer, many, 1e-4)
     wanted = 64.0 * full(gbuffer, one)
     np.testing.assert_allclose(lit.irradiance, wanted, rtol=1e-4, atol=1e-6 * wanted.mean())
     lengths = {len(c) for c in lit.tree.cuts(-(-int(lit.seen.sum()) // GROUP))}
@@ -266,23 +269,23 @@ def test_a_cutoff_is_that_of_splatting(runtime: Runtime, rng: np.random.Generato
 
 @pytest.mark.parametrize("power", [0.0, 1e-30, 1e30])
 def test_any_flux_gives_finite_light(
-    form_runtime: Runtime, rng: np.random.Generator, power: float
+    variant_runtime: Runtime, rng: np.random.Generator, power: float
 ) -> None:
     gbuffer, vpls = scene("corner", camera(), rng), lights(rng, 40)
     scaled = Vpls(vpls.position, vpls.normal, vpls.flux * power, vpls.area)
-    e = Lit(form_runtime, gbuffer, scaled, 0.005).irradiance
+    e = Lit(variant_runtime, gbuffer, scaled, 0.005).irradiance
     assert np.isfinite(e).all()
     assert (e.max() > 0.0) == (power > 0.0)
 
 
 def test_no_sample_and_no_light_are_no_trouble(
-    form_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     nothing = GBuffer(
         camera=camera(), depth=np.full(camera().size, np.inf, np.float32),
         normal=np.zeros((*camera().size, 3), np.float32),
     )
     none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    np.testing.assert_array_equal(Lit(form_runtime, nothing, lights(rng), 0.005).irradiance, 0.0)
-    lit = Lit(form_runtime, scene("corner", camera(), rng), none, 0.005)
+    np.testing.assert_array_equal(Lit(variant_runtime, nothing, lights(rng), 0.005).irradiance, 0.0)
+    lit = Lit(variant_runtime, scene("corner", camera(), rng), none, 0.005)
     np.testing.assert_array_equal(lit.irradiance, 0.0)

@@ -81,14 +81,14 @@ def test_stated_error_is_about_the_actual_error() -> None:
     assert rms(best.error) < 0.6 * rms(truth.error)
 
 
-def test_explicit_points_of_a_tile_pixel_give_what_the_twin_gives_there() -> None:
+def test_explicit_points_of_a_tile_pixel_give_what_the_reference_gives_there() -> None:
     gbuffer = corner()
     view, params = SurfaceView.of(gbuffer), SsaoParams(radius=RADIUS, samples=12)
-    twin = model.openness(view, params)
+    numpy_reference = model.visibility(view, params)
     for row, column in ((0, 0), (2, 3)):
         points = reflected_points(12, params.length_power)[row, column]
-        a = model.openness(view, params, points)
-        np.testing.assert_array_equal(a[row::4, column::4], twin[row::4, column::4])
+        a = model.visibility(view, params, points)
+        np.testing.assert_array_equal(a[row::4, column::4], numpy_reference[row::4, column::4])
 
 
 def test_passes_are_stretches_of_one_list() -> None:
@@ -97,7 +97,7 @@ def test_passes_are_stretches_of_one_list() -> None:
     truth = assumption.ssao(gbuffer, params, 512)
     points = sample_points(512, params.length_power)
     # Every point counts (what is outside is open), so that the mean of passes is that of all.
-    expected = model.openness(SurfaceView.of(gbuffer), params, points)
+    expected = model.visibility(SurfaceView.of(gbuffer), params, points)
     np.testing.assert_allclose(truth.mean, expected, atol=1e-7)  # a rounding of float32
     assert truth.passes == 512 // assumption.PASS_POINTS
 
@@ -144,7 +144,7 @@ def test_only_what_changes_the_model_makes_another_truth(folder: Path) -> None:
     assert assumption.ssao(moved, SsaoParams(radius=RADIUS), 256).key != key()
 
 
-def test_interrupted_truth_goes_on_and_gives_the_same_bits() -> None:
+def test_interrupted_truth_goes_on_and_gives_bit_identical_results() -> None:
     gbuffer, params = corner(size=(9, 11)), SsaoParams(radius=(0.3, RADIUS))
     whole = assumption.ssao(gbuffer, params, 1024)
     store.clear()

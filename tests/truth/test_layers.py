@@ -71,8 +71,8 @@ def test_a_floor_by_a_wall_has_the_closed_form(kind: str, weighting: str) -> Non
     seen, distance = wall_and_floor(kind)
     truth = layered_occlusion(seen, 1.0, 256, weighting=weighting)
     far = distance > 0.05  # three pixels; nearer, the wall's foot is between pixel centres
-    form = [1.0 - hidden_by_wall(min(c, 1.0), weighting, "none") for c in distance[far]]
-    off = truth.mean[far] - np.array(form)
+    variant = [1.0 - hidden_by_wall(min(c, 1.0), weighting, "none") for c in distance[far]]
+    off = truth.mean[far] - np.array(variant)
     # Half the pixels' noise is their neighbours': measured, the mean is off by 2e-4 at most.
     assert abs(float(off.mean())) < 6e-4
     assert float(np.sqrt(np.mean(off**2))) < 1.2 * float(np.sqrt(np.mean(truth.error[far] ** 2)))

@@ -115,7 +115,7 @@ def looking_down(kind: str = "perspective", size: tuple[int, int] = (24, 32)) ->
 
 
 def on_floor(camera: Camera) -> Doubles:
-    """Return where lines of sight meet y = 0, [rows, columns, 3] world space."""
+    """Return where view rays meet y = 0, [rows, columns, 3] world space."""
     start = camera.unproject(np.zeros(camera.size, np.float32))
     along = camera.unproject(np.ones(camera.size, np.float32)) - start
     return start - along * (start[..., 1] / along[..., 1])[..., None]
@@ -181,10 +181,10 @@ def test_cone_of_a_spot_light_has_a_hard_edge_at_its_angle() -> None:
 def test_lights_add_up_and_dark_ones_add_nothing() -> None:
     camera, scene = looking_down(), quads(FLOOR)
     sun = DirectionalLight((0.3, -1.0, 0.4), (2.0, 3.0, 4.0))
-    lamp = PointLight((0.3, 1.2, -0.2), (7.0, 5.0, 3.0))
+    punctual_light = PointLight((0.3, 1.2, -0.2), (7.0, 5.0, 3.0))
     dark = [PointLight((0.0, 1.0, 0.0), 0.0), Environment(0.0), DirectionalLight((0, -1, 0), 0.0)]
-    both = direct_light(scene, camera, [sun, *dark[:1], lamp])
-    apart = [direct_light(scene, camera, [light]).mean for light in (sun, lamp)]
+    both = direct_light(scene, camera, [sun, *dark[:1], punctual_light])
+    apart = [direct_light(scene, camera, [light]).mean for light in (sun, punctual_light)]
     np.testing.assert_allclose(both.mean, apart[0] + apart[1], rtol=1e-6)
     nothing = direct_light(scene, camera, dark, 4)
     assert (nothing.mean == 0.0).all()
@@ -197,7 +197,7 @@ def test_light_below_the_surface_does_not_reach_its_upper_side() -> None:
     assert (direct_light(quads(FLOOR), looking_down(), lights).mean == 0.0).all()
 
 
-def test_a_lamp_on_the_surface_itself_leaves_no_infinity() -> None:
+def test_a_light_on_the_surface_itself_leaves_no_infinity() -> None:
     camera = spot_of(0.0, size=3)
     for light in (PointLight((0, 0, 0), 5.0), SpotLight((0, 0, 0), (0, -1, 0), 1.0, 5.0)):
         assert np.isfinite(direct_light(quads(FLOOR), camera, [light]).mean).all()
@@ -219,7 +219,7 @@ def test_a_roof_casts_its_shadow() -> None:
 
 
 def gap_under_roof(camera: Camera, place: Doubles) -> NDArray[np.bool_]:
-    """Return where the line of sight to the floor misses the roof at height 1."""
+    """Return where the view ray to the floor misses the roof at height 1."""
     at_roof = place + (camera.position - place) / camera.position[1]
     return np.asarray(np.abs(at_roof[..., [0, 2]]).max(axis=-1) > 0.51)
 
@@ -323,7 +323,7 @@ def test_screen_between_hides_the_bounce_unless_visibility_is_off() -> None:
     open_scene = quads(wall, FLOOR, albedos=[0.8, 0.0])
     hidden_scene = quads(wall, FLOOR, screen, albedos=[0.8, 0.0, 0.0])
     lights: list[Light] = [PointLight((0.15, 1.0, 0.0), 2.0)]
-    # A lamp between wall and screen lights the same of the wall with the screen as without.
+    # A light between wall and screen lights the same of the wall with the screen as without.
     free = one_bounce(open_scene, camera, lights, 256)
     hidden = one_bounce(hidden_scene, camera, lights, 256)
     through = one_bounce(hidden_scene, camera, lights, 256, visibility=False)
@@ -409,7 +409,8 @@ def test_shading_of_the_cornell_box_is_within_a_percent_of_truth(
     seen = gbuffer(view.scene, camera, runtime=runtime)
     # Emission is light of its own, in `shade` only.
     dull = GBuffer(camera=camera, depth=seen.depth, normal=seen.normal, albedo=seen.albedo)
-    maps = [rsm(view.scene, light, size=1024, runtime=runtime) for light in view.lights]  # type: ignore[arg-type]
+    maps = [rsm(view.scene, light, size=1024,
+        runtime=runtime) for light in view.lights]  # type: ignore[arg-type]
     ours = shade(dull, view.lights, rsms=maps, runtime=runtime)
     truth = direct_light(view.scene, camera, view.lights).mean
     expected = albedo_of(seen) / math.pi * truth

@@ -19,7 +19,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.view import gbuffer
 from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
-from ssgi_cl.truth.path_tracer import BounceThroughWalls, DirectLight, PathTracer, Surface
+from ssgi_cl.truth.path_tracer import BounceWithoutVisibility, DirectLight, PathTracer, Surface
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
@@ -179,7 +179,7 @@ def test_holes_let_sight_and_light_through(
     assert 0.5 * hole.mean() < share < 1.0
     # Light comes up from the floor's lit spots to the underside of the grate alone, which nobody
     # sees from above; and from its underside to the floor none.
-    assert (traced(BounceThroughWalls, scene, camera, variant) == 0.0).all()
+    assert (traced(BounceWithoutVisibility, scene, camera, variant) == 0.0).all()
 
 
 def test_environments_keep_their_orientation(variant: str, rng: np.random.Generator) -> None:

@@ -283,7 +283,7 @@ def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.Monke
     assert len(set(keys)) == len(keys)
 
 
-def test_interrupted_truth_goes_on_and_gives_the_same_bits(
+def test_interrupted_truth_goes_on_and_gives_bit_identical_results(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = ambient_occlusion(*posts(), 1.0, 512)

@@ -1,4 +1,4 @@
-"""What techniques of slices converge to: against formulas, their twins and themselves."""
+"""What techniques of slices converge to: against formulas, their references and themselves."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def test_stored_lists_and_clear_deletes_all_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, Stop])
 @pytest.mark.parametrize("share", [0.2, 0.6, 1.0])
-def test_interrupted_run_goes_on_and_gives_the_same_bits(
+def test_interrupted_run_goes_on_and_gives_bit_identical_results(
     tmp_path: Path, error: type[BaseException], share: float
 ) -> None:
     whole = kept(tmp_path / "whole")
@@ -461,7 +461,8 @@ def test_digest_knows_types_shapes_and_the_division_into_parts() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: scene_digest("room.glb"), "scene is str: expected a Scene"),  # type: ignore[arg-type]
+        (lambda: scene_digest("room.glb"),
+        "scene is str: expected a Scene"),  # type: ignore[arg-type]
         (lambda: camera_description(None), "camera is None"),  # type: ignore[arg-type]
     ],
 )

@@ -17,7 +17,7 @@ from pathlib import Path
 from random import Random
 
 from ssgi_cl.device import drivers, probing
-from ssgi_cl.device.info import FORMS, DeviceInfo
+from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
 
 PATIENCE = 200.0
 """Seconds for one process that compiles everything."""
@@ -30,7 +30,7 @@ depth = np.full((24, 32), 2.0, np.float32)
 depth[:, 16:] = 2.3
 camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), width=32, height=24)
 visibility = gi.ssao(gi.GBuffer(camera=camera, depth=depth), radius=0.5)
-print(Runtime.open().info.label, "|", Runtime.open().form, "|",
+print(Runtime.open().info.label, "|", Runtime.open().variant, "|",
       hashlib.sha256(np.ascontiguousarray(visibility).tobytes()).hexdigest())
 """
 NO_HOME = """
@@ -96,7 +96,7 @@ def pocl_drivers() -> list[Path]:
 
 
 def unknown_processor(seed: int) -> None:
-    """PyPI's PoCL 3.0 runs all forms with the same bits where LLVM 14 has no name for the CPU."""
+    """PyPI's PoCL 3.0 runs all variants bit-identically where LLVM 14 has no name for the CPU."""
     found = [path for path in pocl_drivers() if ".libs" in path.parts]
     assert found, "the wheel pocl-binary-distribution is not installed"
     with place(found[0]) as unknown:
@@ -171,14 +171,15 @@ def no_home(seed: int) -> None:
 def wrong_speeds(seed: int) -> None:
     """Of 1000 probes in which every tenth time is wrong by half or double few take another form."""
     rng = Random(seed)
-    true = dict(zip(map(str, FORMS), [180.0, 540.0, 1100.0, 2000.0], strict=True))
+    true = dict(zip(map(str, KERNEL_VARIANTS), [180.0, 540.0, 1100.0, 2000.0], strict=True))
 
-    def timed(form: str) -> float:
+    def timed(variant: str) -> float:
         wrong = rng.choice([0.5, 2.0]) if rng.random() < 0.1 else 1.0
-        return true[form] * wrong * rng.uniform(0.95, 1.05)
+        return true[variant] * wrong * rng.uniform(0.95, 1.05)
 
     def run(environment: dict[str, str], arguments: list[str]) -> probing.Answers:
-        return probing.Answers([{"form": form, "speed": timed(form)} for form in arguments[2:]])
+        return probing.Answers([{"form": variant,
+            "speed": timed(variant)} for variant in arguments[2:]])
 
     probing.run_probe, kept = run, probing.run_probe
     try:
@@ -186,7 +187,7 @@ def wrong_speeds(seed: int) -> None:
     finally:
         probing.run_probe = kept
     best = [DeviceInfo("", 0, 0, "", "cpu", 1, one).best for one in speeds]
-    wrong = sum(form != FORMS[3] for form in best)
+    wrong = sum(variant != KERNEL_VARIANTS[3] for variant in best)
     # By chance two of two times are wrong alike once in 400 for each form; once timed it is 1 in 7.
     assert wrong <= 20, f"{wrong} of 1000 probes took another form"
 

@@ -224,7 +224,7 @@ def _furnish(model: Model, chance: Chance, ground: Ground, side: float, half: fl
     for z in np.arange(-9.0, 10.0, chance.uniform(5.0, 8.0)):
         ground.take(0.0, z, 0.4, 0.4)
         with model.at((side * kerb, 0.0, z), -side * 0.5 * np.pi):
-            things.street_lamp(model, chance)
+            things.street_light(model, chance)
     for kind, number in ((things.waste_bin, 3), (things.bench, 2), (things.bicycle, 2),
                          (things.bollards, 2), (things.crates, 2)):
         for _ in range(chance.whole(0, number)):

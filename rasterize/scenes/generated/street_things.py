@@ -12,7 +12,7 @@ from .chance import Chance
 from .model import COLOURS, GLASS, IRON, PAINT, STEEL, WOOD, Model
 
 
-def street_lamp(model: Model, chance: Chance) -> None:
+def street_light(model: Model, chance: Chance) -> None:
     """Add a lamp on a post."""
     high = chance.uniform(3.2, 4.5)
     model.bar((0, 0, 0), (0, 0.5, 0), 0.09, IRON, sides=16)

@@ -150,7 +150,7 @@ def bitmask_ao(
         gbuffer: depth, and normals if there are any; taps reach into its margin, and each covers
             sectors with every depth layer.
         radius: distance up to which surfaces occlude, scene units, > 0.
-        slices: planes through the line of sight, 1 to 32.
+        slices: planes through the view ray, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64; of several layers see `BitmaskParams`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
             from; see `ssgi_cl.choose`. By default the defaults of `BitmaskParams`.

@@ -181,7 +181,7 @@ def gtao(
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
             depth layers: a deeper one counts where those before it are out of the radius.
         radius: distance up to which surfaces occlude, scene units, > 0.
-        slices: planes through the line of sight, 1 to 32.
+        slices: planes through the view ray, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64.
         bent_normals: whether bent normals are returned too: the mean unoccluded direction of each
             pixel, weighted by its cosine to the normal.

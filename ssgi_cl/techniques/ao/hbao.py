@@ -92,7 +92,7 @@ def hbao(
     """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
 
     Bavoil and Sainz 2008, "Image-Space Horizon-Based Ambient Occlusion". Departs: elevations are
-    measured from the tangent plane across the line of sight, directions weigh by the azimuth that
+    measured from the tangent plane across the view ray, directions weigh by the azimuth that
     they stand for, and the sum is divided by what they could hide, so that a plane is unoccluded.
 
     Args:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
@@ -125,7 +125,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         )
         self._blur_first = not late
         last = step == 1 and not self._blur.active
-        self._openness = Target(runtime, channels, coarse, 1.0, kept=last)
+        self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
     def run(
@@ -144,18 +144,18 @@ class OcclusionTechnique(Prepared[Any], ABC):
                 self._reduced = ReducedGBuffer(gbuffer, self._step)
             self._reduced.update(gbuffer)
             source = self._reduced
-        window = gbuffer.seen_every(self._step)
+        region = gbuffer.seen_every(self._step)
         background = (1.0, *(0.0,) * (self.params.channels - 1))
-        with self._openness.over(window, background=background) as (result, over):
+        with self._visibility.over(region, background=background) as (result, over):
             self._occlude(result, gbuffer, source, tiles, layers, over)
         if self._blur_first:
             result = self._blur.run(
-                result, source, tiles=tiles, step=self._step, window=window
+                result, source, tiles=tiles, step=self._step, region=region
             )
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(result, self._reduced, gbuffer)
         if not self._blur_first and self._blur.active:
-            result = self._blur.run(result, gbuffer, window=gbuffer.seen)
+            result = self._blur.run(result, gbuffer, region=gbuffer.seen)
         return result
 
     def __call__(
@@ -179,16 +179,16 @@ class OcclusionTechnique(Prepared[Any], ABC):
     @abstractmethod
     def _occlude(
         self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, window: Window | None,
+        layers: int | None, region: Region | None,
     ) -> None:
         """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
 
-        Only pixels in `window` are needed.
+        Only pixels in `region` are needed.
         """
 
     def _margins(self, source: Source) -> dict[str, int]:
         """Return how far `source` exceeds what `_occlude` writes on each side, for a struct."""
-        rows, columns = self._openness.size
+        rows, columns = self._visibility.size
         return {
             "margin_left": source.margin[1],
             "margin_right": source.whole[1] - columns - source.margin[1],

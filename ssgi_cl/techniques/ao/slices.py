@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import (
     SLICES_GROUP,
-    SLICES_LEAST_FACING,
+    SLICES_LEAST_N_DOT_V,
     SLICES_NEAREST_TAP,
     SLICES_STRIP,
 )
@@ -82,8 +82,8 @@ TUNABLE: Mapping[str, Sequence[Any]] = {
 PRESET_LAYERS = (1, 2, 4)
 """Numbers of depth layers that presets are recorded for."""
 
-LEAST_FACING = SLICES_LEAST_FACING
-"""Cosine between normal and line of sight that a grazing or averted normal is taken to have.
+LEAST_N_DOT_V = SLICES_LEAST_N_DOT_V
+"""Cosine between normal and view ray that a grazing or averted normal is taken to have.
 
 Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap
 lies at a whole pixel beside its slice counts more than what it shows, and pixels at silhouettes
@@ -234,16 +234,16 @@ class SliceScan(Prepared[SliceParams]):
     def grid(self) -> Size:
         """Return (rows, columns) of work-items: a strip's are below one another's."""
         rows, columns = self.size
-        return rows * -(-columns // STRIP), STRIP // self.runtime.form.lanes
+        return rows * -(-columns // STRIP), STRIP // self.runtime.variant.lanes
 
-    def strips(self, window: Window | None) -> list[Window | None]:
+    def strips(self, region: Region | None) -> list[Region | None]:
         """Return the parts of `grid` that scan a window of the result, one a strip."""
-        if window is None:
+        if region is None:
             return [None]
         _, columns = self.grid
-        first, (_, count) = window.cells((1, STRIP))
+        first, (_, count) = region.cells((1, STRIP))
         return [
-            Window(strip * self.size[0] + window.row, 0, window.rows, columns)
+            Region(strip * self.size[0] + region.row, 0, region.rows, columns)
             for strip in range(first[1], first[1] + count)
         ]
 
@@ -258,7 +258,7 @@ class SliceScan(Prepared[SliceParams]):
             **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
         }
 
-    def near(
+    def inv_depth(
         self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None
     ) -> Plane:
         """Queue the pass that brings all layers or fewer into the measure and size of the scan."""
@@ -274,41 +274,42 @@ class SliceScan(Prepared[SliceParams]):
             self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf,
             kept=False,
         )
-        with target.over(self._rows_of(gbuffer.window)) as (near, over):
+        with target.over(self._rows_of(gbuffer.region)) as (inv_depth, over):
             kernel.run(
-                "near", near.size, window=over,
-                depth=gbuffer.depth, thickness=thickness, near=near,
+                "near", inv_depth.size, region=over,
+                depth=gbuffer.depth, thickness=thickness, inv_depth=inv_depth,
                 ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
                 camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
             )
-        return near
+        return inv_depth
 
-    def _rows_of(self, window: Window | None) -> Window | None:
-        """Return the whole rows of `near` that hold what is seen in a window of a G-buffer."""
-        if window is None:
+    def _rows_of(self, region: Region | None) -> Region | None:
+        """Return the whole rows of `inv_depth` that hold what is seen in a window of a G-buffer."""
+        if region is None:
             return None
         rows, columns = self.sorted_size
-        seen = window.inside((rows * self.step, columns * self.step), self._first)
+        seen = region.inside((rows * self.step, columns * self.step), self._first)
         coarse = seen.reduced(self.step)
-        return Window(coarse.row, 0, coarse.rows, columns)
+        return Region(coarse.row, 0, coarse.rows, columns)
 
     def sorted(
-        self, name: str, images: Plane | ImageParts, window: Window | None = None
+        self, name: str, images: Plane | ImageParts, region: Region | None = None
     ) -> DeviceArray:
-        """Queue the passes that put images, of the G-buffer's whole size, where `near` has depth.
+        """Queue the passes that put images, of the G-buffer's whole size, where `inv_depth` has
+        depth.
 
-        They are 0 outside of `window`.
+        They are 0 outside of `region`.
         """
         parts: Iterable[tuple[int, Plane]] = (
             [(0, images)] if not isinstance(images, ImageParts) else images.parts
         )
-        array, over = self._array(images.count, window)
-        if isinstance(images, ImageParts) and not images.complete and window is None:
+        array, over = self._array(images.count, region)
+        if isinstance(images, ImageParts) and not images.complete and region is None:
             self.runtime.transient.zero(array)
         for first, part in parts:
             kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
-                name, self.sorted_size, window=over,
+                name, self.sorted_size, region=over,
                 images=part, sorted=array, first_image=first, **self._places(part),
             )
             del part  # its memory is the next one's
@@ -316,27 +317,27 @@ class SliceScan(Prepared[SliceParams]):
 
     def slopes(self, gbuffer: DeviceGBuffer) -> DeviceArray:
         """Queue the pass that finds the planes of all layers, from normals where there are any."""
-        slopes, over = self._array(2 * self.layers, gbuffer.window)
+        slopes, over = self._array(2 * self.layers, gbuffer.region)
         kernel = self.runtime.kernel(
             "slices/slices_slopes.cl",
             {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
             (CAMERA,),
         )
         kernel.run(
-            "slopes", self.sorted_size, window=over,
+            "slopes", self.sorted_size, region=over,
             depth=gbuffer.depth, normal=gbuffer.normal, slopes=slopes,
             ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
             camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
         )
         return slopes
 
-    def _array(self, count: int, window: Window | None) -> tuple[DeviceArray, Window | None]:
+    def _array(self, count: int, region: Region | None) -> tuple[DeviceArray, Region | None]:
         """Return images of `sorted_size`, and where in them what a window of a G-buffer shows is
         written; they are 0 elsewhere."""
         array = self.runtime.transient.images(count, self.sorted_size)
-        if window is not None:
+        if region is not None:
             self.runtime.transient.zero(array)
-        return array, self._rows_of(window)
+        return array, self._rows_of(region)
 
     def _places(self, fine: Plane) -> dict[str, Any]:
         """Return arguments: which pixels of a plane are picked and where they are put."""
@@ -433,19 +434,19 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
 
     def _occlude(
         self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, window: Window | None,
+        layers: int | None, region: Region | None,
     ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         layers = layers or self.layers
-        near = self._scan.near(gbuffer, thickness, layers)
+        inv_depth = self._scan.inv_depth(gbuffer, thickness, layers)
         packed = self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)})
         kernel = self._kernel(thick=thickness is not None, layers=layers)
-        for strip in self._scan.strips(window):
+        for strip in self._scan.strips(region):
             kernel.run(
-                self.name, out.size, grid=self._scan.grid, window=strip, cell=(1, 1),
-                near=near, normal=source.normal, table=self._scan.table,
+                self.name, out.size, grid=self._scan.grid, region=strip, cell=(1, 1),
+                inv_depth=inv_depth, normal=source.normal, table=self._scan.table,
                 tiles=None if tiles is None else tiles.bits,
-                openness=out, camera=source.camera_struct, params=packed,
+                visibility=out, camera=source.camera_struct, params=packed,
             )
 
     def _macros(self) -> Mapping[str, int]:

@@ -14,7 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -266,12 +266,12 @@ class Ssao(OcclusionTechnique):
 
     def _occlude(
         self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, window: Window | None,
+        layers: int | None, region: Region | None,
     ) -> None:
         self._kernel.run(
-            "ssao", out.size, window=window,
+            "ssao", out.size, region=region,
             depth=source.depth, normal=source.normal, samples=self._points, curve=self._curve,
-            tiles=None if tiles is None else tiles.bits, openness=out,
+            tiles=None if tiles is None else tiles.bits, visibility=out,
             camera=source.camera_struct, params=self._packed(source, tiles),
         )
 

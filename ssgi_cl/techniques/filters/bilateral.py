@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -114,7 +114,7 @@ class Bilateral(Prepared[BilateralParams]):
         if not self.active:
             return
         # Rows of a work-item: on a CPU two of them share what they read.
-        self._rows = {0: 1, 1: 2 if runtime.form.lanes > 1 else 1, 2: 1}
+        self._rows = {0: 1, 1: 2 if runtime.variant.lanes > 1 else 1, 2: 1}
         self._shapes = (0, 1) if params.separable else (2,)
         self._kernels = {
             shape: runtime.kernel(
@@ -135,12 +135,12 @@ class Bilateral(Prepared[BilateralParams]):
 
     def run(
         self, value: Plane, gbuffer: Source, name: str = "blur", *,
-        tiles: OpenTiles | None = None, step: int = 1, window: Window | None = None,
+        tiles: OpenTiles | None = None, step: int = 1, region: Region | None = None,
     ) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
         In open `tiles` the value is the same in every pixel; it has every `step`-th pixel of their
-        image. Where all that the blur reads is open, the value stays. Outside `window` nothing is,
+        image. Where all that the blur reads is open, the value stays. Outside `region` nothing is,
         and the value the same in every call with one.
         """
         params = self.params
@@ -158,7 +158,7 @@ class Bilateral(Prepared[BilateralParams]):
             }
         )
         bits = None if tiles is None else tiles.bits
-        lanes = self.runtime.form.lanes
+        lanes = self.runtime.variant.lanes
         rows, columns = self.size
         background = background_of(value)
         left = params.passes * len(self._shapes)
@@ -166,11 +166,11 @@ class Bilateral(Prepared[BilateralParams]):
             for shape in self._shapes:
                 left -= 1
                 target = self._between if left % 2 else self._result
-                with target.over(window, background=background) as (out, over):
+                with target.over(region, background=background) as (out, over):
                     self._kernels[shape].run(
                         f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                         self.size,
-                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)), window=over,
+                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)), region=over,
                         cell=(self._rows[shape], lanes),
                         value=value, linear=gbuffer.linear, normal=gbuffer.normal,
                         weights=self._weights, tiles=bits, blurred=out,

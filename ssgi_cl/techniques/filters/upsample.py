@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, former_params, param
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -87,7 +87,7 @@ class ReducedGBuffer:
         self.whole = (self.size[0] + 2 * self.margin[0], self.size[1] + 2 * self.margin[1])
         self._depth: Plane | None = None
         self._source: DeviceGBuffer | None = None  # of depth, until that is made
-        self._traces: defaultdict[str, Trace] = defaultdict(Trace)
+        self._previous_regions: defaultdict[str, PreviousRegion] = defaultdict(PreviousRegion)
         self.linear = runtime.plane(1, self.whole, math.inf)
         self.normal = runtime.plane(3, self.whole)
         self.camera_struct = gbuffer.camera_struct
@@ -100,8 +100,8 @@ class ReducedGBuffer:
 
     def update(self, gbuffer: DeviceGBuffer) -> None:
         """Queue the passes that pick the pixels."""
-        self._reduce("linear", gbuffer.linear, self.linear, gbuffer.window)
-        self._reduce("normal", gbuffer.normal, self.normal, gbuffer.window)
+        self._reduce("linear", gbuffer.linear, self.linear, gbuffer.region)
+        self._reduce("normal", gbuffer.normal, self.normal, gbuffer.region)
         self._source = gbuffer
         struct = gbuffer.camera_struct.copy()
         for axis, first in (("x", self.first[1]), ("y", self.first[0])):
@@ -120,17 +120,17 @@ class ReducedGBuffer:
         if self._depth is None:
             self._depth = self.runtime.plane(1, self.whole, math.inf)
         if self._source is not None:
-            self._reduce("depth", self._source.depth, self._depth, self._source.window)
+            self._reduce("depth", self._source.depth, self._depth, self._source.region)
             self._source = None
         return self._depth
 
-    def _reduce(self, name: str, fine: Plane, coarse: Plane, window: Window | None) -> None:
-        if window is not None:
+    def _reduce(self, name: str, fine: Plane, coarse: Plane, region: Region | None) -> None:
+        if region is not None:
             whole = self.whole[0] * self.step, self.whole[1] * self.step
-            window = window.inside(whole, self.first).reduced(self.step)
-        with self._traces[name].over(window) as over:
+            region = region.inside(whole, self.first).reduced(self.step)
+        with self._previous_regions[name].over(region) as over:
             self._kernels[coarse.count].run(
-                f"reduce {name}", self.whole, window=over,
+                f"reduce {name}", self.whole, region=over,
                 fine=fine, coarse=coarse, fine_size=fine.size, first_x=self.first[1],
                 first_y=self.first[0], outside=coarse.outside,
             )
@@ -175,12 +175,12 @@ class Upsample(Prepared[UpsampleParams]):
     def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the pass and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self.params.scales())
-        lanes = self.runtime.form.lanes
+        lanes = self.runtime.variant.lanes
         background = (self.params.background,) * self._channels
         with self._fine.over(gbuffer.seen, background=background) as (fine, over):
             self._kernel.run(
                 "upsample", self.size, grid=(self.size[0], -(-coarse.size[1] // lanes)),
-                window=over, cell=(1, lanes * self.params.step),
+                region=over, cell=(1, lanes * self.params.step),
                 coarse=coarse, coarse_linear=reduced.linear, coarse_normal=reduced.normal,
                 linear=gbuffer.linear, normal=gbuffer.normal, fine=fine,
                 camera=gbuffer.camera_struct, params=packed,
@@ -218,7 +218,7 @@ class UpsampleBlur:
     ) -> None:
         self.size = size
         self.step = step
-        self._lanes = runtime.form.lanes
+        self._lanes = runtime.variant.lanes
         blur = replace(blur, radius=max(blur.radius, step - 1))
         self._scales = {**blur.scales(), "background": background}
         self._kernels = [
@@ -249,17 +249,17 @@ class UpsampleBlur:
         seen, wide = gbuffer.seen, None
         if seen is not None:
             coarse_rows = seen.reduced(self.step)
-            wide = Window(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
+            wide = Region(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
         with self._rows.over(wide) as (between, over):
             along_rows.run(
                 "blur rows", self._rows.size, grid=(rows, -(-columns // self._lanes)),
-                window=over, cell=(1, self._lanes * self.step),
+                region=over, cell=(1, self._lanes * self.step),
                 blurred=between, small=coarse.size, whole=gbuffer.whole, **guides,
             )
         with self._fine.over(seen, background=self._background) as (fine, over):
             along_columns.run(
                 "blur columns", self.size, grid=(rows, -(-self.size[1] // self._lanes)),
-                window=over, cell=(self.step, self._lanes),
+                region=over, cell=(self.step, self._lanes),
                 rows=between, fine=fine, **guides,
             )
         return fine

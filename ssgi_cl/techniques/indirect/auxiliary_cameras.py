@@ -14,7 +14,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 Doubles = NDArray[np.float64]
 
 BLOCKS = (12, 16)
-"""Rows and columns of blocks of the image, each of which offers places along its line of sight."""
+"""Rows and columns of blocks of the image, each of which offers places along its view ray."""
 SHARES = (0.3, 0.6, 0.9)
 """Of the way to the nearest surface of a block."""
 BEYOND = 2.0
@@ -36,7 +36,7 @@ def auxiliary_cameras(
     """Place cameras that see what a camera misses.
 
     All look at the median of the visible points. Each stands where the camera sees that nothing
-    is in the way (on its line of sight to the nearest surface of a part of the image, at most 0.9
+    is in the way (on its view ray to the nearest surface of a part of the image, at most 0.9
     of the way), so none is in or behind a wall, and within the box round the camera and all that
     is visible. One after the other takes the place whose direction
     from the median point is most unlike those of all before it, the camera's own first: what one

@@ -105,7 +105,7 @@ class FluxCurve:
         self._versions = ()  # should anything fail, the sums are nobody's
         self.maps, self._importance = maps, importance
         self.version += 1
-        runtime, lanes = self.runtime, self.runtime.form.lanes
+        runtime, lanes = self.runtime, self.runtime.variant.lanes
         kernel = runtime.kernel(
             "vpl/vpl_runs.cl", self._macros(), (CURVE,)
         )
@@ -138,7 +138,7 @@ class FluxCurve:
             lights, split: how many pieces.
             edges: of these pieces, or of as many parts of each; of middles alone.
         """
-        runtime, lanes = self.runtime, self.runtime.form.lanes
+        runtime, lanes = self.runtime, self.runtime.variant.lanes
         macros = {"VPL_MIDDLE": int(found.middle), **self._macros()}
         kernel = runtime.kernel("vpl/vpl_cut.cl", macros, (CURVE,))
         for rsm, table in zip(self.maps, self._tables, strict=True):

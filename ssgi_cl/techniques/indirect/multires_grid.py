@@ -21,7 +21,8 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 MULTIRES = Struct(
     "MultiresParams",
     (
-        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "unbent", "beyond"),
+        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "no_second_difference",
+        "beyond"),
         *((name, "int") for name in ("margin_columns", "margin_rows")),
     ),
 )
@@ -36,7 +37,7 @@ BOUND_POWER = -1.0
 BEGINS, ENDS = 0.8, 1.1
 """In parts of the bound: estimated errors at which a point begins to be computed, and from which on
 nothing of it is interpolated. Neither a pixel nor its light jumps in between."""
-UNBENT = 0.15
+NO_SECOND_DIFFERENCE = 0.15
 """Estimated error where no second difference is known, in largest differences between corners."""
 BEYOND = 1.4
 """Estimated slope next to corners that do not fit, in slopes beyond those that do."""
@@ -94,7 +95,8 @@ class Points:
     """Every second pixel of a finer source, as a G-buffer without margin.
 
     Has the attributes of `DeviceGBuffer` that techniques read: runtime, size, margin, whole,
-    layers, depth, linear, normal, camera_struct. `rough` is how values change between the points.
+    layers, depth, linear, normal, camera_struct. `gradient` is how values change between the
+    points.
     """
 
     def __init__(self, runtime: Runtime, size: Size) -> None:
@@ -105,7 +107,7 @@ class Points:
         self.depth = runtime.plane(1, size, math.inf)
         self.linear = runtime.plane(1, size, math.inf)
         self.normal = runtime.plane(3, size)
-        self.rough = runtime.plane(2, size)
+        self.gradient = runtime.plane(2, size)
         self.camera_struct: Any = None
         self._reduce = runtime.kernel("multires/multires_reduce.cl", structs=(CAMERA,))
 
@@ -155,7 +157,7 @@ class Level:
         self.size = size
         self.most = size[0] * size[1]
         self.values = runtime.plane(channels, size)
-        self.shares = runtime.plane(1, size)
+        self.fractions = runtime.plane(1, size)
         self.list = runtime.array(np.zeros(1 + self.most + SPARE, np.int32))
         order = tile_order(size)
         self._tiles = runtime.array(order)
@@ -169,7 +171,7 @@ class Level:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
         kernel.run(
             name, self.size, grid=grid,
-            values=self.values, shares=self.shares, masks=self._masks, **arguments,
+            values=self.values, fractions=self.fractions, masks=self._masks, **arguments,
         )
         self._count.run(
             "multires list", self.size, grid=(1, self._tile_count),
@@ -282,12 +284,13 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             "depth_scale": 1.0 / params.plane_tolerance,
             "normal_scale": 1.0 / (1.0 - math.cos(params.normal_tolerance)),
             "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
-            "begins": BEGINS, "ends": ENDS, "unbent": UNBENT, "beyond": BEYOND,
+            "begins": BEGINS, "ends": ENDS, "no_second_difference": NO_SECOND_DIFFERENCE,
+            "beyond": BEYOND,
         }
         self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(
             "multires rough", coarser.size,
             linear=known.linear, normal=known.normal, values=coarser.values, bound=bound,
-            rough=known.rough, camera=known.camera_struct, params=MULTIRES.pack(values),
+            gradient=known.gradient, camera=known.camera_struct, params=MULTIRES.pack(values),
         )
         values["margin_rows"], values["margin_columns"] = source.margin
         kernel = self.runtime.kernel(
@@ -295,8 +298,8 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         )
         level.mark(
             kernel, "multires interpolate",
-            (coarser.size[0], -(-coarser.size[1] // max(self.runtime.form.lanes, TILE // 2))),
+            (coarser.size[0], -(-coarser.size[1] // max(self.runtime.variant.lanes, TILE // 2))),
             coarse_linear=known.linear, coarse_normal=known.normal, coarse_values=coarser.values,
-            coarse_rough=known.rough, linear=source.linear, normal=source.normal, bound=bound,
+            coarse_gradient=known.gradient, linear=source.linear, normal=source.normal, bound=bound,
             coarse=coarser.size, camera=source.camera_struct, params=MULTIRES.pack(values),
         )

@@ -146,7 +146,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         """
         steps = np.zeros(self.size, np.int32)
         for level in self._levels:
-            kept = level.shares.download()[0] > 0.0
+            kept = level.fractions.download()[0] > 0.0
             wide = kept.repeat(level.step, axis=0).repeat(level.step, axis=1)
             steps[wide[: self.size[0], : self.size[1]]] = level.step
         return steps
@@ -182,7 +182,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
 
     def _light(self, gbuffer: DeviceGBuffer, level: Level) -> None:
         """Queue the passes that add the irradiance of all lights to a level's subsplats."""
-        lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
+        lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         pieces = -(-level.most // (lanes * ROWS))
         for batch in self._lights.batches():
@@ -203,16 +203,16 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
     def _combine(self) -> Plane:
         """Queue the passes that interpolate from the coarsest level down to the pixels."""
         coarsest = self._levels[-1]
-        values, shares = coarsest.values, coarsest.shares
+        values, fractions = coarsest.values, coarsest.fractions
         finer = zip(self._levels[-2::-1], self._merged[::-1], strict=True)
-        for level, (merged, merged_shares) in finer:
+        for level, (merged, merged_fractions) in finer:
             self._upsample.run(
                 "subsplat upsample", level.size,
-                coarse_values=values, coarse_shares=shares, fine_values=level.values,
-                fine_shares=level.shares, values=merged, shares=merged_shares,
+                coarse_values=values, coarse_fractions=fractions, fine_values=level.values,
+                fine_fractions=level.fractions, values=merged, fractions=merged_fractions,
                 coarse_size=values.size,
             )
-            values, shares = merged, merged_shares
+            values, fractions = merged, merged_fractions
         return values
 
 

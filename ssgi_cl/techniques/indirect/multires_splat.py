@@ -26,7 +26,7 @@ from ssgi_cl.techniques.indirect.multires_published import (
     MultiresPublished,
     MultiresPublishedParams,
 )
-from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid, check_grid, grid_param
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
 from ssgi_cl.techniques.indirect.vpl_light import (
@@ -132,13 +132,14 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self.grid = MultiresGrid(runtime, size, params)
         self._lights = DeviceVpls(runtime, params.vpls, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,))
-        self._walls = (
-            SightGrid(runtime, params.grid, size) if params.visibility else None
+        self._occupancy = (
+            OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         )
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._walls,
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0),
+            self._occupancy,
             params.share,
         )
         self.tree.reserve(size[0] * size[1])
@@ -175,22 +176,22 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             curve = self._chooser.place(rsms, camera, kinds=1)
         else:
             self._lights.upload(vpls, camera)
-        if self._walls is not None:
-            packed = self._block(gbuffer, rsms, self._walls, scene)
+        if self._occupancy is not None:
+            packed = self._block(gbuffer, rsms, self._occupancy, scene)
             if vpls is None and params.importance:
-                importance = self._importance.run(gbuffer, curve, self._walls, packed)
+                importance = self._importance.run(gbuffer, curve, self._occupancy, packed)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance)
         tree.update()
         values = {"cut": params.cut(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(
-                level.source, level.list, level.most, level.shares, level.values, values
+                level.source, level.list, level.most, level.fractions, level.values, values
             )
         return self.grid.result
 
     def _block(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid,
         scene: DeviceScene | None,
     ) -> Any:
         """Queue the passes that mark what blocks light; return the struct for rays through it."""
@@ -207,9 +208,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             depth=seen.depth, normal=seen.normal, boxes=self._boxes, camera=seen.camera_struct,
             params=packed,
         )
-        walls.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
+        occupancy.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
         return VPL.pack(
-            {**values, "lift": walls.lift, "margin_columns": gbuffer.margin[1],
+            {**values, "lift": occupancy.lift, "margin_columns": gbuffer.margin[1],
              "margin_rows": gbuffer.margin[0]}
         )
 
@@ -306,7 +307,7 @@ DESCRIPTOR = Technique(
         "multires/multires_start.cl": ("MULTIRES_CHANNELS",),
         "multires/shade_list.cl": (
             "SHADE_LINE", "SHADE_PARTS", "SHADE_ROWS", "VPL_CUT", "VPL_GRID", "VPL_NEAR",
-            "VPL_SIGHT",
+            "VPL_VISIBILITY",
         ),
         "multires_published/subsplat_mip.cl": (),
         "multires_published/subsplat_refine.cl": (),

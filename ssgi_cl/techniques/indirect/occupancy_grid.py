@@ -24,7 +24,7 @@ TURN = Struct(
 )
 GRIDS = (32, 64, 128, 256)
 MOST_CELLS = 128
-"""That are chosen: with 256 lines of sight take twice the time, and few scenes gain."""
+"""That are chosen: with 256 view rays take twice the time, and few scenes gain."""
 BLOCK = VPL_CELLS
 LIFT, MESH_LIFT = 1.9, 1.5
 """Cells above their surfaces at which rays begin and end, lest these block them. Cells that pixels
@@ -59,7 +59,7 @@ def cells_for(size: Size) -> int:
     return max(fitting, default=GRIDS[0])
 
 
-class SightGrid:
+class OccupancyGrid:
     """A bit for each of cells^3 cubes of view space: whether a surface is in it.
 
     It spans all that the camera sees and all lights. Its surfaces are the triangles of a scene, or,
@@ -120,7 +120,7 @@ class SightGrid:
         for axis in range(3):
             reach.run(
                 "vpl reach", (axis, blocks**axis),
-                grid=(1, -(-blocks**3 // self.runtime.form.lanes)),
+                grid=(1, -(-blocks**3 // self.runtime.variant.lanes)),
                 occupancy=self.grid,
             )
 

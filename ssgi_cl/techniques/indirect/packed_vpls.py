@@ -24,7 +24,7 @@ VPL = Struct(
     "VplParams",
     (
         *floats("per_unit", "gain", "cut", "lobe_centre", "lobe_squared", "lift", "refine"),
-        *((n, "int") for n in ("segment", "count", "stride", "span", "room", "near_room")),
+        *((n, "int") for n in ("segment", "count", "stride", "span", "capacity", "near_capacity")),
         *((n, "int") for n in ("margin_columns", "margin_rows")),
     ),
 )
@@ -39,9 +39,9 @@ PLACE = Struct(
 
 BATCH = 2048
 """Lights of one pass, which bounds the memory for the lists of an image's tiles."""
-ROOM = 2
+CAPACITY = 2
 """Places of a tile's list for each light of a batch, where parts are listed beside lights."""
-NEAR_ROOM = 1024
+NEAR_CAPACITY = 1024
 """Places of a tile's list of lights that have parts there, with subsets; less by some lanes."""
 LIGHT, BOUNDS = VPL_LIGHT, VPL_BOUNDS
 LOBE_LIGHT, LOBE_BOUNDS = VPL_LOBE_LIGHT, VPL_LOBE_BOUNDS
@@ -66,7 +66,7 @@ class DeviceVpls:
         most: lights, at most.
         subsets: 1, or 16 for interleaved sampling.
         parts: whether the lights may have parts.
-        listed: places of a list for each light of a batch: 1, or `ROOM` where parts are listed.
+        listed: places of a list for each light of a batch: 1, or `CAPACITY` where parts are listed.
         glossy: whether they have lobes; then they have no parts.
 
     Attributes:
@@ -92,7 +92,7 @@ class DeviceVpls:
         self.stride = -(-self.batch // (16 * subsets)) * 16
         self.segments = -(-most // self.batch) * subsets
         self.span = self.stride * (1 + PARTS if parts else 1)
-        self.room = self.stride * listed
+        self.capacity = self.stride * listed
         self.runtime = runtime
         self._floats, bounds = (LOBE_LIGHT, LOBE_BOUNDS) if glossy else (LIGHT, BOUNDS)
         self.lights = runtime.empty(self.segments * self.span * self._floats, np.float32)
@@ -192,8 +192,8 @@ class DeviceVpls:
             "gain": min(power / self.unit**2, BRIGHTEST),
             "stride": self.stride,
             "span": self.span,
-            "room": self.room,
-            "near_room": NEAR_ROOM,
+            "capacity": self.capacity,
+            "near_capacity": NEAR_CAPACITY,
         }
         return self.unit, power
 

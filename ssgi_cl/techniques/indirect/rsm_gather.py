@@ -32,9 +32,9 @@ class RsmGatherParams(Params):
     """Parameters of gathering from reflective shadow maps, method "unbiased".
 
     In the time of 400 samples in a disk, which lie scattered in memory, 6400 drawn by flux have
-    0.33 to 0.66 of the error (against all texels; Cornell box and both lamps of the hall). A disk
+    0.33 to 0.66 of the error (against all texels; Cornell box and both lights of the hall). A disk
     as far as the furthest corner has at most 12 % more error there than the best of 0.25, 0.5,
-    0.75, 1 and 1.42 sides, which is 0.75 for one lamp and 1 for the others.
+    0.75, 1 and 1.42 sides, which is 0.75 for one light and 1 for the others.
     """
 
     samples: int = param(400, "texels of each map that a pixel gathers from", low=1, high=65536)

@@ -153,14 +153,14 @@ class RsmMaps:
         if level is not None:
             # Each work-item takes every so-many-th piece of the list, whose length the host does
             # not know; a GPU has enough of them for one piece each.
-            pieces = -(-result.size[0] * result.size[1] // self.runtime.form.lanes)
+            pieces = -(-result.size[0] * result.size[1] // self.runtime.variant.lanes)
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
         kernel.run(
             "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
             grid=grid, local=local,
             depth=source.depth, normal=source.normal, list=None if level is None else level.list,
-            shares=None if level is None else level.shares, irradiance=result,
+            fractions=None if level is None else level.fractions, irradiance=result,
             camera=source.camera_struct, params=packed, **given,
         )
 

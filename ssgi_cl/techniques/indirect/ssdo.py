@@ -19,16 +19,16 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.indirect.ssdo_back import SenderOpenness, back_end, back_params, set_back
+from ssgi_cl.techniques.indirect.ssdo_back import SenderVisibility, back_end, back_params, set_back
 from ssgi_cl.techniques.indirect.ssdo_finish import Finish
 from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
-from ssgi_cl.techniques.indirect.ssdo_lights import LampBlur, lamps_of, set_lamps
+from ssgi_cl.techniques.indirect.ssdo_lights import LightBlur, punctual_lights_of, set_lights
 from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
-from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
+from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
 from ssgi_cl.techniques.source import Source
@@ -39,7 +39,7 @@ SPLIT = Struct(
     "SplitParams",
     (
         *floats("red", "green", "blue"),
-        *((n, "int") for n in ("margin_columns", "margin_rows", "lamps_columns", "lamps_rows")),
+        *((n, "int") for n in ("margin_columns", "margin_rows", "lights_columns", "lights_rows")),
     ),
 )
 
@@ -51,14 +51,14 @@ class SsdoPlanes:
     Attributes:
         direct: 3 images, irradiance by all lights, W/m^2; 0 where nothing is.
         bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
-        openness: A, the first image of it, or None if no pass needed it.
+        visibility: A, the first image of it, or None if no pass needed it.
         bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
             where nothing is. None without `bent_normals`. Auxiliary cameras change A alone.
     """
 
     direct: Plane
     bounce: Plane | None
-    openness: Plane | None
+    visibility: Plane | None
     bent: Plane | None = None
 
 
@@ -98,23 +98,23 @@ class Ssdo(Prepared[SsdoParams]):
         self._senders: LitLayers | None = None
         if params.bounce:
             self._senders = LitLayers(
-                runtime, whole, layers, attributes, lamps_of(runtime, whole, params),
+                runtime, whole, layers, attributes, punctual_lights_of(runtime, whole, params),
                 emission=params.emission,
                 # Points know no more of a surface than the side that is seen.
                 backs=params.method == "bitmask" and attributes > 1,
             )
-        self._openness: SenderOpenness | None = None
+        self._visibility: SenderVisibility | None = None
         self._bent: BentNormals | None = None
         if params.bent_normals:
             if params.method != "bitmask":
                 raise ValueError(f"bent_normals is True with {params.method!r}: expected 'bitmask'")
             self._bent = BentNormals(runtime, size)
         self._views: ViewSenders | None = None
-        self._lamps: Lamps | None = None
-        self._lamp_blur = LampBlur(runtime, params)
+        self._punctual_lights: PunctualLights | None = None
+        self._light_blur = LightBlur(runtime, params)
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
-        # Lamps on the front layer and on another, what that sends; then both results.
+        # Lights on the front layer and on another, what that sends; then both results.
         runtime.transient.reserve(plane_bytes(9, whole))
         # Frames keep what they need of the results.
         self._direct, self._bounce = (Target(runtime, 3, size, kept=False) for _ in range(2))
@@ -122,14 +122,14 @@ class Ssdo(Prepared[SsdoParams]):
     def _set(self, params: SsdoParams) -> None:
         size, margin = self._shape[:2]
         set_back(self._back, back_params(params, size, margin))
-        if self._openness is not None:
-            self._openness.set(params)
+        if self._visibility is not None:
+            self._visibility.set(params)
         if self._views is not None:
             self._views.set(params)
         senders = None if self._senders is None else self._senders.lights
-        for lamps in (senders, self._lamps):
-            if lamps is not None:
-                set_lamps(lamps, params)
+        for punctual_lights in (senders, self._punctual_lights):
+            if punctual_lights is not None:
+                set_lights(punctual_lights, params)
 
     def run(
         self,
@@ -164,30 +164,32 @@ class Ssdo(Prepared[SsdoParams]):
             )
         self._sky.set([light for light in lights if isinstance(light, Environment)])
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
-        # Then lamps and the whole sky are all there is.
+        # Then lights and the whole sky are all there is.
         open_ = (
             tiles is not None and tiles.open == tiles.total and not views
             and self._sky.image is None and self._bent is None
         )
         sent: Any = radiance
         sends = radiance is not None
-        lamps: Plane | None
+        punctual_lights: Plane | None
         if self._senders is not None and not sends:
             if open_:
                 sends = self._senders.front(gbuffer, lights, shadows)
             else:
-                openness = self._sender_openness(gbuffer, tiles) if ambient else None
+                visibility = self._sender_visibility(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"
                 light = self._senders.records if points else self._senders.images
-                sent = light(gbuffer, lights, shadows, openness, SenderOpenness.step)
+                sent = light(gbuffer, lights, shadows, visibility, SenderVisibility.step)
                 sends = sent is not None
-            lamps, lamps_margin = self._senders.lamps, gbuffer.margin
-            self._senders.lamps = None
+            punctual_lights, lights_margin = self._senders.punctual_lights, gbuffer.margin
+            self._senders.punctual_lights = None
         else:
-            self._lamps = self._lamps or lamps_of(self.runtime, self.size, self.params)()
-            lamps, lamps_margin = self._lamps.run(gbuffer, lights, shadows), (0, 0)
-        if lamps is not None:
-            lamps = self._lamp_blur.run(lamps, gbuffer, lights, shadows)
+            self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime,
+                self.size, self.params)()
+            punctual_lights, lights_margin = self._punctual_lights.run(gbuffer, lights,
+                shadows), (0, 0)
+        if punctual_lights is not None:
+            punctual_lights = self._light_blur.run(punctual_lights, gbuffer, lights, shadows)
         sends = sends and self.params.bounce
         gathered = None
         if not sends and not ambient and self._bent is None:
@@ -200,7 +202,7 @@ class Ssdo(Prepared[SsdoParams]):
             )
             plain = sky is None and not views
             gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
-        direct, bounce = self._split(gbuffer, gathered, sends, lamps, lamps_margin)
+        direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
         if self._bent is not None and gathered is not None:
             bent = self._bent.run(gathered, gbuffer)
@@ -216,13 +218,13 @@ class Ssdo(Prepared[SsdoParams]):
         """
         if isinstance(self._back, SsdoPoints):
             return None
-        return self._back.reach(gbuffer, SenderOpenness.step)
+        return self._back.reach(gbuffer, SenderVisibility.step)
 
-    def _sender_openness(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None) -> Plane:
-        if self._openness is None:
+    def _sender_visibility(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None) -> Plane:
+        if self._visibility is None:
             size, margin, layers, _ = self._shape
-            self._openness = SenderOpenness(self.runtime, size, self.params, margin, layers)
-        return self._openness.run(gbuffer, tiles)
+            self._visibility = SenderVisibility(self.runtime, size, self.params, margin, layers)
+        return self._visibility.run(gbuffer, tiles)
 
     def _gathered(
         self,
@@ -261,8 +263,8 @@ class Ssdo(Prepared[SsdoParams]):
         gbuffer: DeviceGBuffer,
         gathered: Plane | None,
         bounces: bool,
-        lamps: Plane | None,
-        lamps_margin: Size,
+        punctual_lights: Plane | None,
+        lights_margin: Size,
     ) -> tuple[Plane, Plane | None]:
         kernel = self.runtime.kernel(
             "ssdo/ssdo_split.cl",
@@ -270,7 +272,7 @@ class Ssdo(Prepared[SsdoParams]):
                 "SPLIT_GATHERED": int(gathered is not None),
                 "SPLIT_SKY": int(gathered is not None and self._sky.image is not None),
                 "SPLIT_BOUNCE": int(bounces),
-                "SPLIT_LAMPS": int(lamps is not None),
+                "SPLIT_LIGHTS": int(punctual_lights is not None),
                 "SPLIT_FIRST": 1 if self._bent is None else 4,
             },
             (SPLIT,),
@@ -280,8 +282,8 @@ class Ssdo(Prepared[SsdoParams]):
             "red": red, "green": green, "blue": blue,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
-            "lamps_columns": lamps_margin[1],
-            "lamps_rows": lamps_margin[0],
+            "lights_columns": lights_margin[1],
+            "lights_rows": lights_margin[0],
         }
         # Both have the same background: 0.
         with (
@@ -289,8 +291,9 @@ class Ssdo(Prepared[SsdoParams]):
             self._bounce.over(gbuffer.seen if bounces else None) as (bounce, _),
         ):
             kernel.run(
-                "ssdo split", self.size, window=over,
-                depth=gbuffer.depth, gathered=gathered, lamps=lamps, direct=direct,
+                "ssdo split", self.size, region=over,
+                depth=gbuffer.depth, gathered=gathered, punctual_lights=punctual_lights,
+                direct=direct,
                 bounce=bounce, params=SPLIT.pack(values),
             )
         return direct, bounce if bounces else None
@@ -313,7 +316,7 @@ def ssdo(
     Screen-space directional occlusion (Ritschel, Grosch and Seidel 2009, "Approximating Dynamic
     Global Illumination in Image Space"). `method` says how surfaces are found:
 
-    - "bitmask" (default). Departs most: slices through the line of sight cover sectors of the
+    - "bitmask" (default). Departs most: slices through the view ray cover sectors of the
       hemisphere (Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask").
     - "points" keeps the directions of the half ball, each of which has several taps and either
       meets a surface or is open. Direct and indirect light are conserved: with radiance 1
@@ -326,7 +329,7 @@ def ssdo(
         gbuffer: what the camera sees. Surfaces of every depth layer hide light, and those with
             normals and albedo send it; so do those in the margin.
         lights: any number of lights. Near surfaces hide the light of environments by direction;
-            that of lamps is hidden where their map says so or, without
+            that of lights is hidden where their map says so or, without
             one, by what the camera sees within the radius.
         radius: distance up to which surfaces hide and send light, scene units, > 0.
         rsms: for each light its reflective shadow map, whose depth casts its shadow, or None.
@@ -384,7 +387,7 @@ DESCRIPTOR = Technique(
     kernels={
         "ssdo/ssdo_sides.cl": ("SIDES_LAYERS",),
         "ssdo/ssdo_split.cl": (
-            "SPLIT_BOUNCE", "SPLIT_FIRST", "SPLIT_GATHERED", "SPLIT_LAMPS", "SPLIT_SKY",
+            "SPLIT_BOUNCE", "SPLIT_FIRST", "SPLIT_GATHERED", "SPLIT_LIGHTS", "SPLIT_SKY",
         ),
         "ssdo_bitmask/ssdo_bitmask.cl": (
             "BITMASK_BACKS", "BITMASK_BENT", "BITMASK_BOUNCE", "BITMASK_CONES", "BITMASK_KEPT",

@@ -57,7 +57,7 @@ def set_back(back: BackEnd, params: SsdoBitmaskParams | PointsParams) -> None:
     own.params = params
 
 
-class SenderOpenness:
+class SenderVisibility:
     """A of surfaces that send the sky's light, at a quarter of the size.
 
     A receiver takes the mean over many of them, so neither size nor noise shows. Without it closed

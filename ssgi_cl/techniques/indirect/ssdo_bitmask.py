@@ -40,7 +40,7 @@ class SsdoBitmaskParams(SliceParams):
         1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
     )
     thickness: float = param(
-        0.0, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it",
+        0.0, "of surfaces, along the view ray; that of each pixel where the G-buffer has it",
         low=0.0, high=1e3, unit="radii", shape=bool,
     )
     end: str = param(
@@ -145,9 +145,9 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
             )
         lookup = None if sky is None else sky.map
         facing = self._sides.run(gbuffer)
-        sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.window)
-        near, slopes = scan.near(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
-        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.window)
+        sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.region)
+        inv_depth, slopes = scan.inv_depth(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
+        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.region)
         bent = self.params.bent_normals
         count = 1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent
         macros = {
@@ -165,20 +165,21 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
-        window = gbuffer.seen_every(scan.step)
+        region = gbuffer.seen_every(scan.step)
         values = {"thickness": self.params.thickness, **tile_values(tiles, scan.step)}
         packed, packed_own = scan.packed(source, values), OWN.pack(own)
         kernel = self.runtime.kernel(
             "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
         )
         result = Target(self.runtime, count, self.size, 1.0, kept=False)
-        with result.over(window, background=(1.0, *(0.0,) * (count - 1))) as (light, over):
-            if window is not None and self.masks is not None:
+        with result.over(region, background=(1.0, *(0.0,) * (count - 1))) as (light, over):
+            if region is not None and self.masks is not None:
                 self.runtime.transient.zero(self.masks)
             for strip in scan.strips(over):
                 kernel.run(
-                    "ssdo_bitmask", self.size, grid=scan.grid, window=strip, cell=(1, 1),
-                    near=near, normal=source.normal, table=scan.table, slopes=slopes, sky=lookup,
+                    "ssdo_bitmask", self.size, grid=scan.grid, region=strip, cell=(1, 1),
+                    inv_depth=inv_depth, normal=source.normal, table=scan.table, slopes=slopes,
+                    sky=lookup,
                     sent=sent, sides=sides, tiles=None if tiles is None else tiles.bits,
                     light=light, kept=self.masks, camera=source.camera_struct, params=packed,
                     own=packed_own,

@@ -55,9 +55,9 @@ class Finish:
                 self.runtime, size, self._smooth, count, kept=False
             )
         if not self._late:
-            window = gbuffer.seen_every(self._step)
+            region = gbuffer.seen_every(self._step)
             plane = self._blurs[count].run(
-                plane, source, tiles=tiles, step=self._step, window=window
+                plane, source, tiles=tiles, step=self._step, region=region
             )
         if source is not gbuffer:
             if count not in self._upsamples:
@@ -69,5 +69,5 @@ class Finish:
             # At a tile's end upsampling has read a pixel of the next tile.
             reach = self._smooth.passes * self._smooth.radius + self._step
             known = tiles if reach <= TILE else None
-            plane = self._blurs[count].run(plane, gbuffer, tiles=known, window=gbuffer.seen)
+            plane = self._blurs[count].run(plane, gbuffer, tiles=known, region=gbuffer.seen)
         return plane

@@ -13,7 +13,7 @@ from ssgi_cl.device.runtime import Runtime
 
 
 def view_on_device(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime) -> DeviceGBuffer:
-    """Return what a further camera sees in device memory of its own."""
+    """Return what a auxiliary camera sees in device memory of its own."""
     if isinstance(view, GBuffer):
         return on_device(view, runtime, place=number + 1)
     if not isinstance(view, DeviceGBuffer):

@@ -1,4 +1,4 @@
-"""Lamps of directional occlusion: with the shadows of their maps, or of what the camera sees."""
+"""Lights of directional occlusion: with the shadows of their maps, or of what the camera sees."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
-from ssgi_cl.techniques.shading.light_shadows import LampShadows
+from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
+from ssgi_cl.techniques.shading.light_shadows import LightShadows
 
 
-def lamps_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], Lamps]:
-    """Return what makes the light of lamps for images of a size."""
+def punctual_lights_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[],
+    PunctualLights]:
+    """Return what makes the light of lights for images of a size."""
     if params.lamp_taps == 0:
-        return lambda: Lamps(runtime, size, kept=False)
-    return lambda: LampShadows(runtime, size, params.lamps(), kept=False)
+        return lambda: PunctualLights(runtime, size, kept=False)
+    return lambda: LightShadows(runtime, size, params.punctual_lights(), kept=False)
 
 
-def set_lamps(lamps: Lamps, params: SsdoParams) -> None:
-    """Bring the values of parameters to what `lamps_of` made for such ones."""
-    if isinstance(lamps, LampShadows):
-        lamps.params = params.lamps()
+def set_lights(punctual_lights: PunctualLights, params: SsdoParams) -> None:
+    """Bring the values of parameters to what `punctual_lights_of` made for such ones."""
+    if isinstance(punctual_lights, LightShadows):
+        punctual_lights.params = params.punctual_lights()
 
 
-class LampBlur:
+class LightBlur:
     """Edge-aware blur against the noise of shadows that are looked for in the image."""
 
     def __init__(self, runtime: Runtime, params: SsdoParams) -> None:
@@ -37,14 +38,14 @@ class LampBlur:
 
     def run(
         self,
-        lamps: Plane,
+        punctual_lights: Plane,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
     ) -> Plane:
-        """Queue the blur, unless every lamp has a map; return the plane that holds the result.
+        """Queue the blur, unless every light has a map; return the plane that holds the result.
 
-        `lamps` is of the G-buffer's size, or of that with its margin.
+        `punctual_lights` is of the G-buffer's size, or of that with its margin.
         """
         maps = shadows if shadows is not None else [None] * len(lights)
         looked_for = any(
@@ -52,12 +53,12 @@ class LampBlur:
             for light, shadow in zip(lights, maps, strict=True)
         )
         if not looked_for or self.params.lamp_taps == 0:
-            return lamps
-        size = lamps.size
+            return punctual_lights
+        size = punctual_lights.size
         if size not in self._blurs:
             blur = BilateralParams(
                 radius=self.params.blur_radius, passes=self.params.blur_passes
             )
             self._blurs[size] = Bilateral(self.runtime, size, blur, 3, kept=False)
         source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
-        return self._blurs[size].run(lamps, source, "blur lamps")
+        return self._blurs[size].run(punctual_lights, source, "blur lights")

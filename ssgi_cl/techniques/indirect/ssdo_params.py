@@ -9,7 +9,7 @@ from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmaskParams
 from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
-from ssgi_cl.techniques.shading.light_shadows import LampShadowParams
+from ssgi_cl.techniques.shading.light_shadows import LightShadowParams
 
 METHODS = ("bitmask", "points", "published")
 METHODS_OF = {
@@ -54,7 +54,7 @@ class SsdoParams(OcclusionParams):
         "the root of as many, and two", low=1, high=256,
     )
     thickness: float = param(
-        0.0, "bitmask, points: of surfaces, along the line of sight", low=0.0, high=1e3,
+        0.0, "bitmask, points: of surfaces, along the view ray", low=0.0, high=1e3,
         unit="radii", shape=bool,
     )
     view_taps: int = param(
@@ -101,9 +101,9 @@ class SsdoParams(OcclusionParams):
             max_radius_px=self.max_radius_px, bent_normals=self.bent_normals,
         )
 
-    def lamps(self) -> LampShadowParams:
-        """Return the parameters of shadows of lamps that have no map."""
-        return LampShadowParams(radius=self.radius, taps=self.lamp_taps)
+    def punctual_lights(self) -> LightShadowParams:
+        """Return the parameters of shadows of lights that have no map."""
+        return LightShadowParams(radius=self.radius, taps=self.lamp_taps)
 
     def points(self) -> PointsParams:
         """Return the parameters of the back end of "points" and "published"."""

@@ -56,7 +56,7 @@ class PointsParams(Params):
         unit="px",
     )
     thickness: float = param(
-        0.0, "points: taps this far behind a surface, along the line of sight, meet it too; that "
+        0.0, "points: taps this far behind a surface, along the view ray, meet it too; that "
         "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii", shape=bool,
     )
     bias: float = param(
@@ -242,7 +242,7 @@ class SsdoPoints(Prepared[PointsParams]):
         return self._planes[key].make(gbuffer)
 
     def _grid(self, size: Size) -> Size | None:
-        lanes = self.runtime.form.lanes
+        lanes = self.runtime.variant.lanes
         if lanes == 1:
             return None
         rows = GROUP * 4 * lanes // STRIP  # of a work-group

@@ -42,9 +42,9 @@ class Sides:
         if gbuffer.sides is not None:
             return gbuffer.sides
         target = Target(self.runtime, layers, gbuffer.whole, kept=False)
-        with target.over(gbuffer.window) as (sides, over):
+        with target.over(gbuffer.region) as (sides, over):
             kernel.run(
-                "ssdo sides", gbuffer.whole, window=over,
+                "ssdo sides", gbuffer.whole, region=over,
                 depth=gbuffer.depth, normal=gbuffer.normal, given=gbuffer.normal_world,
                 sides=sides,
                 rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),

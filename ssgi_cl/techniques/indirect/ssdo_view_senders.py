@@ -13,9 +13,9 @@ from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.ssdo_back import BackEnd, SenderOpenness
+from ssgi_cl.techniques.indirect.ssdo_back import BackEnd, SenderVisibility
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask
-from ssgi_cl.techniques.indirect.ssdo_lights import lamps_of, set_lamps
+from ssgi_cl.techniques.indirect.ssdo_lights import punctual_lights_of, set_lights
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_point_views import SsdoPointViews
 from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
@@ -47,15 +47,15 @@ class ViewSenders:
             self._technique = SsdoPointViews(runtime)
         else:
             self._technique = SsdoViews(runtime, params.bitmask(), self.views)
-        self._senders: dict[Any, tuple[LitLayers, SenderOpenness]] = {}
+        self._senders: dict[Any, tuple[LitLayers, SenderVisibility]] = {}
 
     def set(self, params: SsdoParams) -> None:
         """Take the values of other parameters of the same shape."""
         if isinstance(self._technique, SsdoViews):
             self._technique.set(params.bitmask())
-        for lit, openness in self._senders.values():
-            openness.set(_coarse(params))
-            set_lamps(lit.lights, params)
+        for lit, visibility in self._senders.values():
+            visibility.set(_coarse(params))
+            set_lights(lit.lights, params)
         self.params = params
 
     def begin(self, gbuffer: DeviceGBuffer) -> None:
@@ -80,7 +80,7 @@ class ViewSenders:
         *,
         sends: bool,
     ) -> None:
-        """Queue the passes of one further camera.
+        """Queue the passes of one auxiliary camera.
 
         Args:
             light: what the back end gathered.
@@ -92,15 +92,15 @@ class ViewSenders:
         """
         radiance: Any = None
         if sends:
-            senders, openness = self._for(view)
+            senders, visibility = self._for(view)
             ambient = any(
                 isinstance(light, Environment) and np.any(light.radiance) for light in lights
             )
-            open_ = openness.run(view) if ambient else None
+            open_ = visibility.run(view) if ambient else None
             points = isinstance(self._technique, SsdoPointViews)
             light_up = senders.records if points else senders.run
-            radiance = light_up(view, lights, shadows, open_, openness.step)
-            senders.lamps = None
+            radiance = light_up(view, lights, shadows, open_, visibility.step)
+            senders.punctual_lights = None
         if isinstance(self._technique, SsdoPointViews):
             assert isinstance(back, SsdoPoints)  # noqa: S101  of the same method
             self._technique.add(light, back, gbuffer, view, radiance)
@@ -109,18 +109,19 @@ class ViewSenders:
             assert back.masks is not None  # noqa: S101  they were asked for
             self._technique.add(light, back.masks, gbuffer, source, view, radiance)
 
-    def _for(self, view: DeviceGBuffer) -> tuple[LitLayers, SenderOpenness]:
+    def _for(self, view: DeviceGBuffer) -> tuple[LitLayers, SenderVisibility]:
         """Return what lights a view of such a shape; views share it."""
         shape = (view.size, view.margin, view.layers, view.attributes)
         if shape not in self._senders:
             lit = LitLayers(
                 self.runtime, view.whole, view.layers, view.attributes,
-                lamps_of(self.runtime, view.whole, self.params), emission=self.params.emission,
+                punctual_lights_of(self.runtime, view.whole, self.params),
+                emission=self.params.emission,
             )
-            openness = SenderOpenness(
+            visibility = SenderVisibility(
                 self.runtime, view.size, _coarse(self.params), view.margin, view.layers
             )
-            self._senders[shape] = lit, openness
+            self._senders[shape] = lit, visibility
         return self._senders[shape]
 
 

@@ -103,7 +103,7 @@ class SsdoViews:
                 those whose sender is found are taken from the others.
             gbuffer: what it was made from; its camera counts.
             source: the same, or it reduced to the size of `light`.
-            other: what the further camera sees, of any size and number of layers.
+            other: what the auxiliary camera sees, of any size and number of layers.
             radiance: of what it sees, 3 images for each layer, W m^-2 sr^-1; None if `light` has
                 no bounce.
         """

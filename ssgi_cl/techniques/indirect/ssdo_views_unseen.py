@@ -70,7 +70,7 @@ class UnseenDepth:
                 (CAMERA, UNSEEN),
             )
             kernel.run(
-                "ssdo unseen", view.whole, window=view.window,
+                "ssdo unseen", view.whole, region=view.region,
                 normal=view.normal, earlier=depth, facing=normal, depth=unseen,
                 camera=view.camera_struct, before=earlier_struct,
                 view=self._packed(camera, earlier, depth.size),

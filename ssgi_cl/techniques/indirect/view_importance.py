@@ -12,7 +12,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.techniques.indirect.flux_curve import CURVE, FluxCurve
-from ssgi_cl.techniques.indirect.occupancy_grid import TURN, SightGrid, packed_turn
+from ssgi_cl.techniques.indirect.occupancy_grid import TURN, OccupancyGrid, packed_turn
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
 
 SUMS = VPL_MEANS
@@ -34,7 +34,7 @@ class ViewImportance:
         self._importance: DeviceArray | None = None
 
     def run(
-        self, gbuffer: DeviceGBuffer, curve: FluxCurve, walls: SightGrid, packed: Any
+        self, gbuffer: DeviceGBuffer, curve: FluxCurve, occupancy: OccupancyGrid, packed: Any
     ) -> DeviceArray:
         """Queue the passes; return the importance of all runs, see kernels/vpl/curve.clh.
 
@@ -49,18 +49,19 @@ class ViewImportance:
         if self._importance is None or self._importance.count != SUMS * runs + SUMS:
             self._importance = runtime.empty(SUMS * runs + SUMS, np.float32)
         structs = (CAMERA, VPL, CURVE, TURN)
-        kernel = runtime.kernel("vpl/vpl_view_importance.cl", walls.macros, structs)
+        kernel = runtime.kernel("vpl/vpl_view_importance.cl", occupancy.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
-                "vpl importance", rsm.size, grid=(1, map_runs // runtime.form.lanes),
+                "vpl importance", rsm.size, grid=(1, map_runs // runtime.variant.lanes),
                 position=rsm.position, normal=rsm.normal, flux=rsm.flux, order=order,
-                depth=gbuffer.depth, seen_normal=gbuffer.normal, occupancy=walls.grid,
-                grid_box=walls.box, importance=self._importance, camera=gbuffer.camera_struct,
+                depth=gbuffer.depth, seen_normal=gbuffer.normal, occupancy=occupancy.grid,
+                grid_box=occupancy.box, importance=self._importance, camera=gbuffer.camera_struct,
                 vpl=packed, params=table, turn=packed_turn(rsm.to_view(camera)),
                 columns=gbuffer.size[1], rows=gbuffer.size[0],
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
-            "vpl importance", (runs, SUMS), grid=(1, -(-SUMS // runtime.form.lanes)), local=(1, 1),
+            "vpl importance", (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)),
+            local=(1, 1),
             importance=self._importance,
         )
         return self._importance

@@ -23,8 +23,14 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid, check_grid, grid_param
-from ssgi_cl.techniques.indirect.packed_vpls import NEAR_ROOM, ROOM, VPL, DeviceVpls, VplChooser
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
+from ssgi_cl.techniques.indirect.packed_vpls import (
+    CAPACITY,
+    NEAR_CAPACITY,
+    VPL,
+    DeviceVpls,
+    VplChooser,
+)
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
 from ssgi_cl.techniques.indirect.vpl_light import (
     NEARS,
@@ -123,7 +129,7 @@ class VplSplat(Prepared[VplSplatParams]):
         self._params = params = params or VplSplatParams()
         self._irradiance = runtime.plane(3, size)
         subsets = 16 if params.interleave else 1
-        listed = ROOM if params.parted and not params.interleave else 1
+        listed = CAPACITY if params.parted and not params.interleave else 1
         self._lights = DeviceVpls(
             runtime, params.vpls, subsets, parts=params.parted, listed=listed
         )
@@ -140,14 +146,14 @@ class VplSplat(Prepared[VplSplatParams]):
         tiles = self._tiles[0] * self._tiles[1]
         lists = tiles * subsets if params.cull else 1
         self._boxes = runtime.empty(tiles * BOX, np.float32)
-        room = max(lights.room for lights in (self._lights, *self._glossy))
-        self._lists = runtime.empty(lists * room, np.int32)
+        capacity = max(lights.capacity for lights in (self._lights, *self._glossy))
+        self._lists = runtime.empty(lists * capacity, np.int32)
         self._counts = runtime.empty(lists, np.int32)
         parted = params.interleave and params.parted
-        self._near = runtime.empty(tiles * NEAR_ROOM if parted else 1, np.int32)
+        self._near = runtime.empty(tiles * NEAR_CAPACITY if parted else 1, np.int32)
         self._near_counts = runtime.empty(tiles, np.int32)
-        self._walls = (
-            SightGrid(runtime, params.grid, size) if params.visibility else None
+        self._occupancy = (
+            OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         )
         self._importance = ViewImportance(runtime)
         self._blur: Bilateral | None = None
@@ -176,14 +182,14 @@ class VplSplat(Prepared[VplSplatParams]):
         """
         cut = self.params.cutoff > 0.0
         values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
-        if self._walls is not None:
+        if self._occupancy is not None:
             packed = VPL.pack(
                 {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
             )
-            self._walls.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
-            values["lift"] = self._walls.lift
+            self._occupancy.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
+            values["lift"] = self._occupancy.lift
             if vpls is None and self.params.importance:
-                self._choose_by_importance(gbuffer, rsms, self._walls, values)
+                self._choose_by_importance(gbuffer, rsms, self._occupancy, values)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -194,7 +200,7 @@ class VplSplat(Prepared[VplSplatParams]):
         return self._blur.run(self._irradiance, gbuffer)
 
     def _choose_by_importance(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], walls: SightGrid,
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid,
         values: dict[str, float],
     ) -> None:
         """Queue the passes that choose the lights anew, by what they send to the image."""
@@ -202,7 +208,7 @@ class VplSplat(Prepared[VplSplatParams]):
         packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
         kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
         curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
-        importance = self._importance.run(gbuffer, curve, walls, packed)
+        importance = self._importance.run(gbuffer, curve, occupancy, packed)
         self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
@@ -212,7 +218,7 @@ class VplSplat(Prepared[VplSplatParams]):
         values = self._begin(gbuffer, vpls, coarse=True)
         sums = []
         for lights, part in ((self._lights, KEPT), (self._coarse, LOST)):
-            self._shine(gbuffer, lights, values, part, walls=False)
+            self._shine(gbuffer, lights, values, part, occupancy=False)
             sums.append(float(self._irradiance.download().sum(dtype=np.float64)))
         return sums[1] / sum(sums) if sum(sums) > 0.0 else 0.0
 
@@ -304,7 +310,7 @@ class VplSplat(Prepared[VplSplatParams]):
 
     def _shine(
         self, gbuffer: DeviceGBuffer, lights: DeviceVpls, values: dict[str, float], part: int, *,
-        add: bool = False, walls: bool = True,
+        add: bool = False, occupancy: bool = True,
     ) -> None:
         """Queue the passes that make the irradiance of the lights, or add theirs to it."""
         params, structs = self.params, (CAMERA, VPL)
@@ -340,25 +346,25 @@ class VplSplat(Prepared[VplSplatParams]):
                         counts=self._near_counts, params=packed,
                     )
                 macros["VPL_PARTS"] = int(parted)
-                self._interleaved(given, macros, walls=walls)
+                self._interleaved(given, macros, occupancy=occupancy)
             else:
                 macros |= {
                     "VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS
                 }
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
                     "vpl splat", self.size,
-                    grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.form.lanes)),
+                    grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.variant.lanes)),
                     **given,
                 )
             add = True
 
     def _interleaved(
-        self, given: dict[str, Any], macros: dict[str, int], *, walls: bool
+        self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool
     ) -> None:
-        grid = self._walls if walls else None
+        grid = self._occupancy if occupancy else None
         macros |= grid.macros if grid else {"VPL_GRID": 32}
-        macros |= {"VPL_SIGHT": int(grid is not None), "VPL_SHARE": self.params.share}
-        pieces = 16 * (16 // self.runtime.form.lanes)
+        macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
+        pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
             "vpl splat", self.size, grid=(self._tiles[0], self._tiles[1] * pieces),
             occupancy=grid.grid if grid else None, grid_box=grid.box if grid else None,
@@ -421,7 +427,7 @@ DESCRIPTOR = Technique(
         "vpl/vpl_grid.cl": ("VPL_GRID",),
         "vpl/vpl_interleaved.cl": (
             "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_GRID", "VPL_NEAR", "VPL_PARTS", "VPL_SHARE",
-            "VPL_SIGHT",
+            "VPL_VISIBILITY",
         ),
         "vpl/vpl_lists.cl": ("VPL_CUT", "VPL_GLOSSY", "VPL_PARTS", "VPL_SUBSETS"),
         "vpl/vpl_near.cl": (),

@@ -11,7 +11,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import CUT_GROUP, CUT_SAMPLE, TREE_BOUNDS, TREE_LEAF, TREE_RECORD
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.indirect.occupancy_grid import SightGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
@@ -24,7 +24,7 @@ LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
-With walls half of them, as lines of sight need registers."""
+With walls half of them, as view rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 CPU_ITEMS = 8
@@ -59,7 +59,7 @@ class VplTree:
 
     def __init__(
         self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int,
-        walls: SightGrid | None = None, share: int = 16,
+        occupancy: OccupancyGrid | None = None, share: int = 16,
     ) -> None:
         self.runtime = runtime
         self.lights = lights
@@ -72,7 +72,7 @@ class VplTree:
         self._bounds = runtime.array(np.zeros(segments * bounds, np.float32))
         self._found = runtime.empty(SAMPLES, np.float32)
         self.limits = runtime.empty(2, np.float32)
-        self._most_groups = LISTED // max(lights.room, GROUP * SAMPLE)
+        self._most_groups = LISTED // max(lights.capacity, GROUP * SAMPLE)
         self._lists = self._counts = runtime.empty(0, np.int32)
         self._kept = runtime.empty(0, np.float32)
         macros = {"VPL_NEAR": near, "VPL_CUT": cut}
@@ -81,21 +81,21 @@ class VplTree:
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
-        self._walls = walls
-        self._rows = ROWS // 2 if walls else ROWS
+        self._occupancy = occupancy
+        self._rows = ROWS // 2 if occupancy else ROWS
         macros |= {
-            "SHADE_ROWS": self._rows, "VPL_SIGHT": int(walls is not None),
+            "SHADE_ROWS": self._rows, "VPL_VISIBILITY": int(occupancy is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
         }
         # Without walls the kernel does not look at the grid.
-        macros |= walls.macros if walls else {"VPL_GRID": 32}
+        macros |= occupancy.macros if occupancy else {"VPL_GRID": 32}
         self._macros = macros
 
     def reserve(self, most: int) -> None:
         """Make room for the lists of `most` samples, or of as many as a pass takes."""
         groups = min(-(-most // GROUP), self._most_groups)
-        if self._lists.count < groups * self.lights.room:
-            self._lists = self.runtime.empty(groups * self.lights.room, np.int32)
+        if self._lists.count < groups * self.lights.capacity:
+            self._lists = self.runtime.empty(groups * self.lights.capacity, np.int32)
             self._counts = self.runtime.empty(groups, np.int32)
             self._kept = self.runtime.empty(groups * GROUP * SAMPLE, np.float32)
 
@@ -122,7 +122,7 @@ class VplTree:
         The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many.
         """
         self._mean.run(
-            "mean", source.size, grid=(1, SAMPLES // self.runtime.form.lanes), local=(1, 4),
+            "mean", source.size, grid=(1, SAMPLES // self.runtime.variant.lanes), local=(1, 4),
             depth=source.depth, normal=source.normal, list=samples, records=self._records,
             found=self._found, camera=source.camera_struct,
             params=self._packed(values, source.margin), total=self.lights.count, wanted=SAMPLES,
@@ -134,7 +134,7 @@ class VplTree:
         )
 
     def shine(
-        self, source: Samples, samples: DeviceArray, most: int, shares: Plane, result: Plane,
+        self, source: Samples, samples: DeviceArray, most: int, fractions: Plane, result: Plane,
         values: dict[str, float],
     ) -> None:
         """Queue the passes that add shares of the irradiance of the samples to a plane.
@@ -147,7 +147,7 @@ class VplTree:
             result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
         """
-        lanes, is_gpu = self.runtime.form.lanes, self.runtime.info.kind == "gpu"
+        lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         local = (1, 64 if is_gpu else 1)
         pieces = GROUP // (self._rows * lanes)
@@ -159,7 +159,7 @@ class VplTree:
             "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)},
             (CAMERA, VPL, CUT),
         )
-        walls = self._walls
+        occupancy = self._occupancy
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale})
@@ -177,15 +177,15 @@ class VplTree:
                     "light samples", source.size, grid=(1, min(here * pieces, items)), local=local,
                     samples=self._kept, records=self._records,
                     lights=self.lights.lights if parted else None,
-                    occupancy=walls.grid if walls else None,
-                    grid_box=walls.box if walls else None,
-                    shares=shares, values=result, **shared,
+                    occupancy=occupancy.grid if occupancy else None,
+                    grid_box=occupancy.box if occupancy else None,
+                    fractions=fractions, values=result, **shared,
                 )
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:
         """Return which records the first groups of the latest pass listed. Waits for the device."""
         counts = self._counts.download()[:count]
-        lists = self._lists.download().reshape(-1, self.lights.room)
+        lists = self._lists.download().reshape(-1, self.lights.capacity)
         return [row[:length] for row, length in zip(lists, counts, strict=False)]
 
     def records(self) -> NDArray[np.float32]:
@@ -196,7 +196,7 @@ class VplTree:
         return VPL.pack(
             {
                 **_ZEROS, **self.lights.values, **values,
-                "lift": self._walls.lift if self._walls else 0.0,
+                "lift": self._occupancy.lift if self._occupancy else 0.0,
                 "margin_columns": margin[1], "margin_rows": margin[0],
             }
         )

@@ -37,7 +37,7 @@ ALONE = 0.8
 
 
 @dataclass(frozen=True)
-class Pace:
+class SpeedModel:
     """Device time of a technique with fixed parameters, by the size of the picture.
 
     Attributes:
@@ -51,8 +51,8 @@ class Pace:
 
 def measured(
     runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
-) -> tuple[Pace, bool]:
-    """Return a device's pace, measured now, and whether nothing else kept the device busy.
+) -> tuple[SpeedModel, bool]:
+    """Return a device's speed model, measured now, and whether nothing else kept the device busy.
 
     Takes less than half a second once the kernels are compiled.
     """
@@ -72,11 +72,11 @@ def measured(
     few, many = (rows * columns for rows, columns in (SMALL, LARGE))
     pixel_ms = max((least[1] - least[0]) / (many - few), 1e-9)
     call_ms = max(least[0] - pixel_ms * few, 0.0)
-    return Pace(call_ms=call_ms, pixel_ns=1e6 * pixel_ms), alone
+    return SpeedModel(call_ms=call_ms, pixel_ns=1e6 * pixel_ms), alone
 
 
-def pace_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Pace:
-    """Return a device's pace with the parameters that the recorded one is of.
+def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
+    """Return a device's speed model with the parameters that the recorded one is of.
 
     It is measured once for a device, and kept in the cache folder; on a busy machine once for the
     runtime.
@@ -85,26 +85,26 @@ def pace_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Pace:
         ValueError: the technique has no presets.
     """
     parameters = presets.record(technique.name)["pace"]["parameters"]
-    path = cache_folder() / f"pace-{_fingerprint(runtime, technique, parameters)}.json"
+    path = cache_folder() / f"speed-model-{_fingerprint(runtime, technique, parameters)}.json"
 
-    def known() -> Pace:
+    def known() -> SpeedModel:
         try:
-            return Pace(**json.loads(path.read_text(encoding="utf-8")))
+            return SpeedModel(**json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError):
             pass  # not measured yet, or a file of something else
-        pace, alone = measured(runtime, technique, parameters)
+        speed, alone = measured(runtime, technique, parameters)
         if not alone:
-            return pace
+            return speed
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacement(path) as file:
-                file.write_text(json.dumps(asdict(pace)), encoding="utf-8")
+                file.write_text(json.dumps(asdict(speed)), encoding="utf-8")
         except OSError:
             pass  # a read-only home: the next process measures again
-        return pace
+        return speed
 
-    pace: Pace = runtime.prepared((Pace, path), known)
-    return pace
+    speed: SpeedModel = runtime.prepared((SpeedModel, path), known)
+    return speed
 
 
 def predicted_ms(
@@ -116,8 +116,8 @@ def predicted_ms(
         ValueError: the technique has no presets.
     """
     recorded = presets.record(technique.name)
-    here = pace_of(runtime, technique)
-    there = Pace(recorded["pace"]["call_ms"], recorded["pace"]["pixel_ns"])
+    here = speed_model_of(runtime, technique)
+    there = SpeedModel(recorded["pace"]["call_ms"], recorded["pace"]["pixel_ns"])
     rows, columns = recorded["size"]
     per_pixel: float = max(ms - there.call_ms, 0.0) / (rows * columns)
     return here.call_ms + per_pixel * size[0] * size[1] * here.pixel_ns / there.pixel_ns
@@ -152,7 +152,7 @@ def _fingerprint(
     runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
 ) -> str:
     parts = (
-        runtime.info.driver, runtime.info.label, str(runtime.form), str(os.cpu_count()),
+        runtime.info.driver, runtime.info.label, str(runtime.variant), str(os.cpu_count()),
         __version__, sources.flatten(f"{technique.name}/{technique.name}.cl"),
         json.dumps(parameters, sort_keys=True),
     )

@@ -8,14 +8,14 @@ from itertools import product
 import numpy as np
 
 from ssgi_cl.core.lights import Light
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, TransientPlane
 from ssgi_cl.techniques.shading.ambient import Ambient
-from ssgi_cl.techniques.shading.light_data import Lamps, ShadowMap
+from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
 
 LIT = Struct(
     "LitParams",
@@ -70,15 +70,16 @@ class LitLayers:
         layers: depth layers of the G-buffers.
         attributes: layers of them that have normals, albedo and emission: 1, or all by default.
             The rest is dark.
-        lamps: makes what lights a layer of size `whole`; by default `Lamps` that keep nothing.
+        lights: makes what lights a layer of size `whole`; by default `PunctualLights` that keep
+        nothing.
         emission: whether surfaces send what they emit too.
         backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
             outer side of every other layer away from the camera.
 
     Attributes:
-        passes: what makes the light of lamps.
-        lamps: 3 images of `whole`: irradiance by lamps on the front layer, W/m^2, or None if no
-            lamp shone on the last frame. Its memory goes to others where this is set to None.
+        passes: what makes the light of lights.
+        lights: 3 images of `whole`: irradiance by lights on the front layer, W/m^2, or None if no
+            light shone on the last frame. Its memory goes to others where this is set to None.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class LitLayers:
         whole: Size,
         layers: int = 1,
         attributes: int | None = None,
-        lamps: Callable[[], Lamps] | None = None,
+        punctual_lights: Callable[[], PunctualLights] | None = None,
         *,
         emission: bool = True,
         backs: bool = False,
@@ -96,10 +97,11 @@ class LitLayers:
         self.whole = whole
         self.layers = layers
         self.attributes = layers if attributes is None else attributes
-        self.lamps: Plane | None = None
+        self.punctual_lights: Plane | None = None
         self._emission = emission
         self._sides = (False, True) if backs else (False,)
-        self._lamps = lamps() if lamps else Lamps(runtime, whole, kept=False)
+        self._punctual_lights = punctual_lights() if punctual_lights else PunctualLights(runtime,
+            whole, kept=False)
         self._ambient = Ambient(runtime)
         self._records: SenderRecords | None = None
 
@@ -108,7 +110,7 @@ class LitLayers:
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
-        openness: Plane | None = None,
+        visibility: Plane | None = None,
         step: int = 1,
     ) -> Plane | None:
         """Queue the passes.
@@ -117,8 +119,8 @@ class LitLayers:
             gbuffer: whose layers send light as far as they have normals, albedo and emission.
             lights: any number of lights.
             shadows: one entry for each light (None: it casts no shadow).
-            openness: its first image is A of every `step`-th pixel of the image; dims the light of
-                environments on all layers and on the margin, for which the nearest pixel stands.
+            visibility: its first image is A of every `step`-th pixel of the image; dims the light
+                of environments on all layers and on the margin, for which the nearest pixel stands.
             step: 1, 2 or 4.
 
         Returns:
@@ -132,7 +134,7 @@ class LitLayers:
         )
         if self.attributes < self.layers and isinstance(radiance, TransientPlane):
             radiance.clear()
-        self._run(gbuffer, lights, shadows, openness, step, radiance)
+        self._run(gbuffer, lights, shadows, visibility, step, radiance)
         return radiance
 
     def images(
@@ -140,7 +142,7 @@ class LitLayers:
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
-        openness: Plane | None = None,
+        visibility: Plane | None = None,
         step: int = 1,
     ) -> ImageParts | None:
         """Return the images of `run` in parts of 3, whose passes are queued as they are asked for.
@@ -149,7 +151,7 @@ class LitLayers:
             return None
         return ImageParts(
             3 * self.layers * len(self._sides), self.whole, self.attributes == self.layers,
-            self._parts(self.lamps, gbuffer, lights, shadows, openness, step),
+            self._parts(self.punctual_lights, gbuffer, lights, shadows, visibility, step),
         )
 
     def records(
@@ -157,7 +159,7 @@ class LitLayers:
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
-        openness: Plane | None = None,
+        visibility: Plane | None = None,
         step: int = 1,
     ) -> SenderRecords | None:
         """Queue the same passes; return what they find in one place for each pixel.
@@ -168,14 +170,14 @@ class LitLayers:
             self._records = SenderRecords(self.runtime, self.whole, self.attributes)
         if not self._start(gbuffer, lights, shadows):
             return None
-        self._run(gbuffer, lights, shadows, openness, step, self._records)
+        self._run(gbuffer, lights, shadows, visibility, step, self._records)
         return self._records
 
     def _start(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
     ) -> bool:
-        """Queue what makes `lamps`; return whether any surface is lit."""
+        """Queue what makes `punctual_lights`; return whether any surface is lit."""
         given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
         if given != (self.whole, self.layers, self.attributes):
             raise ValueError(
@@ -188,18 +190,18 @@ class LitLayers:
         return lit
 
     def _parts(
-        self, lamps: Plane | None, gbuffer: DeviceGBuffer, lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None, openness: Plane | None, step: int,
+        self, punctual_lights: Plane | None, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None, visibility: Plane | None, step: int,
     ) -> Iterator[tuple[int, Plane]]:
-        """Give the parts of `images`, given what `lamps` was when it was called."""
+        """Give the parts of `images`, given what `punctual_lights` was when it was called."""
         for back, number in product(self._sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             if back or number:
-                lamps = None  # its memory is the next one's
-                lamps = self._lamps.run(layer, lights, shadows)
+                punctual_lights = None  # its memory is the next one's
+                punctual_lights = self._punctual_lights.run(layer, lights, shadows)
             part = self.runtime.transient.plane(3, self.whole)
-            window = part.within(layer.window) if isinstance(part, TransientPlane) else None
-            self._light(layer, lamps, openness, step, gbuffer.margin, part, 0, window)
+            region = part.within(layer.region) if isinstance(part, TransientPlane) else None
+            self._light(layer, punctual_lights, visibility, step, gbuffer.margin, part, 0, region)
             yield 3 * (number + (self.layers if back else 0)), part
             del part
 
@@ -208,39 +210,40 @@ class LitLayers:
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
-        openness: Plane | None,
+        visibility: Plane | None,
         step: int,
         to: Plane | SenderRecords,
     ) -> None:
         records = isinstance(to, SenderRecords)
-        lamps, window = self.lamps, gbuffer.window
+        punctual_lights, region = self.punctual_lights, gbuffer.region
         if isinstance(to, TransientPlane):
-            window = to.within(window)
+            region = to.within(region)
         for back, number in product((False,) if records else self._sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             if back or number:
-                lamps = None
-                lamps = self._lamps.run(layer, lights, shadows)
+                punctual_lights = None
+                punctual_lights = self._punctual_lights.run(layer, lights, shadows)
             image = number + (self.layers if back else 0)
             self._light(
-                layer, lamps, openness, step, gbuffer.margin, to, image if records else 3 * image,
-                window,
+                layer, punctual_lights, visibility, step, gbuffer.margin, to,
+                image if records else 3 * image,
+                region,
             )
 
     @property
-    def lights(self) -> Lamps:
+    def lights(self) -> PunctualLights:
         """The pass of punctual lights."""
-        return self._lamps
+        return self._punctual_lights
 
     def front(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> bool:
-        """Queue what makes `lamps` alone; return whether `run` would find any light."""
+        """Queue what makes `punctual_lights` alone; return whether `run` would find any light."""
         self._ambient.set(lights)
-        self.lamps = None
-        self.lamps = self._lamps.run(gbuffer.layer(0), lights, shadows)
-        return self.lamps is not None or self._ambient.shines or self._emits(gbuffer)
+        self.punctual_lights = None
+        self.punctual_lights = self._punctual_lights.run(gbuffer.layer(0), lights, shadows)
+        return self.punctual_lights is not None or self._ambient.shines or self._emits(gbuffer)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:
         return gbuffer.emits and self._emission
@@ -248,26 +251,26 @@ class LitLayers:
     def _light(
         self,
         layer: DeviceGBuffer,
-        lamps: Plane | None,
-        openness: Plane | None,
+        punctual_lights: Plane | None,
+        visibility: Plane | None,
         step: int,
         margin: Size,
         to: Plane | SenderRecords,
         image: int,
-        window: Window | None,
+        region: Region | None,
     ) -> None:
         records = isinstance(to, SenderRecords)
         kernel = self.runtime.kernel(
             "layer_shading/layer_shading.cl",
             _macros(
-                lamps=lamps is not None, ambient=self._ambient.shines,
-                openness=openness is not None, emission=self._emits(layer), records=records,
+                punctual_lights=punctual_lights is not None, ambient=self._ambient.shines,
+                visibility=visibility is not None, emission=self._emits(layer), records=records,
                 step=step,
             ) | self._ambient.macros,
             (LIT,),
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
-        rows, columns = openness.size if openness is not None else (1, 1)
+        rows, columns = visibility.size if visibility is not None else (1, 1)
         values = {
             **rotation_values(layer.camera.view[:3, :3].T),
             "facing": layer.facing,
@@ -281,10 +284,10 @@ class LitLayers:
         kernel.run(
             "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
             + (" back" if layer.facing < 0.0 else ""),
-            self.whole, window=window,
+            self.whole, region=region,
             depth=layer.depth, normal=layer.normal, albedo=layer.albedo,
             emission=layer.emission if self._emits(layer) else None,
-            lamps=lamps, openness=openness,
+            punctual_lights=punctual_lights, visibility=visibility,
             ambient=self._ambient.irradiance if self._ambient.shines else None,
             **({"records": to.array} if isinstance(to, SenderRecords) else {"radiance": to}),
             params=LIT.pack(values),
@@ -292,11 +295,13 @@ class LitLayers:
 
 
 def _macros(
-    *, lamps: bool = False, ambient: bool = False, openness: bool = False, emission: bool = False,
+    *, punctual_lights: bool = False, ambient: bool = False, visibility: bool = False,
+    emission: bool = False,
     records: bool = False, step: int = 1,
 ) -> dict[str, int]:
     return {
-        "LIT_LAMPS": int(lamps), "LIT_AMBIENT": int(ambient), "LIT_OPENNESS": int(openness),
-        "LIT_EMISSION": int(emission), "LIT_RECORDS": int(records), "LIT_STEP": step,
+        "LAYERS_LIGHTS": int(punctual_lights), "LAYERS_AMBIENT": int(ambient),
+        "LAYERS_VISIBILITY": int(visibility),
+        "LAYERS_EMISSION": int(emission), "LAYERS_RECORDS": int(records), "LAYERS_STEP": step,
         "AMBIENT_SIZE": 0,
     }

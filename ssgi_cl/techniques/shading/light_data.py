@@ -1,4 +1,4 @@
-"""Direct light of lamps: spot, point and directional lights with the shadows of their maps."""
+"""Direct light of lights: spot, point and directional lights with the shadows of their maps."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 from ssgi_cl.device.transient import Target
 
-Lamp = SpotLight | PointLight | DirectionalLight
+PunctualLight = SpotLight | PointLight | DirectionalLight
 
 BRIGHTEST = 1e30
 """W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
@@ -47,8 +47,8 @@ class ShadowMap:
     blocks: Plane | None = None
 
 
-class Lamps:
-    """The light of lamps, prepared for images of one size.
+class PunctualLights:
+    """The light of lights, prepared for images of one size.
 
     Args:
         runtime: the device.
@@ -68,13 +68,13 @@ class Lamps:
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return the sum of all lamps, or None if none shines.
+        """Queue the passes; return the sum of all lights, or None if none shines.
 
         3 images, W/m^2; 0 where nothing is. `shadows` has one entry for each light (None: it casts
         no shadow); environments are passed over.
         """
         maps = list(shadows) if shadows is not None else [None] * len(lights)
-        lit: list[tuple[Lamp, ShadowMap | None]] = []
+        lit: list[tuple[PunctualLight, ShadowMap | None]] = []
         for light, shadow in zip(lights, maps, strict=True):
             if isinstance(light, Environment):
                 continue
@@ -84,16 +84,17 @@ class Lamps:
                 self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
         if not lit:
             return None
-        with self._irradiance.over(gbuffer.seen) as (irradiance, window):
+        with self._irradiance.over(gbuffer.seen) as (irradiance, region):
             for number, (light, shadow) in enumerate(lit):
-                self.light(irradiance, gbuffer, light, shadow, add=number > 0, window=window)
+                self.light(irradiance, gbuffer, light, shadow, add=number > 0, region=region)
         return irradiance
 
     def light(
-        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
-        add: bool, window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
+        shadow: ShadowMap | None, *,
+        add: bool, region: Region | None,
     ) -> None:
-        """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
+        """Queue the pass of one light, which sets `irradiance` or adds to it."""
         blocks = shadow.blocks if shadow else None
         kernel = self.runtime.kernel(
             "shade/shade_light.cl",
@@ -109,7 +110,7 @@ class Lamps:
         light_camera = shadow.cameras[0] if shadow else camera
         map_ = shadow.depth if shadow else None
         kernel.run(
-            f"light {kind_name(light)}", self.size, window=window,
+            f"light {kind_name(light)}", self.size, region=region,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
             irradiance=irradiance, camera=gbuffer.camera_struct,
             light_camera=CAMERA.pack(camera_values(light_camera)),
@@ -120,13 +121,13 @@ class Lamps:
         )
 
 
-def power(light: Lamp) -> NDArray[np.float64]:
+def power(light: PunctualLight) -> NDArray[np.float64]:
     """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
     value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
     return np.asarray(value)
 
 
-def kind_name(light: Lamp) -> str:
+def kind_name(light: PunctualLight) -> str:
     """Return "spot", "point" or "directional"."""
     return type(light).__name__.removesuffix("Light").lower()
 
@@ -137,7 +138,7 @@ def face_count(light: Light) -> int:
 
 
 def light_values(
-    light: Lamp, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer
+    light: PunctualLight, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer
 ) -> dict[str, Any]:
     turn, shift = camera.view[:3, :3], camera.view[:3, 3]
     position = direction = np.zeros(3)

@@ -1,4 +1,4 @@
-"""What the lamps of a scene see: shadow maps, and the surfaces that reflect their light."""
+"""What the lights of a scene see: shadow maps, and the surfaces that reflect their light."""
 
 from __future__ import annotations
 
@@ -16,15 +16,21 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.shading.light_data import Lamp, ShadowMap, face_count, kind_name, power
+from ssgi_cl.techniques.shading.light_data import (
+    PunctualLight,
+    ShadowMap,
+    face_count,
+    kind_name,
+    power,
+)
 from ssgi_cl.techniques.shading.shadow_blocks import ShadowBlocks
 
 
 class LightMaps:
-    """Draws the maps of a frame's lamps, each face once for shadows and for reflected light.
+    """Draws the maps of a frame's lights, each face once for shadows and for reflected light.
 
-    The faces of all lamps make one reflective shadow map, so that one bounce costs the same
-    however many lamps there are, and what reflects more is looked at more. A lamp's maps are kept
+    The faces of all lights make one reflective shadow map, so that one bounce costs the same
+    however many lights there are, and what reflects more is looked at more. A light's maps are kept
     as long as it and the scene stay the same; once they are, what their blocks of texels show is
     found too, so that shading needs fewer of them.
 
@@ -52,7 +58,7 @@ class LightMaps:
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: object = None  # its key
-        self._lamps: dict[int, Lamp] = {}
+        self._punctual_lights: dict[int, PunctualLight] = {}
         self._shadows: dict[int, ShadowMap] = {}
 
     def draw(
@@ -61,32 +67,33 @@ class LightMaps:
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
-        `idle` lamps, by their place among the lights, get no map. Without `keep` all are drawn.
-        Which lamps reflect anything is read back, 4 bytes a face, when a map was drawn.
+        `idle` lights, by their place among the lights, get no map. Without `keep` all are drawn.
+        Which lights reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
-            A shadow map for each light (None: it is not a lamp, or it emits nothing), and what
+            A shadow map for each light (None: it is not a light, or it emits nothing), and what
             reflects their light: None if nothing does, or if it was not asked for.
         """
-        lamps = {
+        punctual_lights = {
             index: light for index, light in enumerate(lights)
             if index not in idle and not isinstance(light, Environment) and power(light).any()
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
-        kept = self._kept(scene, lamps) if keep else set()
+        kept = self._kept(scene, punctual_lights) if keep else set()
         before = self._shadows
         # Should anything fail, nothing is taken for drawn.
-        self._scene, self._lamps, self._shadows = None, {}, {}
-        self._require(scene, lamps, len(lights))
-        for index, light in lamps.items():
+        self._scene, self._punctual_lights, self._shadows = None, {}, {}
+        self._require(scene, punctual_lights, len(lights))
+        for index, light in punctual_lights.items():
             if index in kept:
                 shadows[index] = before[index]
                 continue
             cameras = light_cameras(light, scene.bounds, self.size)
             shadows[index] = ShadowMap(self._depth(index, len(cameras)), cameras)
-        rsm = self._begin(scene, lamps, shadows, kept) if self._flux and lamps else None
+        rsm = self._begin(scene, punctual_lights, shadows,
+            kept) if self._flux and punctual_lights else None
         first = 0
-        for index, light in lamps.items():
+        for index, light in punctual_lights.items():
             shadow = shadows[index]
             assert shadow is not None  # noqa: S101  just made
             if index in kept:
@@ -97,12 +104,14 @@ class LightMaps:
                     self._draw(scene, light, shadow, rsm, first)
             self._shadows[index] = shadow
             first += len(shadow.cameras)
-        if rsm is not None and len(kept) < len(lamps):
+        if rsm is not None and len(kept) < len(punctual_lights):
             self._lit = rsm.lit()
-        self._scene, self._lamps = scene.key, lamps
-        return shadows, rsm if rsm is not None and self._reflects(lamps, shadows) else None
+        self._scene, self._punctual_lights = scene.key, punctual_lights
+        return shadows, rsm if rsm is not None and self._reflects(punctual_lights,
+            shadows) else None
 
-    def _require(self, scene: Scene, lamps: dict[int, Lamp], lights: int) -> None:
+    def _require(self, scene: Scene, punctual_lights: dict[int, PunctualLight],
+        lights: int) -> None:
         """Let go of maps of lights that are gone; see that there is room for all that are missing.
 
         Raises:
@@ -111,11 +120,12 @@ class LightMaps:
         for index in [index for index in self._depths if index >= lights]:
             del self._depths[index]
             self._block_planes.pop(index, None)
-        count = {index: face_count(lamp) for index, lamp in lamps.items()}
+        count = {index: face_count(punctual_light) for index,
+            punctual_light in punctual_lights.items()}
         faces = sum(count.values())
 
         def make() -> None:
-            for index in lamps:
+            for index in punctual_lights:
                 if not self._has_depth(index, count[index]):
                     self.runtime.plane(count[index], (self.size, self.size))
                     self._blocks.plane(count[index])
@@ -138,18 +148,19 @@ class LightMaps:
         rsm = self._rsm
         return rsm is not None and rsm.faces == faces and (rsm.lobes is not None) == glossy
 
-    def _kept(self, scene: Scene, lamps: dict[int, Lamp]) -> set[int]:
-        """Return which lamps' maps are there already."""
-        before = self._lamps
+    def _kept(self, scene: Scene, punctual_lights: dict[int, PunctualLight]) -> set[int]:
+        """Return which lights' maps are there already."""
+        before = self._punctual_lights
         same = {
-            index for index, light in lamps.items()
+            index for index, light in punctual_lights.items()
             if self._scene is scene.key and index in before and _equal(light, before[index])
         }
         if not self._flux:
             return same
-        # All faces are in one map whose positions count from the first lamp.
-        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (lamps, before))
-        return same if kinds == old_kinds and min(lamps, default=0) in same else set()
+        # All faces are in one map whose positions count from the first light.
+        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (punctual_lights,
+            before))
+        return same if kinds == old_kinds and min(punctual_lights, default=0) in same else set()
 
     def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
         """Return a kept map with its blocks, queueing their pass if it was not looked at yet."""
@@ -160,16 +171,18 @@ class LightMaps:
         return replace(shadow, blocks=self._block_planes[index])
 
     def _draw(
-        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
+        self, scene: Scene, light: PunctualLight, shadow: ShadowMap, rsm: DeviceRsm | None,
+        first: int
     ) -> None:
-        """Queue the passes of one lamp."""
+        """Queue the passes of one light."""
         try:
             self._draw_faces(scene, light, shadow, rsm, first)
         finally:
             self._renderer.release()
 
     def _draw_faces(
-        self, scene: Scene, light: Lamp, shadow: ShadowMap, rsm: DeviceRsm | None, first: int
+        self, scene: Scene, light: PunctualLight, shadow: ShadowMap, rsm: DeviceRsm | None,
+        first: int
     ) -> None:
         kept, renderer = device_scene(scene, self.runtime), self._renderer
         for face, camera in enumerate(shadow.cameras):
@@ -186,13 +199,13 @@ class LightMaps:
                 )
 
     def _reflects(
-        self, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None]
+        self, punctual_lights: dict[int, PunctualLight], shadows: Sequence[ShadowMap | None]
     ) -> bool:
-        """Note the lamps that light nothing; return whether any does."""
+        """Note the lights that light nothing; return whether any does."""
         first = 0
-        for index, light in lamps.items():
+        for index, light in punctual_lights.items():
             shadow = shadows[index]
-            assert shadow is not None  # noqa: S101  a lamp has one
+            assert shadow is not None  # noqa: S101  a light has one
             faces = len(shadow.cameras)
             if not self._lit[first : first + faces].any():
                 self.runtime.skip(f"bounce {kind_name(light)}", "it lights nothing that reflects")
@@ -200,7 +213,7 @@ class LightMaps:
         return bool(self._lit.any())
 
     def _depth(self, index: int, faces: int) -> Plane:
-        """Return the plane of a lamp's depth, the same as last time if it fits."""
+        """Return the plane of a light's depth, the same as last time if it fits."""
         if not self._has_depth(index, faces):
             self._depths.pop(index, None)
             plane = self.runtime.plane(faces, (self.size, self.size), math.inf)
@@ -209,7 +222,8 @@ class LightMaps:
         return self._depths[index]
 
     def _begin(
-        self, scene: Scene, lamps: dict[int, Lamp], shadows: Sequence[ShadowMap | None],
+        self, scene: Scene, punctual_lights: dict[int, PunctualLight],
+        shadows: Sequence[ShadowMap | None],
         kept: set[int],
     ) -> DeviceRsm:
         """Return the reflective shadow map with room for all faces, the same if it fits."""
@@ -221,18 +235,20 @@ class LightMaps:
         if self._rsm is None or not self._fits(len(cameras), glossy):
             self._rsm = None  # so that both need not fit at a time
             self._rsm = DeviceRsm(self.runtime, cameras[0].size, len(cameras), glossy=glossy)
-        if len(kept) < len(lamps):
+        if len(kept) < len(punctual_lights):
             texels = (c.pixel_to_view[:2] for c in cameras)
             widest = max(abs(to_x * to_y) for to_x, to_y in texels)
             self._rsm.begin(
-                next(iter(lamps.values())), cameras,
+                next(iter(punctual_lights.values())), cameras,
                 reach=float(np.abs(scene.bounds - cameras[0].position).max()),
-                brightest=max(float(power(light).max()) for light in lamps.values()) * widest,
+                brightest=widest * max(
+                    float(power(light).max()) for light in punctual_lights.values()
+                ),
             )
         return self._rsm
 
 
-def _equal(a: Lamp, b: Lamp) -> bool:
+def _equal(a: PunctualLight, b: PunctualLight) -> bool:
     return a is b or (
         type(a) is type(b)
         and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))

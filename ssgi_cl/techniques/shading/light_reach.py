@@ -1,6 +1,6 @@
-"""Which lamps are proven to light nothing of what is seen, from boxes round what tiles hold.
+"""Which lights are proven to light nothing of what is seen, from boxes round what tiles hold.
 
-Few lamps are held against all tiles. Many are held against boxes round runs of tiles first; one
+Few lights are held against all tiles. Many are held against boxes round runs of tiles first; one
 that these don't keep out is held against the tiles of the run that it lights best, and only one
 that those do keep out against the tiles of all runs that it may light.
 """
@@ -20,16 +20,16 @@ from ssgi_cl.core.lights import DirectionalLight, SpotLight
 from ssgi_cl.device.constants import TILES_FLAT
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.shading.light_data import Lamp
+    from ssgi_cl.techniques.shading.light_data import PunctualLight
 
 RUN = 64
 """Tiles of a run."""
 
 FEW = 1 << 9
-"""Pairs of a lamp and a tile that take no longer than it takes to look at runs first."""
+"""Pairs of a light and a tile that take no longer than it takes to look at runs first."""
 
 AWAY = 1e-5
-"""Cosine by which normals must be turned away from a lamp: more than roundings of float32."""
+"""Cosine by which normals must be turned away from a light: more than roundings of float32."""
 
 FLAT = 2.0 * TILES_FLAT
 """Distance of a flat tile's points from its plane, relative to that of the eye; twice what the
@@ -72,34 +72,37 @@ class Boxes:
         )
 
 
-class _Lamps:
-    """Lamps in a camera's view space, one a row."""
+class _PunctualLights:
+    """Lights in a camera's view space, one a row."""
 
-    def __init__(self, lamps: Sequence[Lamp], camera: Camera) -> None:
+    def __init__(self, punctual_lights: Sequence[PunctualLight], camera: Camera) -> None:
         turn, shift = camera.view[:3, :3], camera.view[:3, 3]
-        far = np.array([isinstance(lamp, DirectionalLight) for lamp in lamps])
+        far = np.array([isinstance(punctual_light,
+            DirectionalLight) for punctual_light in punctual_lights])
         self.placed = 1.0 - far[:, None]
         # Of a directional light, the way to it in place of its position.
         places = np.array([
-            -np.asarray(lamp.direction) if isinstance(lamp, DirectionalLight)
-            else np.asarray(lamp.position)
-            for lamp in lamps
+            -np.asarray(punctual_light.direction) if isinstance(punctual_light, DirectionalLight)
+            else np.asarray(punctual_light.position)
+            for punctual_light in punctual_lights
         ])
         self.position = places @ turn.T + shift * self.placed
         self.any_placed = not far.all()
-        spots = [lamp if isinstance(lamp, SpotLight) else None for lamp in lamps]
+        spots = [punctual_light if isinstance(punctual_light,
+            SpotLight) else None for punctual_light in punctual_lights]
         self.axis = np.array(
             [np.zeros(3) if spot is None else np.asarray(spot.direction) for spot in spots]
         ) @ turn.T
         self.angle = np.array([[math.pi if s is None else s.cone_angle] for s in spots])
         self.any_spot = any(spot is not None for spot in spots)
         self.radius = np.array(
-            [[0.0 if isinstance(lamp, DirectionalLight) else lamp.radius] for lamp in lamps]
+            [[0.0 if isinstance(punctual_light,
+            DirectionalLight) else punctual_light.radius] for punctual_light in punctual_lights]
         )
 
     def margins(self, boxes: Boxes, rows: NDArray[np.int64]) -> Floats:
-        """Return for some of the lamps and each box (or their own: boxes [lamps, n]) a number that
-        is above 0 unless the lamp is proven to bring nothing to what is in the box."""
+        """Return for some of the lights and each box (or their own: boxes [lights, n]) a number
+        that is above 0 unless the light is proven to bring nothing to what is in the box."""
         placed, radius, angle = self.placed[rows], self.radius[rows], self.angle[rows]
         position, axis = self.position[rows, None], self.axis[rows, None]
         apart, room = placed[..., None], radius[..., None]
@@ -135,25 +138,27 @@ class _Lamps:
         return above
 
 
-def reaching(lamps: Sequence[Lamp], boxes: Boxes, camera: Camera) -> NDArray[np.bool_]:
-    """Return for each lamp False if it is proven to light nothing in any of the boxes."""
+def reaching(punctual_lights: Sequence[PunctualLight], boxes: Boxes,
+    camera: Camera) -> NDArray[np.bool_]:
+    """Return for each light False if it is proven to light nothing in any of the boxes."""
     count = len(boxes.offset)
-    reach = np.zeros(len(lamps), np.bool_)
-    if not lamps or not count:
+    reach = np.zeros(len(punctual_lights), np.bool_)
+    if not punctual_lights or not count:
         return reach
-    held = _Lamps(lamps, camera)
-    if len(lamps) * count <= FEW:
-        reach[:] = (held.margins(boxes, np.arange(len(lamps))) > 0.0).any(axis=1)
+    held = _PunctualLights(punctual_lights, camera)
+    if len(punctual_lights) * count <= FEW:
+        reach[:] = (held.margins(boxes, np.arange(len(punctual_lights))) > 0.0).any(axis=1)
         return reach
-    margins = held.margins(boxes.runs(), np.arange(len(lamps)))
+    margins = held.margins(boxes.runs(), np.arange(len(punctual_lights)))
     open_ = np.flatnonzero((margins > 0.0).any(axis=1))
     best = margins[open_].argmax(axis=1)
     # The last run may be shorter: its last tile stands in for those that it lacks.
     members = np.minimum(best[:, None] * RUN + np.arange(RUN), count - 1)
     reach[open_] = (held.margins(boxes.at(members), open_) > 0.0).any(axis=1)
-    for lamp in open_[~reach[open_]]:
-        tiles = np.flatnonzero(np.repeat(margins[lamp] > 0.0, RUN)[:count])
-        reach[lamp] = (held.margins(boxes.at(tiles), np.array([lamp])) > 0.0).any()
+    for punctual_light in open_[~reach[open_]]:
+        tiles = np.flatnonzero(np.repeat(margins[punctual_light] > 0.0, RUN)[:count])
+        reach[punctual_light] = (held.margins(boxes.at(tiles),
+            np.array([punctual_light])) > 0.0).any()
     return reach
 
 

@@ -1,4 +1,4 @@
-"""Lamps shadowed by what the camera sees: softly, any number of them, without a shadow map."""
+"""Lights shadowed by what the camera sees: softly, any number of them, without a shadow map."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from numpy.typing import NDArray
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
-from ssgi_cl.device.active_region import Window
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.shading.light_data import (
     LIGHT,
-    Lamp,
-    Lamps,
+    PunctualLight,
+    PunctualLights,
     ShadowMap,
     kind_name,
     light_values,
 )
 
-LAMP_SHADOW = Struct(
-    "LampShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias")
+LIGHT_SHADOW = Struct(
+    "LightShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias")
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class LampShadowParams(Params):
+class LightShadowParams(Params):
     """Parameters of screen-space shadows."""
 
     radius: float = param(
         0.5, "distance up to which surfaces cast shadows", low=0.0, high=1e30, above=True,
         unit="scene units",
     )
-    taps: int = param(12, "depths read on the way to a lamp", low=1, high=256)
+    taps: int = param(12, "depths read on the way to a light", low=1, high=256)
     thickness: float = param(
-        0.5, "of surfaces, along the line of sight; that of each pixel where the G-buffer has it; "
+        0.5, "of surfaces, along the view ray; that of each pixel where the G-buffer has it; "
         "the next depth layer ends them if it is nearer", low=0.0, high=1e30, unit="radii",
     )
     bias: float = param(
@@ -50,18 +50,19 @@ class LampShadowParams(Params):
     )
 
 
-class LampShadows(Lamps, Prepared[LampShadowParams]):
-    """The light of lamps with the shadows of their maps or, without one, of what is seen.
+class LightShadows(PunctualLights, Prepared[LightShadowParams]):
+    """The light of lights with the shadows of their maps or, without one, of what is seen.
 
-    A lamp's `radius` or `angle` makes its shadows soft. See `Lamps` for the arguments of `run`.
+    A light's `radius` or `angle` makes its shadows soft. See `PunctualLights` for the arguments of
+    `run`.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: LampShadowParams | None = None, *,
+        self, runtime: Runtime, size: Size, params: LightShadowParams | None = None, *,
         kept: bool = True,
     ) -> None:
         super().__init__(runtime, size, kept=kept)
-        self._params = params or LampShadowParams()
+        self._params = params or LightShadowParams()
         self._tile = runtime.array(tile_table())
 
     def run(
@@ -70,7 +71,7 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes; return the sum of all lamps, or None if none shines."""
+        """Queue the passes; return the sum of all lights, or None if none shines."""
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         kept = [
             (light, shadow)
@@ -80,12 +81,13 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
         return super().run(gbuffer, [light for light, _ in kept], [shadow for _, shadow in kept])
 
     def light(
-        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: Lamp, shadow: ShadowMap | None, *,
-        add: bool, window: Window | None,
+        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
+        shadow: ShadowMap | None, *,
+        add: bool, region: Region | None,
     ) -> None:
-        """Queue the pass of one lamp, which sets `irradiance` or adds to it."""
+        """Queue the pass of one light, which sets `irradiance` or adds to it."""
         if shadow is not None:
-            super().light(irradiance, gbuffer, light, shadow, add=add, window=window)
+            super().light(irradiance, gbuffer, light, shadow, add=add, region=region)
             return
         params = self.params
         kernel = self.runtime.kernel(
@@ -93,16 +95,16 @@ class LampShadows(Lamps, Prepared[LampShadowParams]):
             {
                 "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
                 "SHADE_ADD": int(add),
-                "LAMP_TAPS": params.taps,
-                "LAMP_LAYERS": gbuffer.layers,
-                "LAMP_THICKNESS": int(gbuffer.thickness is not None),
+                "LIGHT_TAPS": params.taps,
+                "LIGHT_LAYERS": gbuffer.layers,
+                "LIGHT_THICKNESS": int(gbuffer.thickness is not None),
             },
-            (CAMERA, LIGHT, LAMP_SHADOW),
+            (CAMERA, LIGHT, LIGHT_SHADOW),
         )
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         extent = math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
-        packed = LAMP_SHADOW.pack(
+        packed = LIGHT_SHADOW.pack(
             {
                 "radius": params.radius,
                 "extent": extent,

@@ -12,13 +12,13 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.device.active_region import Trace, Window
+from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.shading.ambient import Ambient
-from ssgi_cl.techniques.shading.light_data import BRIGHTEST, Lamps, ShadowMap
+from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.technique import Technique
 
@@ -50,23 +50,23 @@ class Shade(Prepared[ShadeParams]):
         runtime: the device.
         size: (rows, columns) of the images.
         params: see `ShadeParams`.
-        lamps: whether `light` will be called.
+        lights: whether `light` will be called.
     """
 
     def __init__(
         self, runtime: Runtime, size: Size, params: ShadeParams | None = None, *,
-        lamps: bool = True,
+        punctual_lights: bool = True,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params or ShadeParams()
-        self._lamps = Lamps(runtime, size) if lamps else None
+        self._punctual_lights = PunctualLights(runtime, size) if punctual_lights else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
         self._sky_size = (1, 1)
         self._background: tuple[float, ...] | None = (0.0, 0.0, 0.0)
-        self._trace = Trace()
+        self._previous = PreviousRegion()
 
     def run(
         self,
@@ -74,7 +74,7 @@ class Shade(Prepared[ShadeParams]):
         lights: Sequence[Light],
         *,
         shadows: Sequence[ShadowMap | None] | None = None,
-        openness: Plane | None = None,
+        visibility: Plane | None = None,
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         direct: Plane | None = None,
@@ -82,14 +82,14 @@ class Shade(Prepared[ShadeParams]):
     ) -> Plane:
         """Queue the passes; return the plane of radiance.
 
-        `shadows` has one entry for each light (None: it casts no shadow), `openness` is A;
+        `shadows` has one entry for each light (None: it casts no shadow), `visibility` is A;
         `multi_bounce` and `indirect_ao` are those of the parameters by default.
         `direct` is the irradiance of all lights, if that is known already; environments then only
         show where nothing is.
         """
         lit = self.light(gbuffer, lights, shadows) if direct is None else direct
         return self.combine(
-            gbuffer, lights, lit, ambient=direct is None, openness=openness, indirect=indirect,
+            gbuffer, lights, lit, ambient=direct is None, visibility=visibility, indirect=indirect,
             multi_bounce=multi_bounce, indirect_ao=indirect_ao,
         )
 
@@ -97,9 +97,9 @@ class Shade(Prepared[ShadeParams]):
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
-        """Queue the passes of lamps; return the plane of their irradiance, None if none shines."""
-        self._lamps = self._lamps or Lamps(self.runtime, self.size)
-        return self._lamps.run(gbuffer, lights, shadows)
+        """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
+        self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size)
+        return self._punctual_lights.run(gbuffer, lights, shadows)
 
     def combine(
         self,
@@ -108,15 +108,15 @@ class Shade(Prepared[ShadeParams]):
         lit: Plane | None,
         *,
         ambient: bool = True,
-        openness: Plane | None = None,
+        visibility: Plane | None = None,
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         indirect_ao: bool | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `lit` is the irradiance of lamps, with that of environments in it unless `ambient`; the rest
-        is as in `run`.
+        `lit` is the irradiance of lights, with that of environments in it unless `ambient`; the
+        rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -130,10 +130,10 @@ class Shade(Prepared[ShadeParams]):
             "shade/shade_combine.cl",
             {
                 "SHADE_DIRECT": int(lit is not None),
-                "SHADE_AO": int(openness is not None),
-                "SHADE_BOUNCES": int(multi_bounce and openness is not None),
+                "SHADE_AO": int(visibility is not None),
+                "SHADE_BOUNCES": int(multi_bounce and visibility is not None),
                 "SHADE_INDIRECT": (
-                    0 if indirect is None else 2 if indirect_ao and openness is not None else 1
+                    0 if indirect is None else 2 if indirect_ao and visibility is not None else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_AMBIENT": int(shines),
@@ -152,19 +152,19 @@ class Shade(Prepared[ShadeParams]):
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
         }
-        with self._trace.over(self.seen(gbuffer), self._background) as over:
+        with self._previous.over(self.seen(gbuffer), self._background) as over:
             kernel.run(
-                "combine", self.size, window=over,
+                "combine", self.size, region=over,
                 linear=gbuffer.linear, normal=gbuffer.normal, albedo=gbuffer.albedo,
                 emission=gbuffer.emission if gbuffer.emits else None, direct=lit,
-                openness=openness, indirect=indirect,
+                visibility=visibility, indirect=indirect,
                 ambient=self._ambient.irradiance if shines else None, sky=self._sky,
                 radiance=self._radiance, camera=gbuffer.camera_struct,
                 params=COMBINE.pack(values),
             )
         return self._radiance
 
-    def seen(self, gbuffer: DeviceGBuffer) -> Window | None:
+    def seen(self, gbuffer: DeviceGBuffer) -> Region | None:
         """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
         return None if self._background is None else gbuffer.seen
 
@@ -201,7 +201,7 @@ def shade(
         lights: any number of lights; environments add up.
         rsms: for each light its reflective shadow map, whose depth casts its shadow, or None for
             no shadow. None for all lights by default.
-        ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lamps.
+        ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lights.
         indirect: irradiance [rows, columns, 3] in W/m^2 to add, >= 0.
         multi_bounce: whether A is brightened by the surface's albedo, see `multi_bounce`.
         indirect_ao: whether A, as it is, dims `indirect` too: a stand-in for walls that bounced
@@ -223,12 +223,12 @@ def shade(
     runtime = device.runtime
     size = device.size
     technique: Shade = runtime.prepared((Shade, size), lambda: Shade(runtime, size))
-    openness = None
+    visibility = None
     if ao is not None:
         values = checks.plane("ao", ao, low=0.0, high=1.0)
         _same_size("ao", values.shape, size)
-        openness = runtime.prepared((shade, "ao", size), lambda: runtime.plane(1, size, 1.0))
-        openness.upload(values[None])
+        visibility = runtime.prepared((shade, "ao", size), lambda: runtime.plane(1, size, 1.0))
+        visibility.upload(values[None])
     added = None
     if indirect is not None:
         values = checks.plane("indirect", indirect, channels=3, low=0.0, unit="W/m^2")
@@ -238,7 +238,7 @@ def shade(
     shadows = uploaded_maps(lights, rsms, runtime)
     with runtime.frame():
         result = technique.run(
-            device, lights, shadows=shadows, openness=openness, indirect=added,
+            device, lights, shadows=shadows, visibility=visibility, indirect=added,
             multi_bounce=params.multi_bounce, indirect_ao=params.indirect_ao,
         ).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))

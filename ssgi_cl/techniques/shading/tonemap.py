@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.params import Params, Prepared, former_params, param
-from ssgi_cl.device.active_region import Window, copy_window
+from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.technique import Technique
@@ -65,37 +65,37 @@ class Tonemap(Prepared[TonemapParams]):
         self._pitch = (size[1] + 15) // 16 * 16
 
     def run(
-        self, radiance: Plane, exposure: float | None = None, window: Window | None = None
+        self, radiance: Plane, exposure: float | None = None, region: Region | None = None
     ) -> NDArray[np.uint8]:
         """Run the pass; return the picture, [rows, columns, 3] uint8.
 
         `exposure` is that of the parameters by default, or the automatic one of the radiance.
-        Outside of `window` radiance is the same everywhere: one pixel stands for all.
+        Outside of `region` radiance is the same everywhere: one pixel stands for all.
         """
         exposure = self.params.exposure if exposure is None else exposure
         if exposure is None:
-            exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), window)
-        beyond = None if window is None else window.beyond(self.size)
-        parts = [window]
+            exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), region)
+        beyond = None if region is None else region.beyond(self.size)
+        parts = [region]
         encoded_bytes = self.runtime.transient.array(
             self.size[0] * self._pitch * 3 // 4, np.uint32
         )
         if beyond is not None:
-            parts.append(Window(*beyond, 1, 1))
+            parts.append(Region(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
-                "tonemap", self.size, window=part,
+                "tonemap", self.size, region=part,
                 radiance=radiance, encoded=encoded_bytes, exposure=min(exposure, LARGEST_EXPOSURE),
             )
         rows, columns = self.size
         picture = np.empty((rows, columns, 3), np.uint8)
         with encoded_bytes.mapped() as flat:
             encoded = flat.view(np.uint8).reshape(rows, self._pitch, 3)[:, :columns]
-            copy_window(encoded, picture, window, beyond)
+            copy_region(encoded, picture, region, beyond)
         return picture
 
 
-def auto_exposure(radiance: NDArray[np.float32], window: Window | None = None) -> float:
+def auto_exposure(radiance: NDArray[np.float32], region: Region | None = None) -> float:
     """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
 
     Args:
@@ -105,12 +105,12 @@ def auto_exposure(radiance: NDArray[np.float32], window: Window | None = None) -
     """
     # Every third row and column: the mean of a log changes by less than the eye can tell.
     picked = radiance[::3, ::3]
-    beyond = None if window is None else window.beyond(radiance.shape[:2])
-    if window is None or beyond is None:
+    beyond = None if region is None else region.beyond(radiance.shape[:2])
+    if region is None or beyond is None:
         logs = _log_luminance(picked)
     else:
         logs = np.full(picked.shape[:2], _log_luminance(radiance[beyond][None, None])[0, 0])
-        part = window.reduced(3)
+        part = region.reduced(3)
         places = slice(part.row, part.end[0]), slice(part.column, part.end[1])
         logs[places] = _log_luminance(picked[places])
     lit = logs[logs > -np.inf]

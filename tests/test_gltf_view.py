@@ -148,10 +148,10 @@ def test_a_light_that_cannot_be_is_left_out_and_named(
 
 
 def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
-    scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="lamp")
+    scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="bulb")
     assert len(scene.lights) == 1
     assert scene.notes == (
-        "light 'light': its range is not used, light falls off with distance only",
+        "light 'bulb': its range is not used, light falls off with distance only",
     )
 
 

@@ -83,7 +83,8 @@ def render(
         lights: any number of lights.
         bounces: reflections on the way from a light to a pixel: 1 or more, or "all". 0: direct
             light only, and that of environments as ambient light, dimmed by ambient occlusion
-            within `ao_radius`. By default "all" without `indirect`, 0 with it.
+            within `ao_radius`; emission is then seen and lights nothing. By default "all" without
+            `indirect`, 0 with it.
         preset: how exactly the whole picture is computed: "low", "medium", "high" or "ultra"; by
             default "high". Of no use with `bounces` 0.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False

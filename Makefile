@@ -44,7 +44,7 @@ $(STAMP): pyproject.toml Makefile tools/system-packages.sh
 demo: setup
 	@mkdir -p out
 	$(BIN)/ssgi devices
-	$(BIN)/ssgi render cornell_box --ambient 0.6 --views --output out/cornell_box.png
+	$(BIN)/ssgi render cornell_box --views --output out/cornell_box.png
 	$(BIN)/ssgi render hall --views --output out/hall.png
 	@if [ -n "$(SCENE)" ]; then \
 		set -x; $(BIN)/ssgi render "$(SCENE)" --views \

@@ -40,7 +40,7 @@ class WholeParams:
 
     bounces: int | str = "all"
     vpls: int = 4096
-    surfels: int = 4096
+    surfels: int = 2048
     directions: int = 128
     error: float = 0.05
 
@@ -60,9 +60,9 @@ class WholeParams:
 
 
 PRESETS = {
-    "low": WholeParams(vpls=1024, surfels=1024, directions=64, error=0.1),
-    "medium": WholeParams(vpls=2048, surfels=2048, directions=128),
-    "high": WholeParams(vpls=4096, surfels=4096, directions=128),
+    "low": WholeParams(vpls=1024, surfels=512, directions=64, error=0.1),
+    "medium": WholeParams(vpls=2048, surfels=1024),
+    "high": WholeParams(),
     "ultra": WholeParams(vpls=16384, surfels=8192, directions=256, error=0.02),
 }
 """By name, from the fastest to the most exact; "high" is the default."""

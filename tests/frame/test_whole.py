@@ -110,7 +110,7 @@ def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> No
     }
     first = built.camera(64, 48)
     moved = gi.Camera.look_at(
-        first.position + [0.01, 0.0, 0.0], built.target, built.up, yfov=built.yfov,
+        np.add(first.position, (0.01, 0.0, 0.0)), built.target, built.up, yfov=built.yfov,
         width=64, height=48,
     )
     gi.render(built.scene, first, built.lights, **given)

@@ -15,7 +15,7 @@ SCENE = "hall"
 
 PAGES = (
     "ssao", "hbao", "gtao", "bitmask_ao", "ray_ao", "multi_bounce", "bilateral_blur", "upsample",
-    "shade", "tonemap", "ssdo", "rsm_gather", "vpl_splat", "multires_splat",
+    "shade", "sampled_lights", "tonemap", "ssdo", "rsm_gather", "vpl_splat", "multires_splat",
 )
 """Techniques that have a page in docs/techniques."""
 

@@ -16,6 +16,7 @@ PARAMETERS: Mapping[str, type[Params]] = {
     "bilateral_blur": BilateralParams,
     "upsample": gi.UpsampleParams,
     "shade": gi.ShadeParams,
+    "sampled_lights": gi.SampledLightsParams,
     "tonemap": gi.TonemapParams,
     "ssdo": gi.SsdoParams,
     "rsm_gather": gi.RsmGatherParams,

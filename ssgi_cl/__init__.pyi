@@ -2,6 +2,7 @@
 from . import rasterize as rasterize
 from . import truth as truth
 from .core.camera import Camera as Camera
+from .core.environment_samples import split_suns as split_suns
 from .core.errors import (
     DeviceError as DeviceError,
 )
@@ -124,6 +125,15 @@ from .techniques.indirect.vpl_splat import (
     vpl_splat as vpl_splat,
 )
 from .techniques.presets.choose import Choice as Choice
+from .techniques.sampled_lights import (
+    SampledLights as SampledLights,
+)
+from .techniques.sampled_lights import (
+    SampledLightsParams as SampledLightsParams,
+)
+from .techniques.sampled_lights import (
+    sampled_lights as sampled_lights,
+)
 from .techniques.shading.multi_bounce import multi_bounce as multi_bounce
 from .techniques.shading.shade import Shade as Shade
 from .techniques.shading.shade import ShadeParams as ShadeParams

@@ -5,6 +5,7 @@ Each is a PNG of two panels, 320 x 240 pixels, of a built-in scene. `PICTURES` s
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -123,6 +124,14 @@ def _shade() -> tuple[Picture, ...]:
     return gi.tonemap(without), gi.tonemap(shaded)
 
 
+def _sampled_lights() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    sky = gi.Environment(1.0)
+    ao = gi.gtao(gbuffer, radius=built.ao_radius)
+    light = gi.sampled_lights(gbuffer, [sky], scene=built.scene)
+    return _light(np.repeat(math.pi * ao[..., None], 3, axis=-1), light)
+
+
 def _tonemap() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     radiance = gi.shade(gbuffer, built.lights, rsms=_rsms("hall"))
@@ -149,6 +158,7 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "bilateral_blur": _bilateral_blur,
     "upsample": _upsample,
     "shade": _shade,
+    "sampled_lights": _sampled_lights,
     "tonemap": _tonemap,
     "ssdo": _ssdo,
     "rsm_gather": lambda: _reflected(gi.rsm_gather),

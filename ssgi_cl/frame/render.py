@@ -15,11 +15,10 @@ from ssgi_cl.frame.plan import Needs, chosen_skips
 from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params, shape_of
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.whole import cell_size, whole_params
+from ssgi_cl.frame.whole import CONTACT, cell_size, whole_params
 from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
 from ssgi_cl.rasterize.visible_extent import visible_extent
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.indirect.sky_light import CONTACT
 from ssgi_cl.techniques.shading.tonemap import CURVES
 
 __all__ = ["Frame", "Renderer", "render"]
@@ -72,9 +71,9 @@ def render(
     """Render the whole picture: direct light with shadows, sky, all bounces, emission.
 
     Punctual lights have shadow maps. Environments are blocked by the scene's triangles at any
-    distance (`SkyLight`); surfaces that emit light the scene. Reflected light is carried between
-    surfels until it changes no more (`Radiosity`), and gathered by `multires_splat`; what lies
-    within two cells of the occupancy grid blocks sky and reflected light as ambient occlusion.
+    distance (`sampled_lights`); surfaces that emit light the scene. Reflected light is carried
+    between surfels until it changes no more (`Radiosity`), and gathered by `multires_splat`; what
+    lies within two cells of the occupancy grid blocks sky and reflected light as ambient occlusion.
     What depends on scene and lights alone is kept from frame to frame.
 
     Args:

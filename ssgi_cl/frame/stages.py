@@ -6,7 +6,6 @@ Each function returns the record of one stage; a new one is added to the list th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,9 @@ from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
-from ssgi_cl.techniques.indirect.sky_light import SkyLight
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
-from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
+from ssgi_cl.techniques.sampled_lights import SampledLights
 from ssgi_cl.techniques.shading.light_data import kind_name, power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.light_reach import reaching
@@ -56,19 +54,6 @@ RESOURCES = (
     Resource(RSM, absent="no light that a map could be made of"),
 )
 """Of which more than the name is to be known."""
-
-
-@dataclass(frozen=True, eq=False)
-class SceneLight:
-    """What surfaces send, and the space in which light was carried.
-
-    Attributes:
-        surfels: light of all surfaces, but what punctual lights have them reflect at once; or None.
-        space: of the occupancy grid that holds the scene.
-    """
-
-    surfels: WorldVpls | None
-    space: DeviceSurfels
 
 
 def gbuffer_stage(
@@ -225,27 +210,21 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
 
     It depends on scene and lights alone, so that a moving camera does not run it again.
     """
-    def run(r: Values) -> SceneLight:
+    def run(r: Values) -> WorldVpls | None:
         maps = r.get(RSM)
-        surfels = radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
-        return SceneLight(surfels, radiosity.space)
+        return radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
 
     return Stage(
         name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
     )
 
 
-def sky_light_stage(sky: SkyLight) -> Stage:
+def sky_light_stage(sky: SampledLights) -> Stage:
     """Return the stage of the light of environments, which all triangles block."""
-    def run(r: Values) -> Plane | None:
-        space = r[SCENE_LIGHT].space
-        return sky.run(
-            r[GBUFFER], r[LIGHTS], grid=space.grid, space=space.camera, unit=space.unit
-        )
-
     return Stage(
-        name="sky light", reads=(GBUFFER, LIGHTS, SCENE_LIGHT), writes=(SKY_LIGHT,), run=run,
-        condition=lambda facts: None if any(map(_is_ambient, facts[LIGHTS]))
+        name="sky light", reads=(GBUFFER, SCENE, LIGHTS), writes=(SKY_LIGHT,),
+        run=lambda r: sky.run(r[GBUFFER], r[LIGHTS], scene=r[SCENE]),
+        condition=lambda given: None if any(map(_is_ambient, given[LIGHTS]))
         else "no environment shines",
     )
 
@@ -257,7 +236,7 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
         maps = r.get(RSM)
         return splat.run(
             r[GBUFFER], None, [] if maps is None else [maps],
-            scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT].surfels,
+            scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT],
         )
 
     return Stage(

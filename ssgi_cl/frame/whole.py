@@ -15,12 +15,16 @@ from ssgi_cl.frame.stages import final_gather_stage, radiosity_stage, sky_light_
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.indirect.sky_light import SkyLight, SkyLightParams
+from ssgi_cl.techniques.sampled_lights import SampledLights, SampledLightsParams
 
 MOST_BOUNCES = 1000
 
 MARGIN_CELLS = 6
 """Cells of the occupancy grid beside a scene along each axis."""
+
+CONTACT = 2.0
+"""Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
+of that radius stands in for them."""
 
 SURFEL_ROOM = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
@@ -35,6 +39,7 @@ class WholeParams:
         vpls: virtual point lights for the first bounce of punctual lights.
         surfels: pieces of surfaces that carry all other light.
         directions: that stand for environments.
+        map_size: texels along the side of the depth map of each.
         error: of the final gather's interpolation and light tree, of the mean irradiance.
     """
 
@@ -42,6 +47,7 @@ class WholeParams:
     vpls: int = 4096
     surfels: int = 2048
     directions: int = 128
+    map_size: int = 256
     error: float = 0.05
 
     def stages(self, runtime: Runtime, size: Size) -> list[Stage]:
@@ -53,15 +59,18 @@ class WholeParams:
             vpls=self.vpls, surfels=SURFEL_ROOM * self.surfels, visibility=True, grid=MOST_CELLS,
             error=self.error, light_error=self.error,
         ))
-        sky = SkyLight(runtime, size, SkyLightParams(directions=self.directions))
+        sky = SampledLights(
+            runtime, size,
+            SampledLightsParams(directions=self.directions, map_size=self.map_size),
+        )
         return [
             radiosity_stage(radiosity), sky_light_stage(sky), final_gather_stage(splat, runtime)
         ]
 
 
 PRESETS = {
-    "low": WholeParams(vpls=1024, surfels=512, directions=64, error=0.1),
-    "medium": WholeParams(vpls=2048, surfels=1024),
+    "low": WholeParams(vpls=1024, surfels=512, directions=64, map_size=128, error=0.1),
+    "medium": WholeParams(vpls=2048, surfels=1024, map_size=128),
     "high": WholeParams(),
     "ultra": WholeParams(vpls=16384, surfels=8192, directions=256, error=0.02),
 }

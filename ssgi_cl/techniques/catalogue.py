@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ssgi_cl.techniques import sampled_lights
 from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
 from ssgi_cl.techniques.filters import bilateral, upsample
 from ssgi_cl.techniques.indirect import multires_splat, rsm_gather, ssdo, vpl_splat
@@ -18,7 +19,7 @@ CATALOGUE: dict[str, Technique] = {
     for module in (
         ssao, hbao, gtao, bitmask_ao,
         ssdo, rsm_gather, vpl_splat, multires_splat,
-        shade, tonemap,
+        sampled_lights, shade, tonemap,
         bilateral, upsample,
     )
 }

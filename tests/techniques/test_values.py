@@ -64,6 +64,11 @@ def upsampled(given: Inputs, **params: Any) -> Any:
 GRID = {"plane_tolerance": 0.05, "normal_tolerance": 0.9}
 VPLS = {"cutoff": 0.2, "unit_distance": 0.5, "refine": 1.0}
 
+def sampled(given: Inputs, power: float = 1.0, **params: Any) -> Any:
+    lights = [scaled(light, power) for light in given.lights]
+    return gi.sampled_lights(given.gbuffer, lights, scene=given.scene, **params)
+
+
 CASES = {
     "ssao": Case(
         on_gbuffer(gi.ssao), gi.SsaoParams,
@@ -122,6 +127,9 @@ CASES = {
     "rsm_gather, published": Case(
         on_map(gi.rsm_gather, 1), gi.RsmPublishedParams, {"method": "published", "samples": 50},
         {"radius": 0.2, "offset": 3.0, "position_tolerance": 0.5, "normal_tolerance": 2.5},
+    ),
+    "sampled_lights": Case(
+        sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}
     ),
     "vpl_splat": Case(
         on_map(gi.vpl_splat), gi.VplSplatParams, {"vpls": 64, "cutoff": 0.01}, VPLS

@@ -114,11 +114,6 @@ class Radiosity(Prepared[RadiosityParams]):
         """Those of the latest scene."""
         return self._device.surfels
 
-    @property
-    def space(self) -> DeviceSurfels:
-        """The occupancy grid of the latest scene, and the view space in which it lies."""
-        return self._device
-
     def run(
         self, scene: Scene, lights: Sequence[Light], rsms: Sequence[DeviceRsm]
     ) -> WorldVpls | None:

@@ -72,11 +72,6 @@ class DeviceSurfels:
         self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
 
-    @property
-    def grid(self) -> OccupancyGrid:
-        """The occupancy grid that holds the scene, in the view space of `camera`."""
-        return self._occupancy
-
     def fill(self, scene: Scene, count: int) -> None:
         """Replace the contents by about `count` surfels of a scene; queue what they see."""
         low, high = scene.bounds

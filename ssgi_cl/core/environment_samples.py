@@ -1,0 +1,260 @@
+"""Environments as directions of equal flux: stratified importance samples, and suns of their own.
+
+The sphere is divided into rectangles of an equal-area octahedral map (Clarberg 2008, "Fast
+Equal-Area Mapping of the (Hemi)Sphere using SIMD"), each cut in two at its flux's median until
+there are enough (median cut: Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling"). A
+rectangle becomes the direction of its vector flux and carries all its flux, so that the mean over
+all normals is exact.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.lights import DirectionalLight, Environment
+
+Doubles = NDArray[np.float64]
+
+CELLS = 256
+"""Rows and columns of the map of the sphere."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+BRIGHTEST = 1e30
+"""W m^-2 sr^-1: brighter texels count as this, so that float32 holds all sums."""
+
+SUN_RADIUS = 0.05
+"""Radians from the brightest texel to the rim of what may be a sun."""
+SUN_SHARE = 0.04
+"""Of an environment's flux, the least that a sun has."""
+MOST_SUNS = 4
+
+_MOST_ROWS, _MOST_COLUMNS = 2048, 4096  # texels of larger images are summed in blocks
+_LEAST_ROWS, _LEAST_COLUMNS = 512, 1024  # texels of smaller images are divided
+
+
+def sample_environments(
+    environments: Sequence[Environment], count: int
+) -> tuple[Doubles, Doubles]:
+    """Return directions that stand for the sum of environments.
+
+    Args:
+        environments: any number of them.
+        count: directions, at least 1.
+
+    Returns:
+        Directions to the light [count, 3], unit length, world space, and the irradiance
+        [count, 3] that each carries, W/m^2 of a surface that faces it. Neighbours in the list are
+        neighbours on the sphere. Both have 0 rows where the environments send no light.
+    """
+    cells = sum((_cells(each) for each in environments), np.zeros((CELLS * CELLS, 7)))
+    if not cells[:, 0].any():
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    regions = _regions(cells[:, 0].reshape(CELLS, CELLS), count)
+    flux = np.array([_sum(cells.reshape(CELLS, CELLS, 7), region) for region, _ in regions])
+    flux *= np.array([share for _, share in regions])[:, None]
+    length = np.linalg.norm(flux[:, 4:], axis=1)
+    # A region that is all the sphere may have no vector flux; it is then looked at from above.
+    towards = np.where(length[:, None] > 0.0, flux[:, 4:], (0.0, 1.0, 0.0))
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    return towards, flux[:, 1:4]
+
+
+def split_suns(
+    environment: Environment,
+) -> tuple[tuple[DirectionalLight, ...], Environment]:
+    """Return the small bright sources of an environment as lights, and the environment without.
+
+    A source is a sun if a disc of `SUN_RADIUS` radians holds at least `SUN_SHARE` of all flux,
+    which is more than 60 times as much as a disc of an even sky. The light's `angle` is that of a
+    disc of the source's effective solid angle. The radiance round a source takes its place.
+    """
+    image = np.minimum(np.asarray(environment.radiance, np.float64), BRIGHTEST)
+    if image.ndim == 1 or max(math.pi / image.shape[0], 2 * math.pi / image.shape[1]) > SUN_RADIUS:
+        return (), environment
+    image = image.copy()
+    towards, omega = texels(*image.shape[:2])
+    suns: list[DirectionalLight] = []
+    while len(suns) < MOST_SUNS:
+        bright = image @ LUMINANCE
+        peak = np.unravel_index(int(bright.argmax()), bright.shape)
+        cosine = towards @ towards[peak]
+        disc = cosine >= math.cos(SUN_RADIUS)
+        total = float((bright * omega).sum())
+        if total <= 0.0 or float((bright * omega)[disc].sum()) < SUN_SHARE * total:
+            break
+        ring = ~disc & (cosine >= math.cos(2.0 * SUN_RADIUS))
+        around = np.median(image[ring], axis=0) if ring.any() else np.zeros(3)
+        excess = np.maximum(image[disc] - around, 0.0) * omega[disc][:, None]
+        power = excess @ LUMINANCE
+        if power.sum() < 0.5 * SUN_SHARE * total:
+            break  # as bright round it: not a small source
+        vector = power @ towards[disc]
+        # The solid angle that the same flux would fill evenly.
+        effective = power.sum() ** 2 / (power**2 / omega[disc]).sum()
+        suns.append(
+            DirectionalLight(
+                -vector, excess.sum(axis=0), angle=min(math.sqrt(effective / math.pi), SUN_RADIUS)
+            )
+        )
+        image[disc] = np.minimum(image[disc], around)
+    return (tuple(suns), Environment(image)) if suns else ((), environment)
+
+
+def texels(rows: int, columns: int) -> tuple[Doubles, Doubles]:
+    """Return direction [rows, columns, 3] and solid angle [rows, columns] of an image's texels."""
+    edges = np.linspace(0.0, math.pi, rows + 1)
+    height = np.cos(edges[:-1]) - np.cos(edges[1:])
+    # The cosine in the middle of a row's solid angle, not of its angle.
+    cosine = 0.5 * (np.cos(edges[:-1]) + np.cos(edges[1:]))[:, None]
+    sine = np.sqrt(1.0 - cosine**2)
+    azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * math.pi
+    towards = np.stack(
+        [sine * np.sin(azimuth), np.broadcast_to(cosine, (rows, columns)), -sine * np.cos(azimuth)],
+        axis=-1,
+    )
+    return towards, np.repeat(height[:, None], columns, 1) * (2.0 * math.pi / columns)
+
+
+def cell_directions() -> Doubles:
+    """Return the middle of each cell of the map, [CELLS * CELLS, 3]."""
+    middle = (np.arange(CELLS) + 0.5) / CELLS * 2.0 - 1.0
+    v, u = np.meshgrid(middle, middle, indexing="ij")
+    distance = 1.0 - (np.abs(u) + np.abs(v))
+    radius = 1.0 - np.abs(distance)
+    safe = np.maximum(radius, 1e-300)
+    angle = (np.where(radius > 0.0, (np.abs(v) - np.abs(u)) / safe, 0.0) + 1.0) * (math.pi / 4.0)
+    y = np.copysign(1.0 - radius**2, distance)
+    across = radius * np.sqrt(2.0 - radius**2)
+    x = np.copysign(np.cos(angle), u) * across
+    z = np.copysign(np.sin(angle), v) * across
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3)
+
+
+def _cell_numbers(towards: Doubles) -> NDArray[np.int64]:
+    """Return the cell of each direction, the inverse of `cell_directions`."""
+    x, y, z = np.moveaxis(towards, -1, 0)
+    radius = np.sqrt(np.maximum(1.0 - np.abs(y), 0.0))
+    angle = np.arctan2(np.abs(z), np.abs(x)) * (2.0 / math.pi)
+    v = angle * radius
+    u = radius - v
+    below = y < 0.0
+    u, v = np.where(below, 1.0 - v, u), np.where(below, 1.0 - u, v)
+    u, v = np.copysign(u, x), np.copysign(v, z)
+    place = [np.clip((w * 0.5 + 0.5) * CELLS, 0, CELLS - 1).astype(np.int64) for w in (u, v)]
+    numbers: NDArray[np.int64] = place[1] * CELLS + place[0]
+    return numbers
+
+
+def _cells(environment: Environment) -> Doubles:
+    """Return [cells, 7]: flux in luminance and in RGB, and vector flux in luminance."""
+    image = np.minimum(np.asarray(environment.radiance, np.float64), BRIGHTEST)
+    if image.ndim == 1:
+        area = 4.0 * math.pi / CELLS**2
+        flux = np.append(image @ LUMINANCE, image) * area
+        vector = cell_directions() * flux[0]
+        return np.column_stack([np.tile(flux, (len(vector), 1)), vector])
+    image = _resized(image)
+    towards, omega = texels(*image.shape[:2])
+    flux = (image * omega[..., None]).reshape(-1, 3)
+    lit = np.flatnonzero(flux.any(axis=1))
+    flux, towards = flux[lit], towards.reshape(-1, 3)[lit]
+    power = flux @ LUMINANCE
+    values = [power, *flux.T, *(towards * power[:, None]).T]
+    numbers = _cell_numbers(towards)
+    return np.column_stack([np.bincount(numbers, v, CELLS * CELLS) for v in values])
+
+
+def _resized(image: Doubles) -> Doubles:
+    """Return an image whose texels suit the cells: of a mean of several, or each several times."""
+    for axis, (least, most) in enumerate(
+        ((_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS))
+    ):
+        size = image.shape[axis]
+        if size < least:
+            image = np.repeat(image, math.ceil(least / size), axis)
+        elif size > most:
+            # A texel is divided between the two blocks that it may belong to.
+            sums = np.insert(np.cumsum(image, axis), 0, 0.0, axis)
+            edges = np.linspace(0.0, size, most + 1)
+            low = np.minimum(edges.astype(np.int64), size - 1)
+            part = (edges - low).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+            at = np.take(sums, low, axis) * (1.0 - part) + np.take(sums, low + 1, axis) * part
+            image = np.diff(at, axis=axis) * (most / size)
+            image = np.maximum(image, 0.0)
+    return image
+
+
+Region = tuple[int, int, int, int]
+"""First and last-plus-one row, then column, of cells."""
+
+
+def _regions(flux: Doubles, count: int) -> list[tuple[Region, float]]:
+    """Return `count` rectangles of cells in their order along the cuts, each with its share.
+
+    The share is 1, but for a single cell that had to be counted more than once.
+    """
+    # Nodes of a binary tree: region, share, and the two parts or None.
+    first = _trimmed(flux, (0, CELLS, 0, CELLS))
+    nodes: list[tuple[Region, float]] = [(first, 1.0)]
+    parts: list[tuple[int, int] | None] = [None]
+    heap = [(-_flux(flux, first), 0)]
+    for _ in range(count - 1):
+        _, number = heapq.heappop(heap)
+        region, share = nodes[number]
+        for child, part in _halves(flux, region, share):
+            nodes.append((child, part))
+            parts.append(None)
+            heapq.heappush(heap, (-_flux(flux, child) * part, len(nodes) - 1))
+        parts[number] = (len(nodes) - 2, len(nodes) - 1)
+    leaves: list[tuple[Region, float]] = []
+    stack = [0]
+    while stack:
+        number = stack.pop()
+        both = parts[number]
+        if both is None:
+            leaves.append(nodes[number])
+        else:
+            stack += [both[1], both[0]]
+    return leaves
+
+
+def _halves(flux: Doubles, region: Region, share: float) -> list[tuple[Region, float]]:
+    """Return a rectangle in two of about the same flux, cut across its longer side."""
+    top, bottom, left, right = region
+    if bottom - top == 1 and right - left == 1:
+        return [(region, share / 2)] * 2
+    rows = bottom - top >= right - left
+    along = flux[top:bottom, left:right].sum(axis=1 if rows else 0)
+    so_far = np.cumsum(along)
+    cut = int(np.abs(so_far[:-1] - 0.5 * so_far[-1]).argmin()) + 1
+    both = (
+        [(top, top + cut, left, right), (top + cut, bottom, left, right)] if rows
+        else [(top, bottom, left, left + cut), (top, bottom, left + cut, right)]
+    )
+    return [(_trimmed(flux, each), share) for each in both]
+
+
+def _trimmed(flux: Doubles, region: Region) -> Region:
+    """Return the least rectangle with all the light of one that has some."""
+    top, bottom, left, right = region
+    lit = flux[top:bottom, left:right] > 0.0
+    rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
+    return (
+        top + int(rows[0]), top + int(rows[-1]) + 1, left + int(columns[0]),
+        left + int(columns[-1]) + 1,
+    )
+
+
+def _flux(flux: Doubles, region: Region) -> float:
+    top, bottom, left, right = region
+    return float(flux[top:bottom, left:right].sum())
+
+
+def _sum(cells: Doubles, region: Region) -> Doubles:
+    top, bottom, left, right = region
+    total: Doubles = cells[top:bottom, left:right].sum(axis=(0, 1))
+    return total

@@ -126,7 +126,7 @@ def test_render_writes_linear_channels_with_usual_names(tmp_path: Path) -> None:
     channels = exr.read(tmp_path / "a.exr")
     expected = {*"RGBZ", "ao", "N.X", "N.Y", "N.Z", *(f"albedo.{c}" for c in "RGB")}
     assert expected <= set(channels)
-    assert set(channels) - expected <= {f"emission.{c}" for c in "RGB"}
+    assert set(channels) - expected <= {f"{n}.{c}" for n in ("emission", "indirect") for c in "RGB"}
     assert all(plane.shape == SHAPE for plane in channels.values())
     assert channels["ao"].min() >= 0.0
     assert channels["ao"].max() <= 1.0
@@ -136,7 +136,9 @@ def test_render_writes_linear_channels_with_usual_names(tmp_path: Path) -> None:
 
 
 def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
-    arguments = ("render", "cornell_box", *SMALL, "--shadow-size", 128, "--exposure", 1, "-o")
+    arguments = (
+        "render", "cornell_box", *SMALL, "--bounces", 0, "--shadow-size", 128, "--exposure", 1, "-o"
+    )
     succeeds(*arguments, tmp_path / "a.exr")
     succeeds(*arguments, tmp_path / "b.exr", "--ambient", 1.0)
     succeeds(*arguments, tmp_path / "c.exr", "--ambient", 2.0)
@@ -154,7 +156,9 @@ def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
 
 
 def test_render_dims_ambient_light_by_the_technique_asked_for(tmp_path: Path) -> None:
-    arguments = ("render", "cornell_box", *SMALL, "--ambient", 0.5, "-o", tmp_path / "a.exr")
+    arguments = (
+        "render", "cornell_box", *SMALL, "--bounces", 0, "--ambient", 0.5, "-o", tmp_path / "a.exr"
+    )
     for name, more in (("ssao", ["--ao-samples", 8]), ("hbao", []), ("none", [])):
         facts = answer(*arguments, "--ao", name, *more)
         assert (name in {p["name"] for p in facts["passes"]}) == (name != "none")
@@ -179,7 +183,7 @@ def test_views_beside_an_exr_do_not_add_the_picture(tmp_path: Path) -> None:
 
 
 def test_render_reports_passes_and_device_as_json(tmp_path: Path, runtime: Runtime) -> None:
-    facts = answer("render", "cornell_box", *SMALL, "-o", tmp_path / "a.png")
+    facts = answer("render", "cornell_box", *SMALL, "--bounces", 0, "-o", tmp_path / "a.png")
     assert facts["device"] == runtime.info.label
     assert (facts["scene"], facts["width"], facts["height"]) == ("cornell_box", 64, 48)
     assert facts["triangles"] == 32
@@ -192,12 +196,12 @@ def test_render_reports_passes_and_device_as_json(tmp_path: Path, runtime: Runti
 
 
 def test_passes_that_were_skipped_say_why_in_the_table(tmp_path: Path) -> None:
-    result = succeeds("render", "cornell_box", *SMALL, "-o", tmp_path / "a.png")
+    result = succeeds("render", "cornell_box", *SMALL, "--bounces", 0, "-o", tmp_path / "a.png")
     assert "skipped: no ambient light" in result.stdout
 
 
 def test_render_takes_a_mesh_file(corner: Path, tmp_path: Path) -> None:
-    facts = answer("render", corner, *SMALL, "-o", tmp_path / "a.exr")
+    facts = answer("render", corner, *SMALL, "--bounces", 0, "-o", tmp_path / "a.exr")
     assert facts["triangles"] == 4
     channels = exr.read(tmp_path / "a.exr")
     assert np.isfinite(channels["Z"]).mean() > 0.2, "the mesh is hardly in view"

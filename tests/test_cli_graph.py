@@ -42,7 +42,8 @@ def test_the_ending_chooses_what_is_written(tmp_path: Path) -> None:
 def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
     found = states(drawn(tmp_path / "a.json", "--outputs", "ao, gbuffer"))
     assert {name for name, state in found.items() if state == "culled"} == {
-        "idle lights", "shadow maps", "direct light", "combine", "read-back", "exposure", "picture"
+        "idle lights", "shadow maps", "direct light", "radiosity", "sky light", "bounce", "combine",
+        "read-back", "exposure", "picture"
     }
     assert found["gtao"] == "ran"
 
@@ -73,7 +74,9 @@ def test_options_of_render_shape_the_frame(
 
 
 def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
-    record = json.loads(drawn(tmp_path / "a.json", "--width", 128, "--height", 96))
+    record = json.loads(
+        drawn(tmp_path / "a.json", "--width", 128, "--height", 96, "--bounces", 0)
+    )
     skips = {stage["name"]: [s["name"] for s in stage["skips"]] for stage in record["stages"]}
     assert skips["gtao"] == ["gtao tiles"]
     assert skips["shadow maps"] == ["map spot"]

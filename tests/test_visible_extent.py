@@ -187,7 +187,8 @@ def test_render_takes_it_by_default(runtime: Runtime) -> None:
 
     def ao(**options: Any) -> Any:
         frame = gi.render(
-            built.scene, camera, built.lights, outputs=("ao",), runtime=runtime, **options
+            built.scene, camera, built.lights, bounces=0, outputs=("ao",), runtime=runtime,
+            **options,
         )
         return frame.ao
 
@@ -204,9 +205,11 @@ def test_a_frame_without_occlusion_draws_no_depth_map_for_it(
     monkeypatch.setattr("ssgi_cl.frame.render.visible_extent", refuse)
     built = make_scene("cornell_box")
     for options in ({"ao": False}, {"ao_radius": 0.1}):
-        gi.render(built.scene, built.camera(16, 12), built.lights, runtime=runtime, **options)
+        gi.render(
+            built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options
+        )
     with pytest.raises(AssertionError, match="not needed"):
-        gi.render(built.scene, built.camera(16, 12), built.lights, runtime=runtime)
+        gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime)
 
 
 # --- the subject and the default camera --------------------------------------------------------

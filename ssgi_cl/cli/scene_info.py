@@ -37,7 +37,9 @@ def info_command(scene: str, as_json: bool, **options: Any) -> None:
     plain = ["--output", "unused.png", "--", scene]
     defaults = render_command.make_context("render", plain).params
     with progress(as_json) as step:
-        loaded, camera, lights, arguments = frame_arguments(scene, defaults | options, step)
+        loaded, camera, lights, arguments = frame_arguments(
+            scene, defaults | options | {"bounces": "0"}, step
+        )
         step("looking round")
         radius = arguments["ao_radius"]
         if radius is None:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment
 
 Doubles = NDArray[np.float64]
@@ -63,6 +64,7 @@ def sample_environments(
     return towards, flux[:, 1:4]
 
 
+@checked_keywords
 def split_suns(
     environment: Environment,
 ) -> tuple[tuple[DirectionalLight, ...], Environment]:

@@ -26,7 +26,7 @@ CONTACT = 2.0
 """Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
 of that radius stands in for them."""
 
-SURFEL_ROOM = 2
+SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
 
 
@@ -56,9 +56,9 @@ class WholeParams:
             runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces)
         )
         splat = MultiresSplat(runtime, size, MultiresSplatParams(
-            vpls=self.vpls, surfels=SURFEL_ROOM * self.surfels, visibility=True, grid=MOST_CELLS,
-            error=self.error, light_error=self.error,
-        ))
+            vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error,
+            light_error=self.error,
+        ), surfels=SURFEL_CAPACITY * self.surfels)
         sky = SampledLights(
             runtime, size,
             SampledLightsParams(directions=self.directions, map_size=self.map_size),

@@ -32,11 +32,11 @@ def radiance(
 ) -> Truth:
     """Return the radiance that each pixel sees: all light of a diffuse scene.
 
-    L = albedo / pi (E_direct + E_reflected) + emission at the point of the mesh on the line of
-    sight; the environments' radiance where that meets nothing between the camera's planes. Light
+    L = albedo / pi (E_direct + E_reflected) + emission at the point of the mesh on the view
+    ray; the environments' radiance where that meets nothing between the camera's planes. Light
     comes from `lights` and from emissive materials, which emit on both sides. Surfaces reflect on
     both sides, by their albedo alone: specular lobes are left out. Holes that a texture's alpha
-    cuts out let sight and light through. Lights' radius and angle are taken for 0.
+    cuts out let view rays and light through. Lights' radius and angle are taken for 0.
 
     Args:
         scene: what `rasterize.load_scene` returns.

@@ -42,7 +42,9 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
         tight.frame(),
         pytest.raises(DeviceMemoryError, match=r"no room(.|\n)*MiB are needed in all") as refused,
     ):
-        render(BOX.scene, BOX.camera(8192, 8192), BOX.lights, bounces=0, runtime=tight)
+        render(
+            BOX.scene, BOX.camera(8192, 8192), BOX.lights, bounces=0, ao_radius=0.5, runtime=tight
+        )
     assert not tight.times()
     needed = float(re.findall(r"([\d.]+) MiB are needed", str(refused.value))[0])
     # 20 floats a pixel at the least: depth, attributes, AO, direct light, radiance; and what is

@@ -74,7 +74,7 @@ def test_the_default_frame_is_near_a_path_tracer(runtime: Runtime, name: str) ->
     whole = radiance(built.scene, camera, lights, runtime, preset="high")
     crude = radiance(built.scene, camera, lights, runtime, bounces=0)
     paths = gi.truth.radiance(built.scene, camera, lights, paths=64).mean
-    # The box's lamp shines on the ceiling behind it too, through a gap narrower than a cell.
+    # The light of the box shines on the ceiling behind it too, through a gap narrower than a cell.
     whole, crude, paths = (np.minimum(plane, 1.0) for plane in (whole, crude, paths))
 
     def bias(found: Floats) -> float:

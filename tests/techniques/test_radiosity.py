@@ -166,7 +166,7 @@ def test_a_furnace_at_pixels(runtime: Runtime) -> None:
     lights = made.run(scene, (), ())
     splat = MultiresSplat(
         runtime, camera.size,
-        MultiresSplatParams(vpls=16, surfels=4096, visibility=True, grid=128),
+        MultiresSplatParams(vpls=16, visibility=True, grid=128), surfels=4096,
     )
     seen = on_device(gbuffer(scene, camera, runtime=runtime), runtime)
     plane = splat.run(seen, None, (), scene=device_scene(scene, runtime), surfels=lights)
@@ -187,7 +187,7 @@ def test_two_squares_have_their_form_factor(runtime: Runtime) -> None:
     upper = (surfels.position[:, 1] > 0.5) & (surfels.normal[:, 1] < 0.0)
     area = surfels.area[upper]
     received = area @ made.irradiance[upper, 0] / area.sum()
-    # Form factors are raised to the part of the hemisphere that is not open, by 128 directions.
+    # They are raised to the part of the hemisphere that is not open, by 128 directions.
     assert received == pytest.approx(0.19982 * 2.0 * math.pi, rel=0.04)
 
 

@@ -400,7 +400,7 @@ def test_frames_use_fitted_maps(runtime: Runtime) -> None:
     plane = PunctualLights(runtime, SIZE).run(device, [SUN], [shadow])
     assert plane is not None
     frame = gi.render(
-        STREET.scene, camera, [replace(SUN)], ao=False, shadow_size=64, runtime=runtime
+        STREET.scene, camera, [replace(SUN)], bounces=0, ao=False, shadow_size=64, runtime=runtime
     )
     light = np.moveaxis(plane.download(), 0, -1)
     dark = np.isfinite(device.depth.download()[0]) & ~light.any(axis=-1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.core.vpls import MOST_VPLS, Vpls
+from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
@@ -77,10 +77,6 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     )
 
     importance: bool = importance_param()
-    surfels: int = param(
-        0, "room for lights in world space besides those from maps, see `MultiresSplat.run`",
-        low=0, high=MOST_VPLS,
-    )
 
     def __post_init__(self) -> None:
         MultiresGridParams.__post_init__(self)
@@ -119,6 +115,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         runtime: the device.
         size: (rows, columns) of the result.
         params: see `MultiresSplatParams`.
+        surfels: how many lights in world space `run` takes at most, besides those from maps.
 
     Attributes:
         grid: which pixels were computed; see `MultiresGrid`.
@@ -129,13 +126,14 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     """Of the pass that is skipped where no light is."""
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None
+        self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *,
+        surfels: int = 0,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
-        most = -(-params.vpls // 16) * 16 + params.surfels if params.surfels else params.vpls
+        most = -(-params.vpls // 16) * 16 + surfels if surfels else params.vpls
         self._lights = DeviceVpls(runtime, most, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
         self._occupancy = (
@@ -169,7 +167,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             rsms: what the lights are chosen from; with `visibility`, what else blocks light.
             scene: with `visibility`, the triangles that block light in place of what is seen.
             surfels: lights besides those that are chosen from `rsms`, such as `Radiosity` returns;
-                at most as many as the parameter `surfels` says, and `vpls` is None.
+                at most as many as this was prepared for, and `vpls` is None.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.

@@ -80,7 +80,7 @@ def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
     skips = {stage["name"]: [s["name"] for s in stage["skips"]] for stage in record["stages"]}
     assert skips["gtao"] == ["gtao tiles"]
     assert skips["shadow maps"] == ["map spot"]
-    record = json.loads(drawn(tmp_path / "b.json", "--no-skips"))
+    record = json.loads(drawn(tmp_path / "b.json", "--no-skips", "--bounces", 0))
     assert not any(stage["skips"] for stage in record["stages"])
 
 

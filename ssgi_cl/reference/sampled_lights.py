@@ -1,32 +1,34 @@
-"""Sampled lights in float64, as defined in `techniques.sampled_lights`, before the blur."""
+"""Sampled lights in float64: directional lights with a depth map each, before the blur."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
-from ssgi_cl.core.environment_samples import sample_environments
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.lights import Environment, Light
-from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
-if TYPE_CHECKING:
-    from ssgi_cl.techniques.sampled_lights import SampledLightsParams
-
+SETS = 16
+"""Sets of samples, of which a pixel takes one."""
 OFFSET = 1.0
 """Diagonals of a texel by which a receiver is moved along its normal."""
 
 
 def sampled_lights_reference(
-    gbuffer: GBuffer, lights: Sequence[Light], scene: Scene, params: SampledLightsParams
+    gbuffer: GBuffer, scene: Scene, towards: Doubles, flux: Doubles, views: Doubles,
+    diagonals: Doubles, order: NDArray[np.int64], texels: int,
 ) -> Doubles:
-    """Return irradiance [rows, columns, 3] in W/m^2 by environments, not blurred."""
-    environments = [light for light in lights if isinstance(light, Environment)]
-    towards, flux = sample_environments(environments, params.count)
+    """Return irradiance [rows, columns, 3] in W/m^2 by environments, not blurred.
+
+    Args:
+        gbuffer, scene: what is lit, and what blocks light.
+        towards, flux: [n, 3] directions to the light and the irradiance of each, W/m^2.
+        views: [n, 3, 4] from points to (column, row, depth) of each direction's map.
+        diagonals: [n] of a map's texel, scene units.
+        order: [n / 16, 4, 4] which directions a pixel of a 4 x 4 tile takes.
+        texels: along the side of a map.
+    """
     view = SurfaceView.of(gbuffer)
     row, column = (view.inner(centre) for centre in view.centres())
     own = view.inner(view.depth)
@@ -38,15 +40,14 @@ def sampled_lights_reference(
     total = np.zeros((*own.shape, 3))
     if not len(towards):
         return total
-    views, diagonals = sample_views(towards, scene.bounds - scene.origin, params.map_size)
     rows, columns = own.shape
-    order = interleaved(params.count)[:, np.arange(rows)[:, None] % 4, np.arange(columns) % 4]
+    order = order[:, np.arange(rows)[:, None] % 4, np.arange(columns) % 4]
     for number, matrix in enumerate(views):
         mine = (order == number).any(axis=0) & there & (normal @ towards[number] > 0.0)
         n = normal[mine]
         q = (position[mine] + n * (OFFSET * diagonals[number])) @ matrix[:, :3].T + matrix[:, 3]
-        share = _visible(depth_map(scene, matrix, params.map_size), q)
-        total[mine] += (PATTERN * (n @ towards[number]) * share)[:, None] * flux[number]
+        share = _visible(depth_map(scene, matrix, texels), q)
+        total[mine] += (SETS * (n @ towards[number]) * share)[:, None] * flux[number]
     return total
 
 

@@ -12,7 +12,7 @@ import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.environment_samples import sample_environments, split_suns, texels
 from ssgi_cl.core.lights import Environment, PointLight
-from ssgi_cl.core.sample_views import interleaved
+from ssgi_cl.core.sample_views import interleaved, sample_views
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -160,7 +160,12 @@ def test_every_kernel_variant_agrees_with_the_numpy_reference(
         made = sampled_lights(
             gbuffer, [sky], scene=scene, directions=32, map_size=48, blur=0, runtime=each
         )
-        wanted = sampled_lights_reference(gbuffer, [sky], scene, params)
+        towards, flux = sample_environments([sky], params.count)
+        views, diagonals = sample_views(towards, scene.bounds - scene.origin, params.map_size)
+        wanted = sampled_lights_reference(
+            gbuffer, scene, towards, flux, views, diagonals, interleaved(params.count),
+            params.map_size,
+        )
         # A tap that compares alike depths may fall either way; other differences are roundings.
         off = np.abs(made - wanted).max(axis=-1) > 1e-3 * wanted.max()
         assert off.mean() < 5e-3, off.mean()

@@ -17,6 +17,7 @@ ALLOWED = {
     "ssgi_cl.core.camera": {"Camera"},
     "ssgi_cl.core.gbuffer": {"GBuffer", "ReflectiveShadowMap"},
     "ssgi_cl.core.lights": {"DirectionalLight", "Environment", "Light", "PointLight", "SpotLight"},
+    "ssgi_cl.core.scene": {"Scene"},
     "ssgi_cl.core.vpls": {"Vpls"},
 }
 """Modules and what reference implementations may take from them: the user's data."""

@@ -12,12 +12,17 @@
 //          source    3 x [size.x] irradiance by anything but surfels
 // Writes:  after     as `before`
 //          received  3 x [size.x] E + E_source
+// Macros:  VPL_GRID
 // Params:  most      the factor by which a row of form factors is raised, at most
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    24 operations and a division per pair that faces and sees each other
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
+
+#ifndef VPL_GRID
+#error "VPL_GRID must be defined"
+#endif
 
 __kernel void radiosity_gather(__global const float *restrict surfels,
                                __global const float *restrict before,

@@ -63,7 +63,7 @@ def _truth(context: Context) -> list[Lit]:
         lit = np.any(reference.direct_reference(light, position, normal) > 0.0, axis=-1)
         if not lit.any():
             continue
-        way, length = _towards(light, start[lit], scene.bounds)
+        way, length = towards(light, start[lit], scene.bounds)
         blocked = caster.blocked(
             spots.start[lit], way.astype(np.float32),
             (length * caster.scale).astype(np.float32),
@@ -75,7 +75,7 @@ def _truth(context: Context) -> list[Lit]:
     return found
 
 
-def _towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
+def towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
     """Return directions [n, 3] to a light, and how far to go [n]."""
     if isinstance(light, DirectionalLight):
         far = 2.0 * float(np.linalg.norm(bounds[1] - bounds[0]))

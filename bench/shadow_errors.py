@@ -15,7 +15,6 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import DirectionalLight
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import png
@@ -30,10 +29,10 @@ from ssgi_cl.truth.raycast import RayCaster
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measured_scenes import views_of
 
+from .scan_shadows import towards
+
 MAP_SIZE = 1024
 """Texels along a side of a map: the default of `render`."""
-_SHORT = 1.0 - 1e-4
-"""Fraction of the way to a light that a ray goes: what the light sits in casts no shadow."""
 
 Doubles = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -116,7 +115,7 @@ def shadow_errors(
         strength = reference.direct_reference(punctual_light, position, normal).sum(axis=-1)
         start = spots.start.astype(np.float64) / caster.scale + scene.origin
         faces = strength.reshape(-1)[spots.pixel] > 0.0
-        way, length = _towards(punctual_light, start[faces], scene.bounds)
+        way, length = towards(punctual_light, start[faces], scene.bounds)
         blocked = caster.blocked(
             spots.start[faces], way.astype(np.float32), (length * caster.scale).astype(np.float32)
         )
@@ -129,17 +128,6 @@ def shadow_errors(
             0 if shadow is None else len(shadow.crops),
         ))
     return found
-
-
-def _towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doubles, Doubles]:
-    """Return directions [n, 3] to a light, and how far to go [n]."""
-    if isinstance(light, DirectionalLight):
-        far = 2.0 * float(np.linalg.norm(bounds[1] - bounds[0]))
-        way = np.broadcast_to(-np.asarray(light.direction, np.float64), start.shape)
-        return way, np.full(len(start), far)
-    to_light = np.asarray(light.position) - start
-    length = np.linalg.norm(to_light, axis=-1)
-    return to_light / length[:, None], length * _SHORT
 
 
 def picture(errors: ShadowErrors) -> NDArray[np.uint8]:

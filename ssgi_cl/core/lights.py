@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -134,6 +135,15 @@ MOST_RADIANCE = 1e38
 """W m^-2 sr^-1 of an environment: times pi it is a float32."""
 
 Light = SpotLight | PointLight | DirectionalLight | Environment
+
+
+def light_tuple(lights: Iterable[Light]) -> tuple[Light, ...]:
+    """Return the lights; TypeError if one is none."""
+    result = tuple(lights)
+    for index, light in enumerate(result):
+        if not isinstance(light, Light):
+            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    return result
 
 
 def _set(light: object, name: str, value: NDArray[np.float64]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import Light, light_tuple
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.plan import Needs, chosen_skips
@@ -136,10 +136,7 @@ def render(
     """
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
-    lights = tuple(lights)
-    for index, light in enumerate(lights):
-        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
-            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    lights = light_tuple(lights)
     layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
     shadow_size = checks.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
     rsm_size = checks.integer("rsm_size", rsm_size, low=16, high=8192, unit="texels")

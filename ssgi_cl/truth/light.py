@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import Environment, Light, light_tuple
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
@@ -154,11 +154,7 @@ def checked_lights(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tup
         )
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
-    lights = tuple(lights)
-    for index, light in enumerate(lights):
-        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
-            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
-    return lights
+    return light_tuple(lights)
 
 
 def passes_of(paths: int) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import Environment, Light, light_tuple
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.shading.light_data import ShadowMap, face_count
 from ssgi_cl.techniques.shading.shadow_fit import whole
@@ -19,10 +19,7 @@ Maps = Sequence[ReflectiveShadowMap | None] | None
 
 def checked_lights(lights: Sequence[Light], rsms: Maps) -> tuple[Light, ...]:
     """Return the lights; raise TypeError or ValueError if one is none, or a map is not its own."""
-    lights = tuple(lights)
-    for index, light in enumerate(lights):
-        if not isinstance(light, (SpotLight, PointLight, DirectionalLight, Environment)):
-            raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
+    lights = light_tuple(lights)
     if rsms is not None and len(rsms) != len(lights):
         raise ValueError(
             f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light"

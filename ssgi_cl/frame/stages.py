@@ -124,7 +124,8 @@ def occlusion_stage(
     hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
         name=ao.name, reads=(GBUFFER, AO_PARAMS), hints=hints, writes=(AO,), condition=condition,
-        run=lambda r: ao.run(r[GBUFFER], tiles, r.get(TILES)), culled="no output that it changes",
+        run=lambda r: ao.run(r[GBUFFER], tiles=tiles, summary=r.get(TILES)),
+        culled="no output that it changes",
     )
 
 
@@ -212,7 +213,7 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
     """
     def run(r: Values) -> WorldVpls | None:
         maps = r.get(RSM)
-        return radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
+        return radiosity.run(r[SCENE], r[LIGHTS], rsms=[] if maps is None else [maps])
 
     return Stage(
         name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
@@ -235,7 +236,7 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
     def run(r: Values) -> Plane:
         maps = r.get(RSM)
         return splat.run(
-            r[GBUFFER], None, [] if maps is None else [maps],
+            r[GBUFFER], rsms=[] if maps is None else [maps],
             scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT],
         )
 
@@ -249,7 +250,7 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect once."""
     def run(r: Values) -> Plane:
         scene = device_scene(r[SCENE], runtime) if bounce.blocked else None
-        return bounce.run(r[GBUFFER], r[RSM], scene)
+        return bounce.run(r[GBUFFER], r[RSM], scene=scene)
 
     return Stage(
         name="bounce",
@@ -323,7 +324,9 @@ def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
         Stage(name="exposure", reads=(PIXELS, GBUFFER), writes=(EXPOSURE,), run=expose),
         Stage(
             name="picture", reads=(RADIANCE, GBUFFER, EXPOSURE), writes=(IMAGE,),
-            run=lambda r: tonemap.run(r[RADIANCE], r[EXPOSURE], shade.seen(r[GBUFFER])),
+            run=lambda r: tonemap.run(
+                r[RADIANCE], exposure=r[EXPOSURE], region=shade.seen(r[GBUFFER])
+            ),
         ),
     ]
 

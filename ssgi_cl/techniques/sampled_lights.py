@@ -132,7 +132,9 @@ class SampledLights(Prepared[SampledLightsParams]):
                 margin_columns=gbuffer.margin[1], margin_rows=gbuffer.margin[0],
                 texels=self.params.map_size,
             )
-        return self._blur.run(irradiance, gbuffer, "sampled lights blur", region=region)
+        return self._blur.run(
+            gbuffer, irradiance, name="sampled lights blur", region=region
+        )
 
     def _sample(self, lights: Sequence[Light]) -> None:
         now = tuple(light for light in lights if isinstance(light, Environment))

@@ -1,4 +1,18 @@
-"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured."""
+"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured.
+
+The class of every technique, and of the parts that techniques are made of, has one method that
+queues its passes:
+
+    run(gbuffer, source, *, hints...)
+
+- `gbuffer` is what the camera sees. What computes in the scene takes `scene` in its place, such as
+  `Radiosity`; what needs no surfaces takes `radiance`, such as `Tonemap`.
+- `source` is the one thing that it reads beside the G-buffer, under its own name: `lights`, `rsms`,
+  `vpls`, the plane to filter. Techniques of the G-buffer alone have none.
+- All else is given by name, with a default unless nothing can be computed without it.
+- It returns a plane in device memory, or several as a record of planes; None stands for black.
+  `Tonemap` returns the picture, in host memory.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +27,8 @@ INPUTS = (
     "depth", "normal", "albedo", "emission", "thickness", "lights", "rsms", "scene", "image",
 )
 """What techniques read: images of the G-buffer, and arguments by name; `image` is one to filter."""
+FIRST = ("gbuffer", "scene", "radiance")
+"""What the first argument of `run` may be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +42,7 @@ class Technique:
         paper: authors and year.
         function: numpy in, numpy out; takes `runtime` and the parameters.
         params: the dataclass that declares the parameters.
-        technique: the class, to prepare once and run often.
+        technique: the class, to prepare once and run often; see above for its `run`.
         reference: the module of the numpy reference implementation.
         kernels: path in kernels/ -> names of macros, of the technique's own folders there; what it
             shares with others, such as filters, lies in folders of their own.

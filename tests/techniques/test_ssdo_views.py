@@ -101,7 +101,7 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
         source = ReducedGBuffer(device, 2)
         source.update(device)
     back = SsdoBitmask(runtime, gbuffer.size, slices, gbuffer.margin, masks=True)
-    light = back.gather(device, source, planar(runtime, own))
+    light = back.run(device, source, radiance=planar(runtime, own))
     assert back.masks is not None
     before, masks = light.download(), inner(runtime, back.masks, 4, light.size).copy()
     assert masks[2:].any()
@@ -145,7 +145,9 @@ def test_every_kernel_variant_gives_the_same_result(
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         device, further = uploaded(one, gbuffer), uploaded(one, layered(aside("perspective"), 3))
         back = SsdoBitmask(one, gbuffer.size, SLICES, masks=True)
-        light = back.gather(device, device, planar(one, rng.random((1, *SIZE, 3))))
+        light = back.run(
+            device, device, radiance=planar(one, rng.random((1, *SIZE, 3)))
+        )
         assert back.masks is not None
         sent = planar(one, rng.random((2, 31, 41, 3)))
         SsdoViews(one, SLICES).add(light, back.masks, device, device, further, sent)
@@ -162,7 +164,7 @@ def test_first_camera_again_finds_what_the_bitmask_found(runtime: Runtime) -> No
     device = uploaded(runtime, gbuffer)
     back = SsdoBitmask(runtime, gbuffer.size, slices, masks=True)
     sent = planar(runtime, np.ones((1, 48, 64, 3)))
-    light = back.gather(device, device, sent)
+    light = back.run(device, device, radiance=sent)
     assert back.masks is not None
     expected, masks = light.download(), back.masks.download()
     covered = inner(runtime, back.masks, 4, light.size).copy()

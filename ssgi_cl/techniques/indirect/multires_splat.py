@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -153,9 +154,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def _set(self, params: MultiresSplatParams) -> None:
         self.grid.params = params
 
+    @former_order("gbuffer", "vpls", "rsms")
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
-        scene: DeviceScene | None = None, surfels: WorldVpls | None = None,
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
+        rsms: Sequence[DeviceRsm] = (), scene: DeviceScene | None = None,
+        surfels: WorldVpls | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -188,7 +191,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         if self._occupancy is not None:
             packed = self._block(gbuffer, rsms, self._occupancy, scene)
             if curve is not None and params.importance:
-                importance = self._importance.run(gbuffer, curve, self._occupancy, packed)
+                importance = self._importance.run(
+                    gbuffer, curve, occupancy=self._occupancy, packed=packed
+                )
                 self._chooser.place(
                     rsms, camera, kinds=1, importance=importance, more=surfels
                 )

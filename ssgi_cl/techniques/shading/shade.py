@@ -99,7 +99,7 @@ class Shade(Prepared[ShadeParams]):
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
         self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size)
-        return self._punctual_lights.run(gbuffer, lights, shadows)
+        return self._punctual_lights.run(gbuffer, lights, shadows=shadows)
 
     def combine(
         self,

@@ -124,5 +124,7 @@ def _per_pixel(technique: VplSplat, context: Context) -> float:
     return pairs / (rows * columns)
 
 
-SPLAT = Scan(splat_errors, "RMSE (% of the mean)", "lights looked at per pixel")
-MULTIRES = Scan(multires_errors, "RMSE (% of the mean)", "lights looked at per pixel")
+SCANS: Mapping[str, Scan] = {
+    name: Scan(measure, "RMSE (% of the mean)", "lights looked at per pixel")
+    for name, measure in (("vpl_splat", splat_errors), ("multires_splat", multires_errors))
+}

@@ -30,6 +30,24 @@ INPUTS = (
 FIRST = ("gbuffer", "scene", "radiance")
 """What the first argument of `run` may be."""
 
+Row = tuple[str, Sequence[tuple[str, str]]]
+"""What is computed, and (what is measured, case of the benchmark) of each figure that is shown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """How a technique is measured, and what of it README and its page show.
+
+    Attributes:
+        settings: of its family of benchmark cases, where these differ from the usual ones.
+        families: of cases, whose table its page shows.
+        rows: of README's table, by the call that they are of.
+    """
+
+    settings: tuple[str, ...] = ()
+    families: tuple[str, ...] = ()
+    rows: Mapping[str, Row] = field(default_factory=dict)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Technique:
@@ -50,7 +68,7 @@ class Technique:
         writes: results by name, also in a file; optional ones last.
         methods: other ways to compute it, each with the dataclass of its parameters.
         command: whether `ssgi apply` offers it.
-        bench: settings of its family of benchmark cases, where these differ from the usual ones.
+        bench: how it is measured and what of that is shown.
         variants: values of parameters that tests combine, the quickest and usual first.
         quantity: what the result is, a method of the benchmark's `Context` that gives its
             reference.
@@ -71,7 +89,7 @@ class Technique:
     writes: tuple[str, ...]
     methods: Mapping[str, type[Params]] = field(default_factory=dict)
     command: bool = False
-    bench: tuple[str, ...] = ()
+    bench: Bench = field(default_factory=Bench)
     variants: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     quantity: str = ""
     tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)

@@ -28,7 +28,7 @@ from ssgi_cl.techniques.ao.slices import (
     SliceTechnique,
     made_for,
 )
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import OpenTiles
 
 
@@ -228,4 +228,17 @@ DESCRIPTOR = Technique(
     },
     tunable=TUNABLE,
     layers=PRESET_LAYERS,
+    bench=Bench(
+        families=("gtao",),
+        rows={
+            "gtao": (
+                "ambient occlusion from horizons, cosine-weighted",
+                (("", "gtao.2x9"), ("2 layers", "gtao.2x9-2")),
+            ),
+            "gtao(bent_normals=True)": (
+                "the same with bent normals; RMSE in degrees",
+                (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none")),
+            ),
+        },
+    ),
 )

@@ -20,7 +20,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
 BLUR = Struct(
@@ -251,4 +251,8 @@ DESCRIPTOR = Technique(
     },
     reads=("depth", "normal", "image"),
     writes=("image",),
+    bench=Bench(
+        families=("blur",),
+        rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))},
+    ),
 )

@@ -23,7 +23,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 UPSAMPLE = Struct(
     "UpsampleParams",
@@ -363,4 +363,10 @@ DESCRIPTOR = Technique(
     },
     reads=("depth", "normal", "image"),
     writes=("image",),
+    bench=Bench(
+        families=("upsample",),
+        rows={"upsample": (
+            "half or quarter size to full size, along surfaces", (("half", "upsample.2"),),
+        )},
+    ),
 )

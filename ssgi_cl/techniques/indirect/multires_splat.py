@@ -43,7 +43,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
 from ssgi_cl.techniques.indirect.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,4 +335,11 @@ DESCRIPTOR = Technique(
     writes=("irradiance",),
     methods={name: method.params for name, method in METHODS.items()},
     quantity="bounce",
+    bench=Bench(
+        families=("multires", "multires-visibility"),
+        rows={"multires_splat": (
+            "the same light at few pixels and from few lights, to a given error",
+            (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096")),
+        )},
+    ),
 )

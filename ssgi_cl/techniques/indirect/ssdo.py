@@ -32,7 +32,7 @@ from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 SPLIT = Struct(
@@ -424,4 +424,11 @@ DESCRIPTOR = Technique(
     methods=dict.fromkeys(METHODS, SsdoParams),
     command=True,
     quantity="bounce",
+    bench=Bench(
+        families=("ssdo-bitmask-half", "ssdo-points"),
+        rows={"ssdo": (
+            "directional occlusion and one-bounce indirect light from visible surfaces",
+            (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8")),
+        )},
+    ),
 )

@@ -41,7 +41,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
     lit_by_maps,
     refine_param,
 )
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
@@ -450,4 +450,12 @@ DESCRIPTOR = Technique(
     reads=("depth", "normal", "rsms", "scene"),
     writes=("irradiance",),
     quantity="bounce",
+    bench=Bench(
+        families=("vpl", "vpl-plain", "vpl-interleaved", "vpl-visibility"),
+        rows={"vpl_splat": (
+            "one-bounce indirect light from virtual point lights, diffuse and glossy",
+            (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
+             ("with visibility", "vpl-visibility.1024")),
+        )},
+    ),
 )

@@ -20,7 +20,7 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_va
 from ssgi_cl.techniques.shading.ambient import Ambient
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 COMBINE = Struct(
     "CombineParams",
@@ -289,4 +289,11 @@ DESCRIPTOR = Technique(
     reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
     writes=("radiance",),
     quantity="direct",
+    bench=Bench(
+        families=("direct",),
+        rows={"shade": (
+            "direct light with filtered shadows, ambient light times AO, emission",
+            (("direct light, maps of 1024", "direct.1024"),),
+        )},
+    ),
 )

@@ -13,7 +13,7 @@ from ssgi_cl.core.params import Params, Prepared, former_params, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18
@@ -186,4 +186,5 @@ DESCRIPTOR = Technique(
     kernels={"tonemap/tonemap.cl": ("TONEMAP_CURVE",)},
     reads=("image",),
     writes=("image",),
+    bench=Bench(rows={"tonemap": ("exposure, filmic curve, sRGB", ())}),
 )

@@ -198,7 +198,9 @@ def direct_stage(shade: Shade) -> Stage:
     def run(r: Values) -> Plane | None:
         lights, shadows, idle = r[LIGHTS], r[SHADOWS], r[IDLE_LIGHTS] or ()
         lit = [i for i in range(len(lights)) if i not in idle]
-        return shade.light(r[GBUFFER], [lights[i] for i in lit], [shadows[i] for i in lit])
+        return shade.light(
+            r[GBUFFER], [lights[i] for i in lit], shadows=[shadows[i] for i in lit]
+        )
 
     return Stage(
         name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,),

@@ -174,7 +174,7 @@ class Ssdo(Prepared[SsdoParams]):
         punctual_lights: Plane | None
         if self._senders is not None and not sends:
             if open_:
-                sends = self._senders.front(gbuffer, lights, shadows)
+                sends = self._senders.front(gbuffer, lights, shadows=shadows)
             else:
                 visibility = self._sender_visibility(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"

@@ -187,7 +187,7 @@ class LitLayers:
                 "the G-buffer's size with margin, layers and layers with attributes are "
                 f"{given}: expected {(self.whole, self.layers, self.attributes)}"
             )
-        lit = self.front(gbuffer, lights, shadows)
+        lit = self.front(gbuffer, lights, shadows=shadows)
         if not lit:
             self.runtime.skip("lit layers", "no light and no emission")
         return lit
@@ -239,7 +239,7 @@ class LitLayers:
         return self._punctual_lights
 
     def front(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> bool:
         """Queue what makes `punctual_lights` alone; return whether `run` would find any light."""

@@ -87,14 +87,14 @@ class Shade(Prepared[ShadeParams]):
         `direct` is the irradiance of all lights, if that is known already; environments then only
         show where nothing is.
         """
-        lit = self.light(gbuffer, lights, shadows) if direct is None else direct
+        lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
         return self.combine(
             gbuffer, lights, lit, ambient=direct is None, visibility=visibility, indirect=indirect,
             multi_bounce=multi_bounce, indirect_ao=indirect_ao,
         )
 
     def light(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""

@@ -193,12 +193,11 @@ def _recorded(
         if progress is not None:
             progress(f"{layers} layers: settings", number / len(every))
         steps.append(_step(trials, values))
-    usual = steps[every.index(usual_values)]
-    # Times were rough: what is on the ladder, or may be, is timed again, longer.
-    near = [step for step in steps if step is usual or step in ladder(steps, usual)
-            or step in better_than(steps, usual)]
-    for step in near:
-        steps[steps.index(step)] = _timed_again(trials, step)
+    # Rough times could keep a step off the ladder: all are timed again.
+    for number, step in enumerate(steps):
+        if progress is not None:
+            progress(f"{layers} layers: times", number / len(steps))
+        steps[number] = _timed_again(trials, step)
     steps = without_noise(steps)
     usual = steps[every.index(usual_values)]
     chain = ladder(steps, usual)

@@ -57,10 +57,12 @@ def steps() -> GBuffer:
 
 @pytest.fixture
 def same_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A device as fast as the recorded one."""
+    """A device that takes as long with the defaults as is recorded, at the recorded size."""
     def recorded(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
-        known = presets.record(technique.name)["pace"]
-        return SpeedModel(known["call_ms"], known["pixel_ns"])
+        record = presets.record(technique.name)
+        call_ms, (rows, columns) = record["pace"]["call_ms"], record["size"]
+        pixel_ms = (record["layers"][0]["default"]["ms"] - call_ms) / (rows * columns)
+        return SpeedModel(call_ms, 1e6 * pixel_ms)
 
     monkeypatch.setattr(pacing, "speed_model_of", recorded)
 
@@ -296,12 +298,14 @@ def test_prediction_grows_with_pixels_and_with_the_pace(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorded = presets.record("ssao")
-    there, (rows, columns) = recorded["pace"], recorded["size"]
+    call_ms, defaults_ms = recorded["pace"]["call_ms"], recorded["layers"][0]["default"]["ms"]
     monkeypatch.setattr(pacing, "speed_model_of", lambda runtime, technique: PACE)
     ms = 2.0
-    share = (ms - there["call_ms"]) / (rows * columns)
-    expected = 0.1 + share * 480_000 * 20.0 / there["pixel_ns"]
+    ratio = (ms - call_ms) / (defaults_ms - call_ms)
+    expected = 0.1 + ratio * 480_000 * 20e-6  # PACE: 0.1 ms a call, 20 ns a pixel
     assert predicted_ms(runtime, Ssao, ms, (600, 800)) == pytest.approx(expected)
+    same = predicted_ms(runtime, Ssao, defaults_ms, (600, 800))
+    assert same == pytest.approx(0.1 + 480_000 * 20e-6)  # as measured here with the defaults
 
 
 @pytest.mark.usefixtures("same_speed")

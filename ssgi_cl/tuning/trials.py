@@ -16,9 +16,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.techniques.catalogue import Entry
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.calibration import GatherLoad
-from ssgi_cl.tuning.case import Subject
 from ssgi_cl.tuning.context import Context
-from ssgi_cl.tuning.measure import Stopwatch
 
 METRICS: dict[str, Callable[..., float]] = {
     "rmse": metrics.rmse,
@@ -35,8 +33,10 @@ ENOUGH_MS = 50.0
 """Of a device's time: a rough time ends when the repetitions took this long."""
 TOO_SLOW = 3.0
 """Times a limit: where the first view takes so long, the others are not looked at."""
-CAREFUL_SECONDS = 0.4
-"""How long what decides is repeated."""
+CAREFUL_RUNS = 25
+CAREFUL_MS = 400.0
+"""Repetitions, and device time, of what decides, at most."""
+FEWEST_RUNS = 3
 REFERENCE_RUNS = 50
 
 
@@ -82,7 +82,6 @@ class Trials:
         self._metric = METRICS[metric]
         self._runtime = contexts[0].runtime
         self._takes_radius = "radius" in parameter_fields(entry.params)
-        self._stopwatch = Stopwatch(self._runtime, seconds=CAREFUL_SECONDS)
         self._reference = GatherLoad(self._runtime)
         # Ratios to the reference become milliseconds by its least time: what else the machine
         # does only slows it down.
@@ -117,8 +116,14 @@ class Trials:
 
     def confirm(self, trial: Trial) -> Trial:
         """Return a trial with its time measured again, longer, which replaces the first."""
-        timing = self._stopwatch.time(Subject(run=lambda: self.images(trial.parameters)))
-        confirmed = Trial(trial.parameters, self._ms(timing.ratio.median), trial.error)
+        def run() -> None:
+            self.images(trial.parameters)
+
+        run()  # the caches know it, as they do in a row of frames
+        confirmed = Trial(
+            trial.parameters, self._device_ms_of(run, CAREFUL_RUNS, CAREFUL_MS, FEWEST_RUNS),
+            trial.error,
+        )
         self._kept[tuple(sorted(trial.parameters.items()))] = confirmed
         return confirmed
 
@@ -190,20 +195,26 @@ class Trials:
         def run() -> None:
             images[:] = self.images(parameters)
 
+        return self._device_ms_of(run, RUNS, ENOUGH_MS), images
+
+    def _device_ms_of(
+        self, run: Callable[[], object], most: int, enough_ms: float, fewest: int = 1
+    ) -> float:
+        """Return milliseconds of a picture, mean over the views that `run` computes.
+
+        Median of the ratios of device times to a reference load's beside, of at most `most`
+        repetitions that take about `enough_ms` together, and at least `fewest`.
+        """
         ratios: list[float] = []
         took = 0.0
-        while len(ratios) < RUNS and took < ENOUGH_MS:
+        while len(ratios) < fewest or (len(ratios) < most and took < enough_ms):
             beside = self._device_ms(self._reference.run)
             ms = self._device_ms(run)
             ratios.append(ms / beside)
             took += ms
-        return self._ms(statistics.median(ratios)), images
+        return statistics.median(ratios) * self._reference_ms / len(self._contexts)
 
     def _device_ms(self, run: Callable[[], object]) -> float:
         with self._runtime.frame():
             run()
             return sum(entry.ms for entry in self._runtime.times())
-
-    def _ms(self, ratio: float) -> float:
-        """Return the milliseconds of a picture from the ratio of all views to the reference."""
-        return ratio * self._reference_ms / len(self._contexts)

@@ -112,15 +112,19 @@ def predicted_ms(
 ) -> float:
     """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
 
+    It is that of a picture full of surfaces: the defaults, with which both devices were measured on
+    such a picture, take as long as there, and other settings longer or less by their recorded ratio
+    to the defaults. Pictures with sky take less.
+
     Raises:
         ValueError: the technique has no presets.
     """
     recorded = presets.record(technique.name)
     here = speed_model_of(runtime, technique)
-    there = SpeedModel(recorded["pace"]["call_ms"], recorded["pace"]["pixel_ns"])
-    rows, columns = recorded["size"]
-    per_pixel: float = max(ms - there.call_ms, 0.0) / (rows * columns)
-    return here.call_ms + per_pixel * size[0] * size[1] * here.pixel_ns / there.pixel_ns
+    call_ms = recorded["pace"]["call_ms"]
+    defaults_ms = recorded["layers"][0]["default"]["ms"]
+    ratio: float = max(ms - call_ms, 0.0) / max(defaults_ms - call_ms, 1e-6)
+    return here.call_ms + 1e-6 * ratio * here.pixel_ns * size[0] * size[1]
 
 
 def rolling_ground(size: Size) -> GBuffer:

@@ -291,7 +291,7 @@ def ssdo_stages(
 
 
 def combine_stage(
-    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool
+    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool
 ) -> Stage:
     """Return the stage that sums up all light.
 
@@ -300,12 +300,13 @@ def combine_stage(
         reads: the kinds of light and occlusion that there are, by name.
         ambient: whether the light of environments is not in direct light yet.
         indirect_ao: whether ambient occlusion dims indirect light too.
+        gaps: whether it does so at least where it is below 1/2.
     """
     def run(r: Values) -> Plane:
         return shade.combine(
             r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
-            sky_light=r.get(SKY_LIGHT),
+            gaps=gaps, sky_light=r.get(SKY_LIGHT),
         )
 
     return Stage(

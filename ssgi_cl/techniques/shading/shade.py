@@ -112,13 +112,15 @@ class Shade(Prepared[ShadeParams]):
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         indirect_ao: bool | None = None,
+        gaps: bool = False,
         sky_light: Plane | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
         `lit` is the irradiance of punctual lights, with that of environments in it unless
-        `ambient`. `sky_light` is that of environments where it is known by itself: A dims it as it
-        does `indirect`. The rest is as in `run`.
+        `ambient`. With `gaps`, A dims `indirect` only below 1/2: of light whose visibility rays
+        miss what is close by. `sky_light` is that of environments where it is known by itself; A
+        dims it. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -135,11 +137,12 @@ class Shade(Prepared[ShadeParams]):
                 "SHADE_AO": int(visibility is not None),
                 "SHADE_BOUNCES": int(multi_bounce and visibility is not None),
                 "SHADE_INDIRECT": (
-                    0 if indirect is None else 2 if indirect_ao and visibility is not None else 1
+                    0 if indirect is None
+                    else 1 if visibility is None else 2 if indirect_ao else 3 if gaps else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_SKY_LIGHT": (
-                    0 if sky_light is None else 2 if indirect_ao and visibility is not None else 1
+                    0 if sky_light is None else 1 if visibility is None else 2
                 ),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),

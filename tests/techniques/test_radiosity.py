@@ -111,6 +111,25 @@ def test_surfels_have_the_area_of_both_sides() -> None:
     np.testing.assert_allclose(np.linalg.norm(made.normal, axis=1), 1.0, atol=1e-12)
 
 
+def test_a_quarter_of_the_surfels_are_where_surfaces_emit() -> None:
+    # Two squares of area 1 and 0.01 in one plane, as a light in a ceiling.
+    squares = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], np.float64)
+    corners = np.concatenate([squares, 0.1 * squares + (2.0, 0.0, 0.0)])
+    triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    for emission in (1e-3, 1e9):
+        made = scene_surfels(meshed(
+            corners, triangles, (Material(), Material(emission=(emission,) * 3)), [0, 0, 1, 1]
+        ), 1024)  # fmt: skip
+        shines = made.emission[:, 0] > 0.0
+        # A quarter by flux, and 1 % of the others by area; each kind is rounded up to a surfel.
+        assert shines.sum() == pytest.approx((0.25 + 0.75 * 0.01 / 1.01) * 1024, abs=5)
+        # No surfel is of both, and none of the areas is lost.
+        assert made.emission[shines] == pytest.approx(emission)
+        assert (made.position[shines, 0] >= 2.0).all()
+        assert made.area[shines].sum() == pytest.approx(2 * 0.01, rel=1e-6)
+        assert made.area.sum() == pytest.approx(2 * 1.01, rel=1e-6)
+
+
 def test_surfels_are_compact() -> None:
     made = scene_surfels(box(0.5), 2048)
     away = made.part_position.reshape(-1, PARTS, 3) - made.position[:, None]

@@ -75,21 +75,35 @@ class Surfels:
 _OWN = ("position", "normal", "area", "albedo", "emission")
 
 
+EMITTERS = 0.25
+"""Part of the surfels that triangles get by the flux that they emit, the others by area: what emits
+is small, and the shadows of its light are as soft as it has surfels."""
+
+
 @dataclass(frozen=True, eq=False)
-class TriangleAreas:
-    """How large the triangles of a scene are.
+class TriangleShares:
+    """Which part of a scene's surfels each triangle gets.
 
     Attributes:
-        ends: [n] float64: of each triangle and all before it, twice the area together.
+        ends: [n] float64: parts of each triangle and all before it, up to 1; 0 if none has area.
+        area, density: [n] float64: its area, and its part over that.
     """
 
     ends: Doubles
+    area: Doubles
+    density: Doubles
 
     @classmethod
-    def of(cls, scene: Scene) -> TriangleAreas:
+    def of(cls, scene: Scene) -> TriangleShares:
         """Return those of a scene."""
-        cross = _cross(scene, slice(None))
-        return cls(np.cumsum(np.sqrt(sum(one * one for one in cross))))
+        area = 0.5 * np.sqrt(sum(one * one for one in _cross(scene, slice(None))))
+        emission = np.array([sum(m.emission) for m in scene.materials], np.float64)
+        shine = (emission / max(emission.max(initial=0.0), 1e-300))[scene.material_ids]
+        density = np.zeros(len(area))
+        parts = (np.ones(len(area)), 1.0 - EMITTERS), (shine, EMITTERS)
+        for weight, part in parts if shine.any() else [(np.ones(len(area)), 1.0)]:
+            density += part * weight / max(float((weight * area).sum()), 1e-300)
+        return cls(np.cumsum(density * area), area, density)
 
 
 def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Doubles, Doubles]:
@@ -100,28 +114,29 @@ def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Dou
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-def scene_surfels(scene: Scene, count: int, areas: TriangleAreas | None = None) -> Surfels:
-    """Return surfels of equal area on both sides of all triangles.
+def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None) -> Surfels:
+    """Return surfels on both sides of all triangles, of equal area but where surfaces emit.
 
-    Points are drawn in proportion to area, stratified over the list of triangles and, within one,
-    by the R sequence (Roberts 2018). Sorted along a curve, each `PARTS` of them are a surfel.
-    Points in holes that a texture's alpha cuts out are left out, with their area.
+    Points are drawn in proportion to `TriangleShares`, stratified over the list of triangles and,
+    within one, by the R sequence (Roberts 2018). Sorted along a curve, each `PARTS` of them are a
+    surfel. Points in holes that a texture's alpha cuts out are left out, with their area.
 
     Args:
         scene: any.
         count: of surfels of both sides together, about; >= 2.
-        areas: of the scene, where they are known.
+        shares: of the scene's triangles, where they are known.
 
     Returns:
-        An even number of surfels, at most count + 12; none if all triangles have no area.
+        An even number of surfels, at most count + 24; none if all triangles have no area.
     """
-    points = _points(scene, PARTS * max(count // 2, 1), areas or TriangleAreas.of(scene))
+    points = _points(scene, PARTS * max(count // 2, 1), shares or TriangleShares.of(scene))
     if not len(points[2]):
         none = np.zeros((0, 3))
         lines = [none, none, np.zeros(0), none, none]
         return Surfels(np.asarray(scene.origin), *lines, *lines)
     low, high = scene.bounds - scene.origin
-    key = _axis(points[1]) * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
+    kind = _axis(points[1]) + 6 * points[4].any(axis=1)
+    key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
     order = np.argsort(key, kind="stable")
     first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
     both = [first, _flipped(first)]
@@ -137,10 +152,10 @@ def scene_surfels(scene: Scene, count: int, areas: TriangleAreas | None = None) 
 
 
 def _points(
-    scene: Scene, count: int, areas: TriangleAreas
+    scene: Scene, count: int, shares: TriangleShares
 ) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Return position, normal, area, albedo and emission of points on one side of the triangles."""
-    ends = areas.ends
+    ends = shares.ends
     total = float(ends[-1])
     if not total > 0.0:
         none = np.zeros((0, 3))
@@ -173,9 +188,16 @@ def _points(
     emission = np.array([m.emission for m in scene.materials])[ids]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
+    area = total / count / shares.density[triangle]
+    shines = np.array([any(m.emission) for m in scene.materials])
+    for kind in (False, True):  # triangles get whole points: what that loses or adds, all share
+        own = shines[ids] == kind
+        area[own] *= shares.area[shines[scene.material_ids] == kind].sum() / max(
+            float(area[own].sum()), 1e-300
+        )
     values = (
         mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
-        np.full(count, 0.5 * total / count), np.clip(albedo, 0.0, 1.0), emission,
+        area, np.clip(albedo, 0.0, 1.0), emission,
     )  # fmt: skip
     return tuple(value[there] for value in values)  # type: ignore[return-value]
 
@@ -232,10 +254,10 @@ def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.in
 
 def _surfels(
     origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp],
-    axis: NDArray[np.int64],
+    kind: NDArray[np.int64],
 ) -> Surfels:
-    """Return surfels of each `PARTS` consecutive points; those of different axes do not mix."""
-    counts = np.bincount(axis, minlength=6)
+    """Return surfels of each `PARTS` consecutive points; those of different kinds do not mix."""
+    counts = np.bincount(kind, minlength=12)
     firsts = np.cumsum(counts) - counts
     index, real = [], []
     for first, own in zip(firsts, counts, strict=True):

@@ -18,7 +18,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
-from ssgi_cl.techniques.indirect.surfels import Surfels, TriangleAreas, scene_surfels
+from ssgi_cl.techniques.indirect.surfels import Surfels, TriangleShares, scene_surfels
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -83,10 +83,10 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
         self._occupancy.fill_scene(solid, self.camera.view, self.unit, half)
-        areas = TriangleAreas.of(scene)
-        pilot = self._seeing(scene_surfels(scene, min(count, PILOT), areas), solid)
+        of_triangles = TriangleShares.of(scene)
+        pilot = self._seeing(scene_surfels(scene, min(count, PILOT), of_triangles), solid)
         share = max(len(pilot) / min(count, PILOT), LEAST_SHARE)
-        self.surfels = self._seeing(scene_surfels(scene, int(count / share), areas), solid)
+        self.surfels = self._seeing(scene_surfels(scene, int(count / share), of_triangles), solid)
         self._upload(self.surfels, solid)
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)

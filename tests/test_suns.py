@@ -58,7 +58,8 @@ def test_a_sun_becomes_one_light_and_nothing_is_lost(radius: float, way: Any) ->
     away = np.asarray(sun.direction) / np.linalg.norm(sun.direction)
     assert -away @ way > np.cos(0.008)  # of texels of .0061
     assert sun.angle == pytest.approx(radius, rel=0.15)
-    np.testing.assert_allclose(flux(rest) + sun.irradiance, flux(whole), rtol=1e-12)
+    # Sums of half a million texels in float64 round by parts in 1e12.
+    np.testing.assert_allclose(flux(rest) + sun.irradiance, flux(whole), rtol=1e-10)
     # The sky goes on where the sun was; at the horizon it is half ground.
     assert np.asarray(rest.radiance).max() == pytest.approx(1.0)
     assert float(np.asarray(sun.irradiance) @ [0.2126, 0.7152, 0.0722]) == pytest.approx(

@@ -26,6 +26,9 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: brighter texels count as this, so that float32 holds all sums."""
 
+MOST_TEXELS = 1 << 25
+"""Of an image in which others are summed texel by texel; larger ones are resized first."""
+
 _MOST_ROWS, _MOST_COLUMNS = 2048, 4096  # texels of larger images are summed in blocks
 _LEAST_ROWS, _LEAST_COLUMNS = 512, 1024  # texels of smaller images are divided
 
@@ -111,7 +114,7 @@ def _cells(environment: Environment) -> Doubles:
         flux = np.append(image @ LUMINANCE, image) * area
         vector = cell_directions() * flux[0]
         return np.column_stack([np.tile(flux, (len(vector), 1)), vector])
-    image = _resized(image)
+    image = resized(image)
     towards, omega = texels(*image.shape[:2])
     flux = (image * omega[..., None]).reshape(-1, 3)
     lit = np.flatnonzero(flux.any(axis=1))
@@ -122,7 +125,7 @@ def _cells(environment: Environment) -> Doubles:
     return np.column_stack([np.bincount(numbers, v, CELLS * CELLS) for v in values])
 
 
-def _resized(image: Doubles) -> Doubles:
+def resized(image: Doubles) -> Doubles:
     """Return an image whose texels suit the cells: of a mean of several, or each several times."""
     for axis, (least, most) in enumerate(
         ((_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS))

@@ -23,16 +23,12 @@ from ssgi_cl.rasterize.scenes import KINDS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning.tunables import entry_of
 
+from .discover import declared
 from .scan import LEAST_ERROR, Measured, Scan
-from .scan_lights import MULTIRES, SPLAT
-from .scan_shadows import SHADOWS
-from .scan_views import VIEWS
 from .scene_sets import SETS, SIZE, SceneSets, geometric_mean
 
-SCANS: Mapping[str, Scan] = {
-    "shadow_map": SHADOWS, "vpl_splat": SPLAT, "multires_splat": MULTIRES, "ssdo_views": VIEWS,
-}
-"""What is scanned beside techniques of ambient occlusion, by name."""
+SCANS: Mapping[str, Scan] = declared("ssgi_cl.bench", "SCANS", prefix="scan_")
+"""What is scanned beside techniques of ambient occlusion, by name; of modules `scan_*`."""
 
 
 def settings(given: Sequence[str], *, grid: bool) -> list[dict[str, Any]]:

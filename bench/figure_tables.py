@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ssgi_cl.techniques.catalogue import CATALOGUE
+from ssgi_cl.techniques.technique import Row
+
 from .document import clock, metric
 from .wording import NOTHING, milliseconds, number, quartiles, short_name
 
@@ -13,61 +16,46 @@ Result = Mapping[str, Any]
 SCENE = "hall"
 """Of README's table."""
 
-PAGES = (
-    "ssao", "hbao", "gtao", "bitmask_ao", "ray_ao", "multi_bounce", "bilateral_blur", "upsample",
-    "shade", "sampled_lights", "tonemap", "ssdo", "rsm_gather", "vpl_splat", "multires_splat",
-)
+BESIDE = ("ray_ao", "multi_bounce")
+"""Functions of techniques that run on the host, which the catalogue has not."""
+
+PAGES = (*CATALOGUE, *BESIDE)
 """Techniques that have a page in docs/techniques."""
 
-TECHNIQUES: Sequence[tuple[str, str, tuple[tuple[str, str], ...]]] = (
-    ("rasterize.gbuffer", "depth (N layers), normal, albedo, emission",
-     (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4"))),
-    ("rasterize.rsm", "reflective shadow map: depth, position, normal, flux",
-     (("512 x 512", "rsm.512"),)),
-    ("gtao", "ambient occlusion from horizons, cosine-weighted",
-     (("", "gtao.2x9"), ("2 layers", "gtao.2x9-2"))),
-    ("gtao(bent_normals=True)", "the same with bent normals; RMSE in degrees",
-     (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none"))),
-    ("bitmask_ao", "ambient occlusion from 32 sectors a slice that surfaces cover",
-     (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"),
-      ("4 layers", "bitmask_ao.2x14-4"))),
-    ("hbao", "ambient occlusion from horizons, attenuated with distance",
-     (("", "hbao.2x9"),)),
-    ("ssao", "ambient occlusion from points in a ball",
-     (("16 samples, blurred", "ssao-blur.16"),)),
-    ("ray_ao", "ambient occlusion by Embree rays against the mesh: the reference", ()),
-    ("rsm_gather", "one-bounce indirect light, gathered from reflective shadow maps",
-     (("400 samples", "rsm-gather.400"), ('`resolution="adaptive"`', "rsm-gather-adaptive.400"))),
-    ("vpl_splat", "one-bounce indirect light from virtual point lights, diffuse and glossy",
-     (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
-      ("with visibility", "vpl-visibility.1024"))),
-    ("multires_splat", "the same light at few pixels and from few lights, to a given error",
-     (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096"))),
-    ("ssdo", "directional occlusion and one-bounce indirect light from visible surfaces",
-     (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8"))),
-    ("bilateral_blur", "edge-aware blur", (("15 x 15, separable", "blur.7"),)),
-    ("upsample", "half or quarter size to full size, along surfaces", (("half", "upsample.2"),)),
-    ("shade", "direct light with filtered shadows, ambient light times AO, emission",
-     (("direct light, maps of 1024", "direct.1024"),)),
-    ("multi_bounce", "AO corrected for light that surrounding surfaces reflect", ()),
-    ("tonemap", "exposure, filmic curve, sRGB", ()),
-    ("render", "the whole frame with `ssao`, shadow maps included", (("", "frame.16"),)),
+OTHER_ROWS: Mapping[str, Row] = {
+    "rasterize.gbuffer": (
+        "depth (N layers), normal, albedo, emission",
+        (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4")),
+    ),
+    "rasterize.rsm": (
+        "reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),),
+    ),
+    "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
+    "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
+    "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame.16"),)),
+}
+"""Rows of README's table that are of no technique of the catalogue."""
+
+ORDER = (
+    "rasterize.gbuffer", "rasterize.rsm", "gtao", "gtao(bent_normals=True)", "bitmask_ao", "hbao",
+    "ssao", "ray_ao", "rsm_gather", "vpl_splat", "multires_splat", "ssdo", "bilateral_blur",
+    "upsample", "shade", "multi_bounce", "tonemap", "render",
 )
-"""Call, what it computes, and (what is measured, case) of each of its figures."""
+"""Of README's table; rows that are not in it come last."""
+
+
+def rows() -> list[tuple[str, str, Sequence[tuple[str, str]]]]:
+    """Return (call, what it computes, figures) of each row of README's table."""
+    every = {**OTHER_ROWS}
+    for technique in CATALOGUE.values():
+        every.update(technique.bench.rows)
+    calls = sorted(every, key=lambda call: ORDER.index(call) if call in ORDER else len(ORDER))
+    return [(call, *every[call]) for call in calls]
+
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
-    "ssao": ("ssao-blur",),
-    "hbao": ("hbao",),
-    "gtao": ("gtao",),
-    "bitmask_ao": ("bitmask_ao",),
+    **{name: each.bench.families for name, each in CATALOGUE.items() if each.bench.families},
     "ray_ao": ("embree",),
-    "bilateral_blur": ("blur",),
-    "upsample": ("upsample",),
-    "shade": ("direct",),
-    "ssdo": ("ssdo-bitmask-half", "ssdo-points"),
-    "rsm_gather": ("rsm-gather", "rsm-gather-adaptive"),
-    "vpl_splat": ("vpl", "vpl-plain", "vpl-interleaved", "vpl-visibility"),
-    "multires_splat": ("multires", "multires-visibility"),
 }
 """Technique -> families of cases that its page shows."""
 
@@ -100,7 +88,7 @@ def techniques(results: Sequence[Result]) -> str:
         "RMSE |",
         "|---|---|---|",
     ]
-    for call, meaning, cases in TECHNIQUES:
+    for call, meaning, cases in rows():
         cells = [_figure(label, by_name.get(name)) for label, name in cases]
         shown = f"[`{call}`](docs/techniques/{call}.md)" if call in PAGES else f"`{call}`"
         lines.append(f"| {shown} | {meaning} | {'; '.join(cells) or NOTHING} |")

@@ -70,7 +70,7 @@ def splat_errors(context: Context, values: Mapping[str, Any]) -> Measured:
         own = VplSplatParams(**{"vpls": LIGHTS, "refine": 0.0, **given, "restore": restore})
         with replaced(vpl_splat, constants):
             technique = VplSplat(context.runtime, context.size, own)
-        image = lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
+        image = lit(context, maps, lambda rsms: technique.run(context.gbuffer, rsms=rsms))
         return image, _per_pixel(technique, context)
 
     image, pairs = shone(False)
@@ -98,7 +98,7 @@ def multires_errors(context: Context, values: Mapping[str, Any]) -> Measured:
     technique.tree = cast(VplTree, counted)
 
     def shine(rsms: Sequence[DeviceRsm]) -> Plane:
-        return technique.run(context.gbuffer, None, rsms)
+        return technique.run(context.gbuffer, rsms=rsms)
 
     with replaced(multires_grid, constants):
         image = lit(context, maps, shine)
@@ -124,5 +124,7 @@ def _per_pixel(technique: VplSplat, context: Context) -> float:
     return pairs / (rows * columns)
 
 
-SPLAT = Scan(splat_errors, "RMSE (% of the mean)", "lights looked at per pixel")
-MULTIRES = Scan(multires_errors, "RMSE (% of the mean)", "lights looked at per pixel")
+SCANS: Mapping[str, Scan] = {
+    name: Scan(measure, "RMSE (% of the mean)", "lights looked at per pixel")
+    for name, measure in (("vpl_splat", splat_errors), ("multires_splat", multires_errors))
+}

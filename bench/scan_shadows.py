@@ -86,4 +86,6 @@ def towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doub
     return to_light / length[:, None], length * _SHORT
 
 
-SHADOWS = Scan(shadow_errors, "RMSE of the share of light", "wrong pixels (%)")
+SCANS: Mapping[str, Scan] = {
+    "shadow_map": Scan(shadow_errors, "RMSE of the share of light", "wrong pixels (%)"),
+}

@@ -71,4 +71,6 @@ def _bounce(context: Context, params: SsdoParams, cameras: int) -> NDArray[np.fl
         return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
 
 
-VIEWS = Scan(view_errors, "RMSE (% of the mean)", "taps of auxiliary views per pixel")
+SCANS: Mapping[str, Scan] = {
+    "ssdo_views": Scan(view_errors, "RMSE (% of the mean)", "taps of auxiliary views per pixel"),
+}

@@ -100,7 +100,7 @@ def shadow_errors(
         for punctual_light, shadow in zip(punctual_lights, shadows, strict=True):
             planes = []
             for map_ in (None, shadow):
-                plane = shading.run(device, [punctual_light], [map_])
+                plane = shading.run(device, [punctual_light], shadows=[map_])
                 planes.append(np.zeros(size) if plane is None
                               else plane.download().sum(axis=0, dtype=np.float64))
             free, held = planes

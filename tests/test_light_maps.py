@@ -137,7 +137,7 @@ def test_blocks_give_the_light_that_all_taps_give(variant_runtime: Runtime, scen
         assert shadow is not None
         lit = []
         for blocks in (None, shadow.blocks):
-            plane = shading.run(device, [punctual_light], [replace(shadow, blocks=blocks)])
+            plane = shading.run(device, [punctual_light], shadows=[replace(shadow, blocks=blocks)])
             assert plane is not None
             lit.append(plane.download())
         assert lit[0].any()

@@ -1,4 +1,7 @@
-"""What can be measured, by family: this library's techniques, and its peers."""
+"""What can be measured, by family: this library's techniques, and its peers.
+
+Each module declares `FAMILIES`, name -> family; a new one is found by itself.
+"""
 
 from __future__ import annotations
 
@@ -6,48 +9,17 @@ from collections.abc import Mapping
 
 from ssgi_cl.tuning.case import Family
 
+from ..discover import declared
 from ..peers import PEERS
-from . import (
-    bent_normals,
-    bilateral,
-    converged,
-    floor,
-    lecture,
-    multires_published,
-    multires_splat,
-    rasterize,
-    rsm_gather,
-    rsm_published,
-    shade,
-    skips,
-    slices,
-    ssao,
-    ssdo,
-    upsample,
-    vpl_lobes,
-    vpl_splat,
-)
 
-OWN: Mapping[str, Family] = {
-    **ssao.FAMILIES,
-    **slices.FAMILIES,
-    **converged.FAMILIES,
-    **bent_normals.FAMILIES,
-    **lecture.FAMILIES,
-    **floor.FAMILIES,
-    **bilateral.FAMILIES,
-    **upsample.FAMILIES,
-    **shade.FAMILIES,
-    **rsm_gather.FAMILIES,
-    **rsm_published.FAMILIES,
-    **ssdo.FAMILIES,
-    **rasterize.FAMILIES,
-    **skips.FAMILIES,
-    **vpl_splat.FAMILIES,
-    **vpl_lobes.FAMILIES,
-    **multires_splat.FAMILIES,
-    **multires_published.FAMILIES,
-}
+ORDER = (
+    "ssao", "slices", "converged", "bent_normals", "lecture", "floor", "bilateral", "upsample",
+    "shade", "rsm_gather", "rsm_published", "ssdo", "rasterize", "skips", "vpl_splat", "vpl_lobes",
+    "multires_splat", "multires_published",
+)
+"""Of the modules in lists of cases; others come after these."""
+
+OWN: Mapping[str, Family] = declared(__name__, "FAMILIES", ORDER)
 """This library's."""
 
 FAMILIES: Mapping[str, Family] = {**OWN, **PEERS}

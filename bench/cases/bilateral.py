@@ -35,8 +35,8 @@ class Blur(Own):
             return exact(bilateral_reference(value.download()[0], context.host_gbuffer, params))
 
         return Subject(
-            run=lambda: blur.run(value, context.gbuffer),
-            image=lambda: blur.run(value, context.gbuffer).download()[0],
+            run=lambda: blur.run(context.gbuffer, value),
+            image=lambda: blur.run(context.gbuffer, value).download()[0],
             moved=pixels * PIXEL_BYTES,
             truths={"assumption": numpy_reference},
             note="the blur alone",

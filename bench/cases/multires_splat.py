@@ -82,7 +82,7 @@ class MultiresVisibility(Own):
 
         def image() -> NDArray[np.float32]:
             return lit(
-                context, maps, lambda rsms: technique.run(view.draw(), None, rsms, scene=scene)
+                context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene)
             )
 
         image()
@@ -113,7 +113,7 @@ def few_pixels_subject(
     maps, view = DrawnMaps(context, MAP_SIZE), DrawnView(context, 1, 0.0)
 
     def image() -> NDArray[np.float32]:
-        return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms))
+        return lit(context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms))
 
     found = image()
     off = relative_rmse(found - all_lights(context, maps, lights, refine), found)
@@ -144,7 +144,7 @@ def all_lights(
     """Return the irradiance of all lights, each pixel computed."""
     params = VplSplatParams(vpls=count, cutoff=0.0, refine=refine)
     technique = VplSplat(context.runtime, context.size, params)
-    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, None, rsms))
+    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, rsms=rsms))
 
 
 def relative_rmse(off: NDArray[np.float32], image: NDArray[np.float32]) -> float:

@@ -178,7 +178,9 @@ SCANNED = [
 ]
 FAMILIES: Mapping[str, Family] = {
     **{
-        each.name: Slices(each.technique, each.technique.defaults, each.bench or Slices.SETTINGS)
+        each.name: Slices(
+            each.technique, each.technique.defaults, each.bench.settings or Slices.SETTINGS
+        )
         for each in SCANNED
     },
     **{f"{each.name.removesuffix('_ao')}-preset": Presets(each.technique) for each in SCANNED},

@@ -60,8 +60,8 @@ class Upsampling(Own):
             return exact(upsample_reference(given, host, step=step))
 
         return Subject(
-            run=lambda: upsample.run(coarse, reduced, context.gbuffer),
-            image=lambda: upsample.run(coarse, reduced, context.gbuffer).download()[0],
+            run=lambda: upsample.run(context.gbuffer, coarse, reduced=reduced),
+            image=lambda: upsample.run(context.gbuffer, coarse, reduced=reduced).download()[0],
             moved=pixels * PIXEL_BYTES,
             truths={"assumption": numpy_reference},
             note="upsampling and a 15 x 15 blur in one, of a ramp" if self._blurred

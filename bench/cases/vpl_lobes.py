@@ -82,7 +82,7 @@ def _mirrored(
     technique: VplSplat, context: Context, maps: DrawnMaps
 ) -> NDArray[np.float32]:
     """Return irradiance by lights with lobes alone."""
-    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, NO_LIGHTS, rsms))
+    return lit(context, maps, lambda rsms: technique.run(context.gbuffer, NO_LIGHTS, rsms=rsms))
 
 
 FAMILIES: Mapping[str, Family] = {

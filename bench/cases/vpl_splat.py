@@ -99,7 +99,9 @@ def vpl_subject(context: Context, params: VplSplatParams, *, solid: bool = False
     pixels = context.size[0] * context.size[1]
 
     def image() -> NDArray[np.float32]:
-        return lit(context, maps, lambda rsms: technique.run(view.draw(), None, rsms, scene=scene))
+        return lit(
+            context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene)
+        )
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:

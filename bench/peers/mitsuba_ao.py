@@ -118,7 +118,7 @@ def blurred(
 
     def run() -> Floats:
         noisy.upload(cast()[None])
-        image: Floats = blur.run(noisy, context.gbuffer).download()[0]
+        image: Floats = blur.run(context.gbuffer, noisy).download()[0]
         return image
 
     return run

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // radiosity_visibility: which surfels see which, a ray through the occupancy grid for each pair.
 //
-// Pairs of which one does not face the other have no ray.
+// Pairs of which one does not face the other have no ray. A pair has one ray: words of surfels before
+// the receiver's own word are left to radiosity_mirror.
 // Reads:   surfels    see surfel.clh
 //          records    [size.x][SURFEL_RECORD] position, area, minus the normal, 0, flux, 0
 //          occupancy  see vpl/grid.clh
@@ -25,7 +26,7 @@ __kernel void radiosity_visibility(__global const float *restrict surfels,
     const int first = ssgi_first_column();
     const int word = (int)get_global_id(1);
     const int stride = size.x;
-    if (first >= stride || word >= size.y) {
+    if (first >= stride || word >= size.y || word < first / 32) {
         return;
     }
     const SurfelReceiver at = surfel_receivers(surfels, stride, first);

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: MIT
 // sampled_depth: the depth that each of many small orthographic views sees, all at once.
 //
-// Method:  every triangle is brought to every view, a lane each; few cover the middle of a texel, and
-//          those are drawn one by one, texels a lane each. Edge functions (Pineda 1988) of corners
-//          relative to the texel change sign exactly where two triangles share an edge.
+// Method:  every triangle is brought to every view, a lane each; few have the middle of a texel in
+//          their box. Of those, small ones are drawn side by side, a triangle a lane, and the others
+//          one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to the texel
+//          change sign exactly where two triangles share an edge.
 // Reads:   triangles  [9][stride] corners, relative to the scene's origin
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is; the
 //          least is the same in any order
 // Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes
-// Params:  size = (views, batches); number of triangles, texels along a map's side
-// Launch:  a work-item for each view of each batch
+// Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
+//          work-item
+// Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row in
+//          all, so that a map has one work-item that writes it and no store is atomic
+// Cost:    90 operations per triangle and view; 30 per SSGI_LANES texels or small triangles
 
 #include "common/lanes.clh"
 
@@ -19,6 +23,8 @@
 #endif
 
 #define SAMPLED_ROOM 1e-3f // texels by which a box is widened, against rounding
+
+#define SAMPLED_SMALL 24.0f // texels of a box up to which triangles are drawn side by side
 
 typedef struct {
     float x[3], y[3], z[3];
@@ -31,57 +37,105 @@ static inline vfloat sampled_row(__global const float *restrict m, const vfloat 
     return v_fma(x, v_splat(m[0]), v_fma(y, v_splat(m[1]), v_fma(z, v_splat(m[2]), v_splat(m[3]))));
 }
 
+// Where texels in whose middle the corners are (x, y) away are covered; their depth.
+static inline vmask sampled_cover(const vfloat x[3], const vfloat y[3], const vfloat z[3],
+                                  vfloat *depth)
+{
+    const vfloat a = x[1] * y[2] - x[2] * y[1];
+    const vfloat b = x[2] * y[0] - x[0] * y[2];
+    const vfloat c = x[0] * y[1] - x[1] * y[0];
+    const vfloat zero = v_splat(0.0f), sum = a + b + c;
+    const vmask inside = (v_ge(a, zero) & v_ge(b, zero) & v_ge(c, zero)) |
+                         (v_le(a, zero) & v_le(b, zero) & v_le(c, zero));
+    const vmask hit = inside & v_ne(sum, zero);
+    const vfloat scale = 1.0f / v_select(v_splat(1.0f), sum, hit);
+    *depth = v_max(v_fma(a * scale, z[0], v_fma(b * scale, z[1], c * scale * z[2])), zero);
+    return hit;
+}
+
+static inline void sampled_least(__global int *restrict texel, const int bits)
+{
+    if (bits < *texel) {
+#if SSGI_LANES > 1
+        *texel = bits;
+#else
+        atomic_min(texel, bits);
+#endif
+    }
+}
+
+// A triangle, texels a lane each; the map has SSGI_LANES columns at least.
 static inline void sampled_draw(const SampledTriangle *t, __global int *restrict map,
                                 const int texels)
 {
+    const vfloat z[3] = {v_splat(t->z[0]), v_splat(t->z[1]), v_splat(t->z[2])};
     for (int row = t->top; row <= t->bottom; ++row) {
-        const float y = (float)row + 0.5f;
-        const float ya = t->y[0] - y, yb = t->y[1] - y, yc = t->y[2] - y;
-        for (int column = t->left; column <= t->right; column += SSGI_LANES) {
-            const vfloat x = v_to_float(v_iota() + column) + 0.5f;
-            const vfloat xa = t->x[0] - x, xb = t->x[1] - x, xc = t->x[2] - x;
-            const vfloat a = xb * yc - xc * yb;
-            const vfloat b = xc * ya - xa * yc;
-            const vfloat c = xa * yb - xb * ya;
-            const vfloat zero = v_splat(0.0f), sum = a + b + c;
-            const vmask inside = (v_ge(a, zero) & v_ge(b, zero) & v_ge(c, zero)) |
-                                 (v_le(a, zero) & v_le(b, zero) & v_le(c, zero));
-            const vmask hit = inside & v_ne(sum, zero) &
-                              v_ile(v_iota() + column, v_splat_int(t->right));
+        const float middle = (float)row + 0.5f;
+        const vfloat y[3] = {v_splat(t->y[0] - middle), v_splat(t->y[1] - middle),
+                             v_splat(t->y[2] - middle)};
+        for (int left = t->left; left <= t->right; left += SSGI_LANES) {
+            const int first = min(left, texels - SSGI_LANES);
+            const vint column = v_iota() + first;
+            const vfloat at = v_to_float(column) + 0.5f;
+            const vfloat x[3] = {t->x[0] - at, t->x[1] - at, t->x[2] - at};
+            vfloat depth;
+            const vmask hit = sampled_cover(x, y, z, &depth) &
+                              v_ile(column, v_splat_int(t->right)) &
+                              v_ige(column, v_splat_int(t->left));
             if (!v_any(hit)) {
                 continue;
             }
-            const vfloat scale = 1.0f / v_select(v_splat(1.0f), sum, hit);
-            const vfloat depth = v_max(
-                v_fma(a * scale, v_splat(t->z[0]),
-                      v_fma(b * scale, v_splat(t->z[1]), c * scale * t->z[2])), zero);
-            int bits[SSGI_LANES], hits[SSGI_LANES];
-            v_ikeep(v_bits(depth), bits);
-            v_ikeep(hit, hits);
-            __global int *restrict at = map + row * texels + column;
-            for (int lane = 0; lane < SSGI_LANES; ++lane) {
-                if (hits[lane] && bits[lane] < at[lane]) {
-                    atomic_min(at + lane, bits[lane]);
-                }
-            }
+            __global int *restrict texel = map + row * texels + first;
+#if SSGI_LANES > 1
+            const vint before = v_iload(texel);
+            v_istore(v_iselect(before, v_imin(before, v_bits(depth)), hit), texel);
+#else
+            sampled_least(texel, v_bits(depth));
+#endif
         }
     }
 }
 
-__kernel void sampled_depth(__global const float *restrict triangles,
-                            __global const float *restrict views, __global int *restrict maps,
-                            const int2 size, const int count, const int texels)
+// Triangles where `wanted`, a lane each: all walk through the texels of their boxes at once.
+static inline void sampled_draw_small(const vfloat x[3], const vfloat y[3], const vfloat z[3],
+                                      const vfloat left, const vfloat right, const vfloat top,
+                                      const vfloat bottom, vmask wanted,
+                                      __global int *restrict map, const int texels)
 {
-    const int view = (int)get_global_id(0), batch = (int)get_global_id(1);
-    if (view >= size.x || batch >= size.y) {
-        return;
+    vfloat column = left, row = top;
+    while (v_any(wanted)) {
+        const vfloat at_x = column + 0.5f, at_y = row + 0.5f;
+        const vfloat dx[3] = {x[0] - at_x, x[1] - at_x, x[2] - at_x};
+        const vfloat dy[3] = {y[0] - at_y, y[1] - at_y, y[2] - at_y};
+        vfloat depth;
+        const vmask hit = sampled_cover(dx, dy, z, &depth) & wanted;
+        if (v_any(hit)) {
+            int bits[SSGI_LANES], hits[SSGI_LANES], texel[SSGI_LANES];
+            v_ikeep(v_bits(depth), bits);
+            v_ikeep(hit, hits);
+            v_ikeep(v_to_int(v_fma(row, v_splat((float)texels), column)), texel);
+            for (int lane = 0; lane < SSGI_LANES; ++lane) {
+                if (hits[lane]) {
+                    sampled_least(map + texel[lane], bits[lane]);
+                }
+            }
+        }
+        const vmask end = v_ge(column, right);
+        row = v_select(row, row + 1.0f, end);
+        column = v_select(column + 1.0f, left, end);
+        wanted = wanted & v_le(row, bottom);
     }
+}
+
+// The triangles of a batch from `first` on in one view, whose matrix is `m`.
+static inline void sampled_batch(__global const float *restrict triangles,
+                                 __global const float *restrict m, __global int *restrict map,
+                                 const int first, const int count, const int texels)
+{
     const int stride = (count + 15) & ~15;
-    __global const float *restrict m = views + view * 12;
-    __global int *restrict map = maps + view * texels * texels;
-    const int end = min((batch + 1) * SAMPLED_BATCH, count);
+    const int end = min(first + SAMPLED_BATCH, count);
     const float last = (float)(texels - 1);
-    for (int i = batch * SAMPLED_BATCH; i < end; i += SSGI_LANES) {
+    for (int i = first; i < end; i += SSGI_LANES) {
         vfloat x[3], y[3], z[3];
         for (int corner = 0; corner < 3; ++corner) {
             __global const float *restrict at = triangles + 3 * corner * stride + i;
@@ -103,19 +157,26 @@ __kernel void sampled_depth(__global const float *restrict triangles,
         if (!v_any(wanted)) {
             continue;
         }
+        const vmask small =
+            wanted & v_le((to_x - from_x + 1.0f) * (to_y - from_y + 1.0f), v_splat(SAMPLED_SMALL));
+        sampled_draw_small(x, y, z, from_x, to_x, from_y, to_y, small, map, texels);
+        const vmask large = wanted & ~small;
+        if (!v_any(large)) {
+            continue;
+        }
         int want[SSGI_LANES];
         float kx[3][SSGI_LANES], ky[3][SSGI_LANES], kz[3][SSGI_LANES];
         int box[4][SSGI_LANES];
-        v_ikeep(wanted, want);
+        v_ikeep(large, want);
         for (int corner = 0; corner < 3; ++corner) {
             v_keep(x[corner], kx[corner]);
             v_keep(y[corner], ky[corner]);
             v_keep(z[corner], kz[corner]);
         }
-        v_ikeep(v_to_int(v_select(v_splat(0.0f), from_x, wanted)), box[0]);
-        v_ikeep(v_to_int(v_select(v_splat(0.0f), to_x, wanted)), box[1]);
-        v_ikeep(v_to_int(v_select(v_splat(0.0f), from_y, wanted)), box[2]);
-        v_ikeep(v_to_int(v_select(v_splat(0.0f), to_y, wanted)), box[3]);
+        v_ikeep(v_to_int(v_select(v_splat(0.0f), from_x, large)), box[0]);
+        v_ikeep(v_to_int(v_select(v_splat(0.0f), to_x, large)), box[1]);
+        v_ikeep(v_to_int(v_select(v_splat(0.0f), from_y, large)), box[2]);
+        v_ikeep(v_to_int(v_select(v_splat(0.0f), to_y, large)), box[3]);
         for (int lane = 0; lane < SSGI_LANES; ++lane) {
             if (want[lane]) {
                 const SampledTriangle t = {
@@ -126,6 +187,19 @@ __kernel void sampled_depth(__global const float *restrict triangles,
                 };
                 sampled_draw(&t, map, texels);
             }
+        }
+    }
+}
+
+__kernel void sampled_depth(__global const float *restrict triangles,
+                            __global const float *restrict views, __global int *restrict maps,
+                            const int2 size, const int count, const int texels, const int each)
+{
+    const int first = (int)get_global_id(0) * each;
+    for (int batch = (int)get_global_id(1); batch < size.y; batch += (int)get_global_size(1)) {
+        for (int view = first; view < min(first + each, size.x); ++view) {
+            sampled_batch(triangles, views + view * 12, maps + view * texels * texels,
+                          batch * SAMPLED_BATCH, count, texels);
         }
     }
 }

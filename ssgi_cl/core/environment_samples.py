@@ -127,10 +127,10 @@ def _cells(environment: Environment) -> Doubles:
 
 def resized(image: Doubles) -> Doubles:
     """Return an image whose texels suit the cells: of a mean of several, or each several times."""
-    for axis, (least, most) in enumerate(
-        ((_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS))
-    ):
-        size = image.shape[axis]
+    limits = (_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS)
+    # The longer side first: it gets smaller before the other one may get larger.
+    for axis in np.argsort(image.shape[:2])[::-1]:
+        (least, most), size = limits[axis], image.shape[axis]
         if size < least:
             image = np.repeat(image, math.ceil(least / size), axis)
         elif size > most:

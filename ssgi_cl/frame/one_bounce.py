@@ -50,7 +50,9 @@ class OneBounce(Protocol):
     @params.setter
     def params(self, params: OneBounceParams) -> None: ...
 
-    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
+    def run(
+        self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None
+    ) -> Plane:
         """Queue the passes; return the plane of irradiance.
 
         Args:
@@ -85,7 +87,9 @@ class _Technique:
     def params(self, params: OneBounceParams) -> None:
         self.technique.params = params
 
-    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, scene: DeviceScene | None) -> Plane:
+    def run(
+        self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None
+    ) -> Plane:
         return self.queue(gbuffer, rsm, scene)
 
     def levels(self) -> NDArray[np.int32] | None:
@@ -95,20 +99,20 @@ class _Technique:
 def _multires(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
     splat = MultiresSplat(runtime, size, params)
     return _Technique(
-        splat, True, lambda seen, rsm, scene: splat.run(seen, None, [rsm], scene=scene),
+        splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene),
         lambda: splat.grid.computed(),
     )
 
 
 def _multires_published(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
     splat = MultiresPublished(runtime, size, params)
-    return _Technique(splat, False, lambda seen, rsm, scene: splat.run(seen, None, [rsm]))
+    return _Technique(splat, False, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm]))
 
 
 def _vpl(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
     splat = VplSplat(runtime, size, params)
     return _Technique(
-        splat, True, lambda seen, rsm, scene: splat.run(seen, None, [rsm], scene=scene)
+        splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene)
     )
 
 

@@ -155,13 +155,16 @@ class Renderer:
             if indirect is not None:
                 self._bounce = one_bounce(runtime, size, indirect, margin)
             reflects = self._bounce is not None or whole is not None
-            indirect_ao = (indirect_ao or whole is not None) and reflects
+            indirect_ao = indirect_ao and reflects
             if ao is not None:
                 occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
                 self._openers.append(occluder)
                 self._ao = occluder
                 near.append(
-                    occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao)
+                    occlusion_stage(
+                        occluder, tiles, self.skips,
+                        dims_indirect=indirect_ao or whole is not None,
+                    )
                 )
                 light.append(AO)
             if "lights" in self.skips:
@@ -186,7 +189,8 @@ class Renderer:
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(
-                shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao
+                shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao,
+                gaps=whole is not None,
             ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]

@@ -126,7 +126,8 @@ def occlusion_stage(
     hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
         name=ao.name, reads=(GBUFFER, AO_PARAMS), hints=hints, writes=(AO,), condition=condition,
-        run=lambda r: ao.run(r[GBUFFER], tiles, r.get(TILES)), culled="no output that it changes",
+        run=lambda r: ao.run(r[GBUFFER], tiles=tiles, summary=r.get(TILES)),
+        culled="no output that it changes",
     )
 
 
@@ -199,7 +200,9 @@ def direct_stage(shade: Shade) -> Stage:
     def run(r: Values) -> Plane | None:
         lights, shadows, idle = r[LIGHTS], r[SHADOWS], r[IDLE_LIGHTS] or ()
         lit = [i for i in range(len(lights)) if i not in idle]
-        return shade.light(r[GBUFFER], [lights[i] for i in lit], [shadows[i] for i in lit])
+        return shade.light(
+            r[GBUFFER], [lights[i] for i in lit], shadows=[shadows[i] for i in lit]
+        )
 
     return Stage(
         name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,),
@@ -214,7 +217,7 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
     """
     def run(r: Values) -> WorldVpls | None:
         maps = r.get(RSM)
-        return radiosity.run(r[SCENE], r[LIGHTS], [] if maps is None else [maps])
+        return radiosity.run(r[SCENE], r[LIGHTS], rsms=[] if maps is None else [maps])
 
     return Stage(
         name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
@@ -237,7 +240,7 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
     def run(r: Values) -> Plane:
         maps = r.get(RSM)
         return splat.run(
-            r[GBUFFER], None, [] if maps is None else [maps],
+            r[GBUFFER], rsms=[] if maps is None else [maps],
             scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT],
         )
 
@@ -251,7 +254,7 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect once."""
     def run(r: Values) -> Plane:
         scene = device_scene(r[SCENE], runtime) if bounce.blocked else None
-        return bounce.run(r[GBUFFER], r[RSM], scene)
+        return bounce.run(r[GBUFFER], r[RSM], scene=scene)
 
     return Stage(
         name="bounce",
@@ -290,7 +293,7 @@ def ssdo_stages(
 
 
 def combine_stage(
-    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool
+    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool
 ) -> Stage:
     """Return the stage that sums up all light.
 
@@ -299,12 +302,13 @@ def combine_stage(
         reads: the kinds of light and occlusion that there are, by name.
         ambient: whether the light of environments is not in direct light yet.
         indirect_ao: whether ambient occlusion dims indirect light too.
+        gaps: whether it does so at least where it is below 1/2.
     """
     def run(r: Values) -> Plane:
         return shade.combine(
             r[GBUFFER], r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
-            sky_light=r.get(SKY_LIGHT),
+            gaps=gaps, sky_light=r.get(SKY_LIGHT),
         )
 
     return Stage(
@@ -325,7 +329,9 @@ def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
         Stage(name="exposure", reads=(PIXELS, GBUFFER), writes=(EXPOSURE,), run=expose),
         Stage(
             name="picture", reads=(RADIANCE, GBUFFER, EXPOSURE), writes=(IMAGE,),
-            run=lambda r: tonemap.run(r[RADIANCE], r[EXPOSURE], shade.seen(r[GBUFFER])),
+            run=lambda r: tonemap.run(
+                r[RADIANCE], exposure=r[EXPOSURE], region=shade.seen(r[GBUFFER])
+            ),
         ),
     ]
 

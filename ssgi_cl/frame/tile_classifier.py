@@ -117,7 +117,10 @@ class Occluder:
         self.pays = False
         self._opener = Opener(runtime, self.name, self.name)
 
-    def run(self, seen: DeviceGBuffer, tiles: Tiles | None, summary: TileSummary | None) -> Plane:
+    def run(
+        self, gbuffer: DeviceGBuffer, *, tiles: Tiles | None = None,
+        summary: TileSummary | None = None,
+    ) -> Plane:
         """Queue the passes; return the plane of A.
 
         `summary` are what `tiles` found in the G-buffer, both None if nothing is to be left out.
@@ -128,14 +131,15 @@ class Occluder:
             missing = f"{self._layers - layers} of {self._layers} have no pixel"
             self.runtime.skip(f"{self.name} layers", missing)
         look = summary is not None and "tiles" in self._skips
-        known = self._opener.find(seen, tiles if look else None, self._technique.reach(seen))
+        reach = self._technique.reach(gbuffer)
+        known = self._opener.find(gbuffer, tiles if look else None, reach)
         self.pays = layers is not None or self._opener.pays
         if known is not None and known.open == known.total and self._has_one:
             plane = self.runtime.transient.plane(1, self._size, 1.0)
             if isinstance(plane, TransientPlane):
                 plane.clear()
             return plane
-        return self._technique.run(seen, known, layers)
+        return self._technique.run(gbuffer, tiles=known, layers=layers)
 
     @property
     def params(self) -> OcclusionParams:

@@ -24,7 +24,7 @@ MARGIN_CELLS = 6
 
 CONTACT = 2.0
 """Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
-of that radius stands in for them."""
+of that radius stands in for them, of the sky's light, and in gaps of the bounces too."""
 
 SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
@@ -48,7 +48,7 @@ class WholeParams:
     surfels: int = 2048
     directions: int = 128
     map_size: int = 256
-    error: float = 0.05
+    error: float = 0.1
 
     def stages(self, runtime: Runtime, size: Size) -> list[Stage]:
         """Return the stages of a frame that compute it, prepared for pictures of one size."""
@@ -69,7 +69,7 @@ class WholeParams:
 
 
 PRESETS = {
-    "low": WholeParams(vpls=1024, surfels=512, directions=64, map_size=128, error=0.1),
+    "low": WholeParams(vpls=1024, surfels=512, directions=64, map_size=128, error=0.2),
     "medium": WholeParams(vpls=2048, surfels=1024, map_size=128),
     "high": WholeParams(),
     "ultra": WholeParams(vpls=16384, surfels=8192, directions=256, error=0.02),

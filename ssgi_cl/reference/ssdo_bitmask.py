@@ -55,7 +55,7 @@ def ssdo_bitmask_reference(
     *,
     sectors: int = SECTORS,
 ) -> Doubles:
-    """Return images [1 to 10, rows, columns] as `SsdoBitmask.gather` does, from the same taps.
+    """Return images [1 to 10, rows, columns] as `SsdoBitmask.run` does, from the same taps.
 
     Args:
         radiance: [layers, rows, columns, 3] of the G-buffer's arrays, or of twice the layers, those

@@ -27,7 +27,9 @@ from ssgi_cl.techniques.technique import Technique
 Doubles = NDArray[np.float64]
 
 BATCH = 256
-"""Triangles that a work-item of the maps' pass takes."""
+"""Triangles that the maps' pass brings to one view after another."""
+ITEMS = 8
+"""Work-items of that pass for each compute unit, where each has maps of its own."""
 FIELDS = 20
 OFFSET = 1.0
 """Diagonals of a texel by which a receiver is moved along its normal: the farthest of 2 x 2 texels
@@ -132,7 +134,9 @@ class SampledLights(Prepared[SampledLightsParams]):
                 margin_columns=gbuffer.margin[1], margin_rows=gbuffer.margin[0],
                 texels=self.params.map_size,
             )
-        return self._blur.run(irradiance, gbuffer, "sampled lights blur", region=region)
+        return self._blur.run(
+            gbuffer, irradiance, name="sampled lights blur", region=region
+        )
 
     def _sample(self, lights: Sequence[Light]) -> None:
         now = tuple(light for light in lights if isinstance(light, Environment))
@@ -166,10 +170,13 @@ class SampledLights(Prepared[SampledLightsParams]):
         else:
             self._maps.upload(empty)
         batches = -(-triangles // BATCH)
+        rows, each = batches, 1
+        if runtime.variant.lanes > 1:  # see the kernel
+            rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
         self._depth.run(
-            "sampled lights maps", (batches, count), grid=(batches, count),
+            "sampled lights maps", (batches, count), grid=(rows, -(-count // each)), local=(1, 1),
             triangles=corners, views=self._matrices,
-            maps=self._maps, count=triangles, texels=texels,
+            maps=self._maps, count=triangles, texels=texels, each=each,
         )
         self.contact_radius = 2.0 * float(np.median(self._diagonals))
         self._scene = scene.key

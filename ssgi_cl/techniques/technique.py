@@ -1,4 +1,18 @@
-"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured."""
+"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured.
+
+The class of every technique, and of the parts that techniques are made of, has one method that
+queues its passes:
+
+    run(gbuffer, source, *, hints...)
+
+- `gbuffer` is what the camera sees. What computes in the scene takes `scene` in its place, such as
+  `Radiosity`; what needs no surfaces takes `radiance`, such as `Tonemap`.
+- `source` is the one thing that it reads beside the G-buffer, under its own name: `lights`, `rsms`,
+  `vpls`, the plane to filter. Techniques of the G-buffer alone have none.
+- All else is given by name, with a default unless nothing can be computed without it.
+- It returns a plane in device memory, or several as a record of planes; None stands for black.
+  `Tonemap` returns the picture, in host memory.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +27,26 @@ INPUTS = (
     "depth", "normal", "albedo", "emission", "thickness", "lights", "rsms", "scene", "image",
 )
 """What techniques read: images of the G-buffer, and arguments by name; `image` is one to filter."""
+FIRST = ("gbuffer", "scene", "radiance")
+"""What the first argument of `run` may be."""
+
+Row = tuple[str, Sequence[tuple[str, str]]]
+"""What is computed, and (what is measured, case of the benchmark) of each figure that is shown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """How a technique is measured, and what of it README and its page show.
+
+    Attributes:
+        settings: of its family of benchmark cases, where these differ from the usual ones.
+        families: of cases, whose table its page shows.
+        rows: of README's table, by the call that they are of.
+    """
+
+    settings: tuple[str, ...] = ()
+    families: tuple[str, ...] = ()
+    rows: Mapping[str, Row] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +60,7 @@ class Technique:
         paper: authors and year.
         function: numpy in, numpy out; takes `runtime` and the parameters.
         params: the dataclass that declares the parameters.
-        technique: the class, to prepare once and run often.
+        technique: the class, to prepare once and run often; see above for its `run`.
         reference: the module of the numpy reference implementation.
         kernels: path in kernels/ -> names of macros, of the technique's own folders there; what it
             shares with others, such as filters, lies in folders of their own.
@@ -34,7 +68,7 @@ class Technique:
         writes: results by name, also in a file; optional ones last.
         methods: other ways to compute it, each with the dataclass of its parameters.
         command: whether `ssgi apply` offers it.
-        bench: settings of its family of benchmark cases, where these differ from the usual ones.
+        bench: how it is measured and what of that is shown.
         variants: values of parameters that tests combine, the quickest and usual first.
         quantity: what the result is, a method of the benchmark's `Context` that gives its
             reference.
@@ -55,7 +89,7 @@ class Technique:
     writes: tuple[str, ...]
     methods: Mapping[str, type[Params]] = field(default_factory=dict)
     command: bool = False
-    bench: tuple[str, ...] = ()
+    bench: Bench = field(default_factory=Bench)
     variants: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     quantity: str = ""
     tunable: Mapping[str, Sequence[Any]] = field(default_factory=dict)

@@ -115,7 +115,7 @@ def _truth(
     rebuild: bool,
     progress: Callable[[float], object] | None,
 ) -> Truth:
-    lights = checked_lights(scene, camera, lights)
+    lights = checked_inputs(scene, camera, lights)
     if not lights:
         raise ValueError("lights is empty: expected at least one light")
     exact = tracer is DirectLight and not any(isinstance(light, Environment) for light in lights)
@@ -146,8 +146,8 @@ def _truth(
     )
 
 
-def checked_lights(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tuple[Light, ...]:
-    """Return the lights, after a look at the types of all three."""
+def checked_inputs(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tuple[Light, ...]:
+    """Return the lights, after a check of the types of scene, camera and lights."""
     if not isinstance(scene, Scene):
         raise TypeError(
             f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"

@@ -14,7 +14,7 @@ from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.light import checked_lights, passes_of
+from ssgi_cl.truth.light import checked_inputs, passes_of
 from ssgi_cl.truth.radiance_tracer import MOST_BOUNCES, RadianceTracer
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -61,7 +61,7 @@ def radiance(
         MissingExtraError: mitsuba is not installed; it comes with the extra `truth`.
         TruthError: what is kept is damaged.
     """
-    lights = checked_lights(scene, camera, lights)
+    lights = checked_inputs(scene, camera, lights)
     checks.switch("box_filter", box_filter)
     passes, per_pass = passes_of(paths)
     most = _most_bounces(bounces)

@@ -209,7 +209,7 @@ def test_blur_of_no_reach_returns_the_image(
     )
     blur = Bilateral(runtime, gbuffer.size, BilateralParams(**params))
     value = runtime.plane(1, gbuffer.size)
-    assert blur.run(value, on_device(gbuffer, runtime)) is value
+    assert blur.run(on_device(gbuffer, runtime), value) is value
     assert [p.name for p in runtime.times() if p.skipped] == ["blur"]
 
 
@@ -255,9 +255,9 @@ def test_second_call_allocates_and_builds_nothing(
     blur = Bilateral(variant_runtime, gbuffer.size, BilateralParams(passes=2))
     plane = variant_runtime.plane(1, gbuffer.size)
     plane.upload(rng.random((1, *gbuffer.size)).astype(np.float32))
-    first = blur.run(plane, device).download()
+    first = blur.run(device, plane).download()
     before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = blur.run(plane, device).download()
+    second = blur.run(device, plane).download()
     assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 

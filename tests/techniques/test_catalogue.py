@@ -203,7 +203,7 @@ def test_shading_and_tone_mapping_take_their_parameters(runtime: Runtime, given:
     np.testing.assert_array_equal(shown[0], shown[1])
     assert (shown[0] != shown[2]).any()
     mapped = gi.Tonemap(runtime, size, gi.TonemapParams(exposure=0.3))
-    np.testing.assert_array_equal(mapped.run(plane), mapped.run(plane, 0.3))
+    np.testing.assert_array_equal(mapped.run(plane), mapped.run(plane, exposure=0.3))
     mapped.params = gi.TonemapParams()
     automatic = mapped.run(plane)
     radiance = np.moveaxis(plane.download(), 0, -1)

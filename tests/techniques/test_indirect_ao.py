@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.lights import SpotLight
+from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference
-from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.techniques.shading.shade import Shade, ShadeParams, shade
 
 from .analytic import camera, scene
 from .test_vpl_glossy import SPOT, polished_scene
@@ -61,6 +62,35 @@ def test_ambient_occlusion_dims_reflected_light_where_asked_to(
     np.testing.assert_allclose(
         kept, added * dimmed.ao[..., None], rtol=1e-4, atol=1e-6 * plain.radiance.max()
     )
+
+
+@pytest.mark.parametrize(
+    ("options", "share"),
+    [
+        ({"gaps": True}, lambda a: np.minimum(2.0 * a, 1.0)),
+        ({"gaps": True, "indirect_ao": True}, lambda a: a),
+        ({}, np.ones_like),
+    ],
+)
+def test_gaps_dim_bounces_and_occlusion_dims_the_sky(
+    variant_runtime: Runtime, rng: np.random.Generator, options: Any, share: Any
+) -> None:
+    runtime = variant_runtime
+    gbuffer = on_device(scene("corner", camera(), rng), runtime)
+    ao = rng.random(gbuffer.size).astype(np.float32)
+    indirect, sky = rng.random((2, 3, *gbuffer.size)).astype(np.float32)
+    planes = [runtime.plane(len(values), gbuffer.size) for values in (ao[None], indirect, sky)]
+    for plane, values in zip(planes, (ao[None], indirect, sky), strict=True):
+        plane.upload(values)
+    technique = Shade(runtime, gbuffer.size, ShadeParams(multi_bounce=False))
+    found = technique.combine(
+        gbuffer, [], None, ambient=False, visibility=planes[0], indirect=planes[1],
+        sky_light=planes[2], **options,
+    ).download()
+    albedo, there = gbuffer.albedo.download(), np.isfinite(gbuffer.depth.download()[0])
+    expected = albedo / np.pi * (share(ao.astype(np.float64)) * indirect + ao * sky)
+    # Some roundings of 2^-24.
+    np.testing.assert_allclose(found[:, there], expected[:, there], rtol=2e-6)
 
 
 def test_lights_with_lobes_are_drawn_chosen_and_shot(runtime: Runtime) -> None:

@@ -312,7 +312,7 @@ def test_lines_of_sight_agree_with_numpy_reference(
     )
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
-    e = np.moveaxis(technique.run(device, vpls, [map_]).download(), 0, -1)
+    e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
     view = gbuffer.camera.view
     there, point, normal = receivers(gbuffer)
     point, lights_at = (
@@ -342,7 +342,7 @@ def test_walls_take_light_away_alone_and_in_bit_identical_results_again(
             vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32
         )
         technique = MultiresSplat(variant_runtime, gbuffer.size, params)
-        made.append(technique.run(device, vpls, [map_]).download())
+        made.append(technique.run(device, vpls, rsms=[map_]).download())
     np.testing.assert_array_equal(made[1], made[2])
     assert (made[1] <= made[0]).all()
     assert 0.5 < made[1].sum() / made[0].sum() < 0.95

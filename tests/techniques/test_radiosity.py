@@ -87,7 +87,7 @@ def two_squares(albedo: float, emission: float, side: int = 1, distance: float =
 
 def solved(runtime: Runtime, scene: Scene, lights: Any = (), **params: Any) -> Radiosity:
     made = Radiosity(runtime, RadiosityParams(**{"surfels": 512, "vpls": 256, **params}))
-    made.run(scene, lights, maps(runtime, scene, lights))
+    made.run(scene, lights, rsms=maps(runtime, scene, lights))
     return made
 
 
@@ -163,13 +163,13 @@ def test_a_furnace_at_pixels(runtime: Runtime) -> None:
     scene, albedo = box(0.8, 1.0), 0.8
     camera = Camera.look_at((0.9, -0.2, 0.8), (-1, -0.4, -1), width=96, height=72)
     made = Radiosity(runtime, RadiosityParams(surfels=2048))
-    lights = made.run(scene, (), ())
+    lights = made.run(scene, ())
     splat = MultiresSplat(
         runtime, camera.size,
         MultiresSplatParams(vpls=16, visibility=True, grid=128), surfels=4096,
     )
     seen = on_device(gbuffer(scene, camera, runtime=runtime), runtime)
-    plane = splat.run(seen, None, (), scene=device_scene(scene, runtime), surfels=lights)
+    plane = splat.run(seen, scene=device_scene(scene, runtime), surfels=lights)
     image = plane.download()
     assert image.mean() == pytest.approx(math.pi / (1.0 - albedo), rel=0.02)
 
@@ -236,11 +236,11 @@ def test_bit_identical_results_twice_and_kept(runtime: Runtime) -> None:
     one, other = solved(runtime, scene, lights), solved(runtime, scene, lights)
     np.testing.assert_array_equal(one.irradiance, other.irradiance)
     seen = maps(runtime, scene, lights)
-    first = one.run(scene, lights, seen)
-    assert one.run(scene, lights, seen) is first
+    first = one.run(scene, lights, rsms=seen)
+    assert one.run(scene, lights, rsms=seen) is first
     sky = (*lights, Environment(1.0))
-    assert one.run(scene, sky, seen) is not first  # a light has come
-    assert one.run(box(0.6), sky, seen) is not first  # another scene
+    assert one.run(scene, sky, rsms=seen) is not first  # a light has come
+    assert one.run(box(0.6), sky, rsms=seen) is not first  # another scene
 
 
 def test_a_spot_in_a_closed_box_lights_by_its_flux(runtime: Runtime) -> None:
@@ -299,12 +299,12 @@ def test_sky_directions_hold_all_of_the_sky() -> None:
 
 
 def test_without_light_nothing_is_sent(runtime: Runtime) -> None:
-    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(box(0.5), (), ()) is None
+    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(box(0.5), ()) is None
 
 
 def test_a_scene_without_area_sends_nothing(runtime: Runtime) -> None:
     flat = meshed([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], (Material(emission=(1.0,) * 3),))
-    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(flat, (), ()) is None
+    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(flat, ()) is None
 
 
 def test_many_bright_emissive_triangles(runtime: Runtime) -> None:

@@ -74,7 +74,7 @@ def fractions(
     shading = PunctualLights(runtime, device.size)
     found = []
     for map_ in (None, shadow):
-        plane = shading.run(device, [light], [map_])
+        plane = shading.run(device, [light], shadows=[map_])
         assert plane is not None
         found.append(plane.download().sum(axis=0, dtype=np.float64))
     free, held = found
@@ -397,7 +397,7 @@ def test_frames_use_fitted_maps(runtime: Runtime) -> None:
     shadow = LightMaps(runtime, 64, flux=False).draw(
         STREET.scene, [SUN], seen=depths.find(device)
     )[0][0]
-    plane = PunctualLights(runtime, SIZE).run(device, [SUN], [shadow])
+    plane = PunctualLights(runtime, SIZE).run(device, [SUN], shadows=[shadow])
     assert plane is not None
     frame = gi.render(
         STREET.scene, camera, [replace(SUN)], bounces=0, ao=False, shadow_size=64, runtime=runtime

@@ -77,7 +77,7 @@ def test_open_plane_receives_the_integral_over_its_hemisphere(
     sky.set([environment])
     end = SsdoBitmask(runtime, gbuffer.size, SsdoBitmaskParams(radius=0.3))
     with runtime.frame():
-        found = end.gather(device, device, None, sky).download()
+        found = end.run(device, device, sky=sky).download()
     normal = np.asarray(plane.normal, np.float64)
     wanted = irradiance([environment], normal[None] / np.linalg.norm(normal))[0]
     mean = found[1:].reshape(3, -1).mean(axis=1)

@@ -82,7 +82,7 @@ def gathered(
         if step > 1:
             source = ReducedGBuffer(device, step)
             source.update(device)
-        result = end.gather(device, source, sent, sky).download()
+        result = end.run(device, source, radiance=sent, sky=sky).download()
     return result, end
 
 
@@ -272,7 +272,7 @@ def test_second_call_allocates_and_builds_nothing(
     sizes = []
     for _ in range(2):
         sky.set(skies)
-        end.gather(device, device, sent, sky)
+        end.run(device, device, radiance=sent, sky=sky)
         sizes.append((runtime.allocated_bytes, len(runtime._programs)))
     assert sizes[0] == sizes[1]
 
@@ -283,9 +283,9 @@ def test_other_shapes_are_refused(runtime: Runtime, rng: np.random.Generator) ->
     device.upload(gbuffer)
     end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2)
     with pytest.raises(ValueError, match=r"radiance has 3 images of .*: expected 6 or 12 of"):
-        end.gather(device, device, runtime.plane(3, device.whole))
+        end.run(device, device, radiance=runtime.plane(3, device.whole))
     end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 1)
     with pytest.raises(ValueError, match=r"size, margin and layers"):
-        end.gather(device, device)
+        end.run(device, device)
     with pytest.raises(ValueError, match=r"back is 1\.5: expected"):
         replace(SsdoBitmaskParams(), back=1.5)

@@ -52,8 +52,8 @@ class Case:
         self.points = SsdoPoints(runtime, gbuffer.size, step, params, kept=True)
         sent = None if own is None else planar(runtime, own)
         self.has_sky = sky is not None
-        self.plane = self.points.gather(
-            self.device, self.device, sent, SimpleNamespace(image=sky)
+        self.plane = self.points.run(
+            self.device, radiance=sent, sky=SimpleNamespace(image=sky)
         )
         self.views = SsdoPointViews(runtime)
 

@@ -53,10 +53,10 @@ def gathered(
         sent = runtime.plane(3 * len(radiance), device.whole)
         sent.upload(np.moveaxis(radiance, -1, 1).reshape(-1, *device.whole).astype(np.float32))
     technique = SsdoPoints(runtime, gbuffer.size, step, params)
-    plane = technique.gather(device, device, sent, SimpleNamespace(image=sky))
+    plane = technique.run(device, radiance=sent, sky=SimpleNamespace(image=sky))
     before = runtime.allocated_bytes, runtime.builds
     images = plane.download()
-    again = technique.gather(device, device, sent, SimpleNamespace(image=sky)).download()
+    again = technique.run(device, radiance=sent, sky=SimpleNamespace(image=sky)).download()
     assert (runtime.allocated_bytes, runtime.builds) == before
     np.testing.assert_array_equal(images, again)
     nothing = np.zeros((*images.shape[1:], 3))
@@ -230,6 +230,6 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 def test_gbuffer_of_another_size_or_without_a_camera_is_refused(runtime: Runtime) -> None:
     technique = SsdoPoints(runtime, (8, 8))
     with pytest.raises(ValueError, match=r"size is \(16, 16\): expected \(8, 8\)"):
-        technique.gather(DeviceGBuffer(runtime, (16, 16)), None, None, None)
+        technique.run(DeviceGBuffer(runtime, (16, 16)))
     with pytest.raises(ValueError, match=r"G-buffer is empty: draw or upload something first"):
-        technique.gather(DeviceGBuffer(runtime, (8, 8)), None, None, None)
+        technique.run(DeviceGBuffer(runtime, (8, 8)))

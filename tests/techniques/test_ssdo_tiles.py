@@ -148,9 +148,9 @@ def test_proven_tiles_of_random_planes_hide_and_send_nothing(runtime: Runtime, s
         source: Any = device if every == 1 else ReducedGBuffer(device, every)
         if every > 1:
             source.update(device)
-        light = technique.gather(device, source, radiance).download()
+        light = technique.run(device, source, radiance=radiance).download()
         tiles = proven(technique, device)
-        again = technique.gather(device, source, radiance, tiles=tiles).download()
+        again = technique.run(device, source, radiance=radiance, tiles=tiles).download()
     np.testing.assert_array_equal(again, light)
     bits = tiles.bits.download().reshape(-1, tiles.columns) & 1
     inside = np.kron(bits, np.ones((16, 16), int))[: size[0] : every, : size[1] : every] > 0

@@ -101,7 +101,7 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
         source = ReducedGBuffer(device, 2)
         source.update(device)
     back = SsdoBitmask(runtime, gbuffer.size, slices, gbuffer.margin, masks=True)
-    light = back.gather(device, source, planar(runtime, own))
+    light = back.run(device, source, radiance=planar(runtime, own))
     assert back.masks is not None
     before, masks = light.download(), inner(runtime, back.masks, 4, light.size).copy()
     assert masks[2:].any()
@@ -145,7 +145,9 @@ def test_every_kernel_variant_gives_the_same_result(
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         device, further = uploaded(one, gbuffer), uploaded(one, layered(aside("perspective"), 3))
         back = SsdoBitmask(one, gbuffer.size, SLICES, masks=True)
-        light = back.gather(device, device, planar(one, rng.random((1, *SIZE, 3))))
+        light = back.run(
+            device, device, radiance=planar(one, rng.random((1, *SIZE, 3)))
+        )
         assert back.masks is not None
         sent = planar(one, rng.random((2, 31, 41, 3)))
         SsdoViews(one, SLICES).add(light, back.masks, device, device, further, sent)
@@ -162,7 +164,7 @@ def test_first_camera_again_finds_what_the_bitmask_found(runtime: Runtime) -> No
     device = uploaded(runtime, gbuffer)
     back = SsdoBitmask(runtime, gbuffer.size, slices, masks=True)
     sent = planar(runtime, np.ones((1, 48, 64, 3)))
-    light = back.gather(device, device, sent)
+    light = back.run(device, device, radiance=sent)
     assert back.masks is not None
     expected, masks = light.download(), back.masks.download()
     covered = inner(runtime, back.masks, 4, light.size).copy()
@@ -191,7 +193,7 @@ def test_camera_that_sees_nothing_near_changes_nothing(runtime: Runtime, kind: s
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
     device = uploaded(runtime, gbuffer)
     back = SsdoBitmask(runtime, gbuffer.size, SLICES, masks=True)
-    light = back.gather(device, device, planar(runtime, np.ones((1, *SIZE, 3))))
+    light = back.run(device, device, radiance=planar(runtime, np.ones((1, *SIZE, 3))))
     assert back.masks is not None
     before, masks = light.download(), back.masks.download()
     away = camera(kind, size=(31, 41), eye=(20.0, 20.0, 20.0), target=(40.0, 41.0, 42.0))
@@ -212,7 +214,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light(runtime: Runtime) ->
     device, further = uploaded(runtime, gbuffer), uploaded(runtime, wide)
     slices = SsdoBitmaskParams(radius=1.0, slices=4, taps=32)
     back = SsdoBitmask(runtime, gbuffer.size, slices, masks=True)
-    light = back.gather(device, device, planar(runtime, np.zeros((1, 48, 16, 3))))
+    light = back.run(device, device, radiance=planar(runtime, np.zeros((1, 48, 16, 3))))
     assert back.masks is not None
     before = light.download()
     is_left = np.asarray(wide.normal)[..., 0] > 0.5
@@ -245,7 +247,7 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 def test_empty_gbuffer_is_refused(runtime: Runtime) -> None:
     gbuffer = uploaded(runtime, scene("corner", camera(size=SIZE), np.random.default_rng(1)))
     back = SsdoBitmask(runtime, SIZE, SLICES, masks=True)
-    light = back.gather(gbuffer, gbuffer, planar(runtime, np.ones((1, *SIZE, 3))))
+    light = back.run(gbuffer, gbuffer, radiance=planar(runtime, np.ones((1, *SIZE, 3))))
     assert back.masks is not None
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
         SsdoViews(runtime, SLICES).add(

@@ -233,7 +233,7 @@ def test_open_tiles_change_no_bit_of_the_result(
         expected = technique.run(device).download()
         reach = technique.reach(device)
         known = tiles.open(device, reach)
-        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        np.testing.assert_array_equal(technique.run(device, tiles=known).download(), expected)
         opened.append(known.open - known.empty)
     assert max(opened) > 0
 
@@ -258,7 +258,7 @@ def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
         tiles.look(device)
         known = tiles.open(device, technique.reach(device))
         assert 0 < known.flat < known.total
-        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        np.testing.assert_array_equal(technique.run(device, tiles=known).download(), expected)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_points_before_a_wall_are_seen_farther_across_the_image(
         expected = technique.run(device).download()
         tiles.look(device)
         known = tiles.open(device, technique.reach(device))
-        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        np.testing.assert_array_equal(technique.run(device, tiles=known).download(), expected)
         flat += known.flat
     assert flat > 0
 
@@ -313,7 +313,7 @@ def test_tiles_look_as_far_as_the_nearest_that_scan_with_them(runtime: Runtime, 
         tiles.look(device)
         known = tiles.open(device, technique.reach(device))
         assert 0 < known.open < known.total
-        np.testing.assert_array_equal(technique.run(device, known).download(), expected)
+        np.testing.assert_array_equal(technique.run(device, tiles=known).download(), expected)
 
 
 def test_techniques_that_plain_surfaces_occlude_have_no_reach(runtime: Runtime) -> None:

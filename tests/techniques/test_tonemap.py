@@ -131,9 +131,9 @@ def test_absurd_exposure_gives_black_or_white(runtime: Runtime, exposure: float)
 def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime) -> None:
     plane = variant_runtime.plane(3, (9, 20), 0.5)
     technique = Tonemap(variant_runtime, (9, 20))
-    first = technique.run(plane, 1.0)
+    first = technique.run(plane, exposure=1.0)
     before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(plane, 1.0)
+    second = technique.run(plane, exposure=1.0)
     assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 

@@ -52,7 +52,7 @@ def upsample_blurred(
     plane = runtime.plane(1, reduced.size)
     plane.upload(image.astype(np.float32)[None])
     blur = UpsampleBlur(runtime, gbuffer.size, step, params, background=background)
-    return blur.run(plane, reduced, device).download()[0]
+    return blur.run(device, plane, reduced=reduced).download()[0]
 
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
@@ -284,7 +284,7 @@ def test_two_runs_give_bit_identical_results_and_allocate_nothing(
     for _ in range(2):
         before = variant_runtime.allocated_bytes, variant_runtime.builds
         reduced.update(device)
-        results.append(technique.run(plane, reduced, device).download())
+        results.append(technique.run(device, plane, reduced=reduced).download())
     assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(*results)
 

@@ -41,7 +41,7 @@ def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan
         variant_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32)
     )
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
-    technique.run(device, None, [map_])
+    technique.run(device, rsms=[map_])
     array = technique._importance._importance
     assert array is not None
     found = array.download().astype(np.float64)
@@ -94,7 +94,7 @@ def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(
             technique = VplSplat(
                 variant_runtime, gbuffer.size, VplSplatParams(**given, interleave=True)
             )
-        technique.run(device, None, [map_], scene=solid)
+        technique.run(device, rsms=[map_], scene=solid)
         lights = technique._lights
         values = lights.lights.download().reshape(lights.segments, lights.span, -1)
         values = values[:, : lights.stride].reshape(-1, values.shape[-1]).astype(np.float64)
@@ -128,7 +128,7 @@ def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> N
             for count in range(1000, 2001, 100)
         ]
         means[share, importance] = [
-            float(VplSplat(runtime, gbuffer.size, own).run(gbuffer, None, maps, scene=solid)
+            float(VplSplat(runtime, gbuffer.size, own).run(gbuffer, rsms=maps, scene=solid)
                   .download().mean(dtype=np.float64))
             for own in params
         ]
@@ -146,7 +146,7 @@ def test_given_lights_are_not_chosen_anew(runtime: Runtime) -> None:
         MultiresSplat(
             runtime, gbuffer.size,
             MultiresSplatParams(vpls=256, visibility=True, importance=importance),
-        ).run(device, vpls, [on_device_rsm(seen, runtime)], scene=device_scene(scene, runtime))
+        ).run(device, vpls, rsms=[on_device_rsm(seen, runtime)], scene=device_scene(scene, runtime))
         .download()
         for importance in (False, True)
     ]

@@ -322,9 +322,9 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
     params = VplSplatParams(vpls=64, glossy_vpls=128, cutoff=0.5, interleave=interleave)
     technique = VplSplat(runtime, gbuffer.size, params)
-    first = technique.run(device, None, maps).download()
+    first = technique.run(device, rsms=maps).download()
     before = runtime.allocated_bytes, runtime.builds
-    second = technique.run(device, None, maps).download()
+    second = technique.run(device, rsms=maps).download()
     assert (runtime.allocated_bytes, runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 
@@ -336,7 +336,7 @@ def test_a_scene_without_gloss_skips_lobes(runtime: Runtime) -> None:
     assert maps[0].lobes is None
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(vpls=64, glossy_vpls=64))
     with runtime.frame():
-        technique.run(device, None, maps)
+        technique.run(device, rsms=maps)
         skipped = [entry for entry in runtime.times() if entry.skipped]
     assert any("nothing mirrors light" in str(entry.skipped) for entry in skipped)
     np.testing.assert_array_equal(

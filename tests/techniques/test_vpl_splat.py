@@ -470,7 +470,7 @@ def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime) -> 
     device = uploaded(variant_runtime, gbuffer)
     technique = VplSplat(variant_runtime, gbuffer.size, params)
     e = np.moveaxis(
-        technique.run(device, vpls, [on_device_rsm(seen, variant_runtime)]).download(), 0, -1
+        technique.run(device, vpls, rsms=[on_device_rsm(seen, variant_runtime)]).download(), 0, -1
     )
     view = gbuffer.camera.view
 
@@ -670,8 +670,8 @@ def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
     device, maps = uploaded(variant_runtime, gbuffer), [on_device_rsm(seen, variant_runtime)]
     technique = VplSplat(variant_runtime, gbuffer.size, VplSplatParams(vpls=512, **params))
     vpls = choose_vpls(maps, 512, parts=technique.params.parted, runtime=variant_runtime)
-    chosen = technique.run(device, None, maps).download()
-    given = technique.run(device, vpls, maps).download()
+    chosen = technique.run(device, rsms=maps).download()
+    given = technique.run(device, vpls, rsms=maps).download()
     # Lights may be on either side of a rounded edge; of the coarse ones for what a cut leaves out,
     # the given are merged from lights, not from texels.
     assert_close(chosen, given, 0.02 if technique.params.cutoff > 0.0 else ROUNDING)
@@ -681,9 +681,9 @@ def test_lights_are_chosen_anew_when_a_map_changes(runtime: Runtime) -> None:
     gbuffer, seen, _ = capacity(runtime)
     device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(vpls=512))
-    first = technique.run(device, None, maps).download()
+    first = technique.run(device, rsms=maps).download()
     maps[0].upload(replace(seen, flux=2.0 * np.asarray(seen.flux)))
-    np.testing.assert_allclose(technique.run(device, None, maps).download(), 2.0 * first, rtol=1e-5)
+    np.testing.assert_allclose(technique.run(device, rsms=maps).download(), 2.0 * first, rtol=1e-5)
 
 
 def test_neither_lights_nor_maps_are_refused(runtime: Runtime) -> None:
@@ -707,9 +707,9 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     )
     technique = VplSplat(variant_runtime, gbuffer.size, params)
     given = vpls if given_lights else None
-    first = technique.run(device, given, maps).download()
+    first = technique.run(device, given, rsms=maps).download()
     before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(device, given, maps).download()
+    second = technique.run(device, given, rsms=maps).download()
     assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
     np.testing.assert_array_equal(first, second)
 

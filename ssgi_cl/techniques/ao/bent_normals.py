@@ -20,12 +20,12 @@ class BentNormals:
         self._size = size
         self._bent = runtime.plane(4, size)
 
-    def run(self, scanned: Plane, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, scanned: Plane) -> Plane:
         """Queue the pass; return A and x, y, z of unit length in world space, 0 where nothing is.
 
         Args:
-            scanned: A, then 3 images of what bends the normal in view space; more may follow.
             gbuffer: whose normals are bent.
+            scanned: A, then 3 images of what bends the normal in view space; more may follow.
         """
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one

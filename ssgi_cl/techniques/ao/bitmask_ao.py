@@ -23,7 +23,7 @@ from ssgi_cl.techniques.ao.slices import (
     made_for,
 )
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
@@ -189,7 +189,15 @@ DESCRIPTOR = Technique(
     writes=("ao",),
     command=True,
     quantity="occlusion",
-    bench=("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4"),
+    bench=Bench(
+        settings=("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4"),
+        families=("bitmask_ao",),
+        rows={"bitmask_ao": (
+            "ambient occlusion from 32 sectors a slice that surfaces cover",
+            (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"),
+             ("4 layers", "bitmask_ao.2x14-4")),
+        )},
+    ),
     variants={"taps": (6,), "resolution": ("full", "half")},
     tunable=TUNABLE,
     layers=PRESET_LAYERS,

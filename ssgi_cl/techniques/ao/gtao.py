@@ -12,6 +12,7 @@ from typing import Literal, Unpack, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import Plane, Size
@@ -27,7 +28,7 @@ from ssgi_cl.techniques.ao.slices import (
     SliceTechnique,
     made_for,
 )
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import OpenTiles
 
 
@@ -86,12 +87,13 @@ class Gtao(SliceTechnique[GtaoParams]):
         if self.params.bent_normals:
             self._bent = BentNormals(runtime, size)
 
+    @former_order("gbuffer", "tiles", "layers")
     def run(
-        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+        self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None
     ) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
-        plane = super().run(gbuffer, tiles, layers)
-        return self._bent.run(plane, gbuffer) if self.params.bent_normals else plane
+        plane = super().run(gbuffer, tiles=tiles, layers=layers)
+        return self._bent.run(gbuffer, plane) if self.params.bent_normals else plane
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
@@ -226,4 +228,17 @@ DESCRIPTOR = Technique(
     },
     tunable=TUNABLE,
     layers=PRESET_LAYERS,
+    bench=Bench(
+        families=("gtao",),
+        rows={
+            "gtao": (
+                "ambient occlusion from horizons, cosine-weighted",
+                (("", "gtao.2x9"), ("2 layers", "gtao.2x9-2")),
+            ),
+            "gtao(bent_normals=True)": (
+                "the same with bent normals; RMSE in degrees",
+                (("", "bent-normals.2x9"), ("surface normals", "bent-normals.none")),
+            ),
+        },
+    ),
 )

@@ -23,7 +23,7 @@ from ssgi_cl.techniques.ao.slices import (
     SliceTechnique,
     made_for,
 )
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,4 +136,10 @@ DESCRIPTOR = Technique(
     variants={"taps": (4,), "attenuation": (0.6, 0.0, 1.0), "resolution": ("full", "half")},
     tunable=TUNABLE,
     layers=PRESET_LAYERS,
+    bench=Bench(
+        families=("hbao",),
+        rows={"hbao": (
+            "ambient occlusion from horizons, attenuated with distance", (("", "hbao.2x9"),),
+        )},
+    ),
 )

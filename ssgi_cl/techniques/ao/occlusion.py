@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
@@ -128,8 +129,9 @@ class OcclusionTechnique(Prepared[Any], ABC):
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
+    @former_order("gbuffer", "tiles", "layers")
     def run(
-        self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None, layers: int | None = None
+        self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None
     ) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
 
@@ -150,12 +152,12 @@ class OcclusionTechnique(Prepared[Any], ABC):
             self._occlude(result, gbuffer, source, tiles, layers, over)
         if self._blur_first:
             result = self._blur.run(
-                result, source, tiles=tiles, step=self._step, region=region
+                source, result, tiles=tiles, step=self._step, region=region
             )
         if self._upsample is not None and self._reduced is not None:
-            result = self._upsample.run(result, self._reduced, gbuffer)
+            result = self._upsample.run(gbuffer, result, reduced=self._reduced)
         if not self._blur_first and self._blur.active:
-            result = self._blur.run(result, gbuffer, region=gbuffer.seen)
+            result = self._blur.run(gbuffer, result, region=gbuffer.seen)
         return result
 
     def __call__(

@@ -22,7 +22,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 SSAO = Struct(
@@ -380,4 +380,10 @@ DESCRIPTOR = Technique(
     tunable={
         "samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [1, 2],
     },
+    bench=Bench(
+        families=("ssao-blur",),
+        rows={"ssao": (
+            "ambient occlusion from points in a ball", (("16 samples, blurred", "ssao-blur.16"),),
+        )},
+    ),
 )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
@@ -19,7 +20,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
 BLUR = Struct(
@@ -133,8 +134,9 @@ class Bilateral(Prepared[BilateralParams]):
         if self.active and params.sigma != self.params.sigma:
             self._weights.upload(_weight_table(params))
 
+    @former_order("value", "gbuffer", "name", first=lambda given: isinstance(given, Plane))
     def run(
-        self, value: Plane, gbuffer: Source, name: str = "blur", *,
+        self, gbuffer: Source, value: Plane, *, name: str = "blur",
         tiles: OpenTiles | None = None, step: int = 1, region: Region | None = None,
     ) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
@@ -232,7 +234,7 @@ def bilateral_blur(
     blur.params = chosen
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
     with runtime.frame():
-        result = blur.run(plane, device).download()
+        result = blur.run(device, plane).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
 
 
@@ -249,4 +251,8 @@ DESCRIPTOR = Technique(
     },
     reads=("depth", "normal", "image"),
     writes=("image",),
+    bench=Bench(
+        families=("blur",),
+        rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))},
+    ),
 )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, former_params, param
 from ssgi_cl.device.active_region import PreviousRegion, Region
@@ -22,7 +23,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 UPSAMPLE = Struct(
     "UpsampleParams",
@@ -172,8 +173,12 @@ class Upsample(Prepared[UpsampleParams]):
         self._channels = channels
         self._fine = Target(runtime, channels, size, kept=kept)
 
-    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the pass and return the plane at full size."""
+    @former_order("coarse", "reduced", "gbuffer", first=lambda given: isinstance(given, Plane))
+    def run(self, gbuffer: DeviceGBuffer, coarse: Plane, *, reduced: Source) -> Plane:
+        """Queue the pass and return the plane at full size.
+
+        `reduced` is the G-buffer of the pixels of `coarse`.
+        """
         packed = _packed(reduced, gbuffer, self.params.scales())
         lanes = self.runtime.variant.lanes
         background = (self.params.background,) * self._channels
@@ -236,7 +241,7 @@ class UpsampleBlur:
         self._rows = Target(runtime, 1, (coarse_size(size, step)[0], size[1]), kept=False)
         self._fine = Target(runtime, 1, size, kept=kept)
 
-    def run(self, coarse: Plane, reduced: Source, gbuffer: DeviceGBuffer) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, coarse: Plane, *, reduced: Source) -> Plane:
         """Queue the passes and return the plane at full size."""
         packed = _packed(reduced, gbuffer, self._scales)
         rows, columns = coarse.size
@@ -339,7 +344,7 @@ def upsample(
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
     with runtime.frame():
         reduced.update(device)
-        result = technique.run(plane, reduced, device).download()
+        result = technique.run(device, plane, reduced=reduced).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
 
 
@@ -358,4 +363,10 @@ DESCRIPTOR = Technique(
     },
     reads=("depth", "normal", "image"),
     writes=("image",),
+    bench=Bench(
+        families=("upsample",),
+        rows={"upsample": (
+            "half or quarter size to full size, along surfaces", (("half", "upsample.2"),),
+        )},
+    ),
 )

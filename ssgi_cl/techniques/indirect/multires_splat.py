@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -42,7 +43,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
 from ssgi_cl.techniques.indirect.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.indirect.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,9 +154,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def _set(self, params: MultiresSplatParams) -> None:
         self.grid.params = params
 
+    @former_order("gbuffer", "vpls", "rsms")
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
-        scene: DeviceScene | None = None, surfels: WorldVpls | None = None,
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
+        rsms: Sequence[DeviceRsm] = (), scene: DeviceScene | None = None,
+        surfels: WorldVpls | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -188,7 +191,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         if self._occupancy is not None:
             packed = self._block(gbuffer, rsms, self._occupancy, scene)
             if curve is not None and params.importance:
-                importance = self._importance.run(gbuffer, curve, self._occupancy, packed)
+                importance = self._importance.run(
+                    gbuffer, curve, occupancy=self._occupancy, packed=packed
+                )
                 self._chooser.place(
                     rsms, camera, kinds=1, importance=importance, more=surfels
                 )
@@ -330,4 +335,11 @@ DESCRIPTOR = Technique(
     writes=("irradiance",),
     methods={name: method.params for name, method in METHODS.items()},
     quantity="bounce",
+    bench=Bench(
+        families=("multires", "multires-visibility"),
+        rows={"multires_splat": (
+            "the same light at few pixels and from few lights, to a given error",
+            (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096")),
+        )},
+    ),
 )

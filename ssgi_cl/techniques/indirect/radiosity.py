@@ -115,7 +115,7 @@ class Radiosity(Prepared[RadiosityParams]):
         return self._device.surfels
 
     def run(
-        self, scene: Scene, lights: Sequence[Light], rsms: Sequence[DeviceRsm]
+        self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()
     ) -> WorldVpls | None:
         """Return the lights, None where they would be black. Waits for the device if it computes.
 

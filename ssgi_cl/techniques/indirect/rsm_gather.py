@@ -22,7 +22,7 @@ from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGrid
 from ssgi_cl.techniques.indirect.rsm_maps import MapSampling
 from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.techniques.indirect.rsm_technique import RsmTechnique
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 RESOLUTIONS = ("full", "adaptive")
 
@@ -238,4 +238,12 @@ DESCRIPTOR = Technique(
     writes=("irradiance",),
     methods={name: method.params for name, method in METHODS.items()},
     quantity="unblocked_bounce",
+    bench=Bench(
+        families=("rsm-gather", "rsm-gather-adaptive"),
+        rows={"rsm_gather": (
+            "one-bounce indirect light, gathered from reflective shadow maps",
+            (("400 samples", "rsm-gather.400"),
+             ('`resolution="adaptive"`', "rsm-gather-adaptive.400")),
+        )},
+    ),
 )

@@ -32,7 +32,7 @@ from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 SPLIT = Struct(
@@ -174,22 +174,28 @@ class Ssdo(Prepared[SsdoParams]):
         punctual_lights: Plane | None
         if self._senders is not None and not sends:
             if open_:
-                sends = self._senders.front(gbuffer, lights, shadows)
+                sends = self._senders.front(gbuffer, lights, shadows=shadows)
             else:
                 visibility = self._sender_visibility(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"
                 light = self._senders.records if points else self._senders.images
-                sent = light(gbuffer, lights, shadows, visibility, SenderVisibility.step)
+                sent = light(
+                    gbuffer, lights, shadows=shadows, visibility=visibility,
+                    step=SenderVisibility.step,
+                )
                 sends = sent is not None
             punctual_lights, lights_margin = self._senders.punctual_lights, gbuffer.margin
             self._senders.punctual_lights = None
         else:
             self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime,
                 self.size, self.params)()
-            punctual_lights, lights_margin = self._punctual_lights.run(gbuffer, lights,
-                shadows), (0, 0)
+            punctual_lights, lights_margin = self._punctual_lights.run(
+                gbuffer, lights, shadows=shadows
+            ), (0, 0)
         if punctual_lights is not None:
-            punctual_lights = self._light_blur.run(punctual_lights, gbuffer, lights, shadows)
+            punctual_lights = self._light_blur.run(
+                gbuffer, punctual_lights, lights=lights, shadows=shadows
+            )
         sends = sends and self.params.bounce
         gathered = None
         if not sends and not ambient and self._bent is None:
@@ -201,11 +207,13 @@ class Ssdo(Prepared[SsdoParams]):
                 gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles
             )
             plain = sky is None and not views
-            gathered = self._finish.run(gathered, source, gbuffer, tiles if plain else None)
+            gathered = self._finish.run(
+                gbuffer, gathered, source=source, tiles=tiles if plain else None
+            )
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
         if self._bent is not None and gathered is not None:
-            bent = self._bent.run(gathered, gbuffer)
+            bent = self._bent.run(gbuffer, gathered)
         return SsdoPlanes(direct, bounce, gathered, bent)
 
     def look(self, gbuffer: DeviceGBuffer) -> None:
@@ -224,7 +232,7 @@ class Ssdo(Prepared[SsdoParams]):
         if self._visibility is None:
             size, margin, layers, _ = self._shape
             self._visibility = SenderVisibility(self.runtime, size, self.params, margin, layers)
-        return self._visibility.run(gbuffer, tiles)
+        return self._visibility.run(gbuffer, tiles=tiles)
 
     def _gathered(
         self,
@@ -241,12 +249,12 @@ class Ssdo(Prepared[SsdoParams]):
         views = iter(views)
         first = next(views, None)
         if first is None:
-            return self._back.gather(gbuffer, source, sent, sky, tiles)
+            return self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
         if self._views is None:
             self._views = ViewSenders(self.runtime, self.params)
             size, margin, layers, _ = self._shape
             self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
-        light = self._back.gather(gbuffer, source, sent, sky, tiles)
+        light = self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
         self._views.begin(gbuffer)
         try:
             for view in chain((first,), views):
@@ -416,4 +424,11 @@ DESCRIPTOR = Technique(
     methods=dict.fromkeys(METHODS, SsdoParams),
     command=True,
     quantity="bounce",
+    bench=Bench(
+        families=("ssdo-bitmask-half", "ssdo-points"),
+        rows={"ssdo": (
+            "directional occlusion and one-bounce indirect light from visible surfaces",
+            (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8")),
+        )},
+    ),
 )

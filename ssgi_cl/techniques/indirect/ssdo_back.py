@@ -91,12 +91,12 @@ class SenderVisibility:
         """Take the values of other parameters of the same shape."""
         set_back(self._back, self._params(params))
 
-    def run(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None) -> Plane:
         """Queue the passes; return a plane whose first image is A.
 
-        `tiles` are open as far as a back end of this step looks; see `SsdoBitmask.gather`.
+        `tiles` are open as far as a back end of this step looks; see `SsdoBitmask.run`.
         """
         if self._reduced is None:
             self._reduced = ReducedGBuffer(gbuffer, self.step)
         self._reduced.update(gbuffer)
-        return self._back.gather(gbuffer, self._reduced, None, None, tiles)
+        return self._back.run(gbuffer, self._reduced, tiles=tiles)

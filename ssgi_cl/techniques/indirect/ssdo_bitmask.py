@@ -103,10 +103,11 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
     def _set(self, params: SsdoBitmaskParams) -> None:
         self._scan.params = params
 
-    def gather(
+    def run(
         self,
         gbuffer: DeviceGBuffer,
         source: Source,
+        *,
         radiance: Plane | ImageParts | None = None,
         sky: Sky | None = None,
         tiles: OpenTiles | None = None,

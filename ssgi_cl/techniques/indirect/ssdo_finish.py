@@ -42,12 +42,18 @@ class Finish:
         return self._reduced
 
     def run(
-        self, plane: Plane, source: Source, gbuffer: DeviceGBuffer, tiles: OpenTiles | None = None
+        self, gbuffer: DeviceGBuffer, plane: Plane, *, source: Source | None = None,
+        tiles: OpenTiles | None = None,
     ) -> Plane:
-        """Queue the blur and the upsampling of all images at once.
+        """Queue the blur and the upsampling of all images at once; return the plane at full size.
 
-        In open `tiles` each has the same value in every pixel.
+        Args:
+            gbuffer: at full size.
+            plane: what was gathered.
+            source: whose pixels those of `plane` are, see `source`; `gbuffer` by default.
+            tiles: where each image has the same value in every pixel.
         """
+        source = gbuffer if source is None else source
         count = plane.count
         if count not in self._blurs:
             size = self.size if self._late else plane.size
@@ -57,17 +63,17 @@ class Finish:
         if not self._late:
             region = gbuffer.seen_every(self._step)
             plane = self._blurs[count].run(
-                plane, source, tiles=tiles, step=self._step, region=region
+                source, plane, tiles=tiles, step=self._step, region=region
             )
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(
                     self.runtime, self.size, UpsampleParams(step=self._step), count, kept=False
                 )
-            plane = self._upsamples[count].run(plane, source, gbuffer)
+            plane = self._upsamples[count].run(gbuffer, plane, reduced=source)
         if self._late:
             # At a tile's end upsampling has read a pixel of the next tile.
             reach = self._smooth.passes * self._smooth.radius + self._step
             known = tiles if reach <= TILE else None
-            plane = self._blurs[count].run(plane, gbuffer, tiles=known, region=gbuffer.seen)
+            plane = self._blurs[count].run(gbuffer, plane, tiles=known, region=gbuffer.seen)
         return plane

@@ -38,14 +38,19 @@ class LightBlur:
 
     def run(
         self,
-        punctual_lights: Plane,
         gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None,
+        punctual_lights: Plane,
+        *,
+        lights: Sequence[Light] = (),
+        shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane:
         """Queue the blur, unless every light has a map; return the plane that holds the result.
 
-        `punctual_lights` is of the G-buffer's size, or of that with its margin.
+        Args:
+            gbuffer: what is lit.
+            punctual_lights: of the G-buffer's size, or of that with its margin.
+            lights: whose light it is.
+            shadows: one entry for each light (None: it casts no shadow).
         """
         maps = shadows if shadows is not None else [None] * len(lights)
         looked_for = any(
@@ -61,4 +66,4 @@ class LightBlur:
             )
             self._blurs[size] = Bilateral(self.runtime, size, blur, 3, kept=False)
         source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
-        return self._blurs[size].run(punctual_lights, source, "blur lights")
+        return self._blurs[size].run(source, punctual_lights, name="blur lights")

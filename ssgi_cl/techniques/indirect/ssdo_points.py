@@ -22,6 +22,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.indirect.ssdo_directions import DirectionSets, direction_sets
 from ssgi_cl.techniques.shading.layer_shading import SenderRecords
+from ssgi_cl.techniques.source import Source
 
 POINTS = Struct(
     "PointsParams",
@@ -169,9 +170,9 @@ class SsdoPoints(Prepared[PointsParams]):
             self.kept = runtime.array(np.zeros(images * pitch, np.int32))
             self.wide_directions = runtime.empty(256 * count * fields, np.float32)
 
-    def gather(
-        self, gbuffer: DeviceGBuffer, source: Any, radiance: Plane | SenderRecords | None,
-        sky: Any, tiles: Any = None,
+    def run(
+        self, gbuffer: DeviceGBuffer, source: Source | None = None, *,
+        radiance: Plane | SenderRecords | None = None, sky: Any = None, tiles: Any = None,
     ) -> Plane:
         """Queue the passes; return A, the sky's irradiance if it is an image, and the bounce's.
 
@@ -188,7 +189,7 @@ class SsdoPoints(Prepared[PointsParams]):
             A plane of ceil(size / step): A in [0, 1], 1 where nothing is; with an image of the sky,
             3 images of irradiance from it; with `radiance`, 3 of the bounce's irradiance, W/m^2.
         """
-        read = source if self.reduced else gbuffer
+        read: Source = source if self.reduced and source is not None else gbuffer
         if read.size != self.size:
             raise ValueError(f"the G-buffer's size is {read.size}: expected {self.size}")
         camera = gbuffer.camera

@@ -99,7 +99,9 @@ class ViewSenders:
             open_ = visibility.run(view) if ambient else None
             points = isinstance(self._technique, SsdoPointViews)
             light_up = senders.records if points else senders.run
-            radiance = light_up(view, lights, shadows, open_, visibility.step)
+            radiance = light_up(
+                view, lights, shadows=shadows, visibility=open_, step=visibility.step
+            )
             senders.punctual_lights = None
         if isinstance(self._technique, SsdoPointViews):
             assert isinstance(back, SsdoPoints)  # noqa: S101  of the same method

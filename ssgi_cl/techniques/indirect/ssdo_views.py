@@ -98,7 +98,7 @@ class SsdoViews:
         Surfaces that a view since `begin` shows are left to it.
 
         Args:
-            light: what `SsdoBitmask.gather` returned: A shrinks, the last 3 images grow.
+            light: what `SsdoBitmask.run` returned: A shrinks, the last 3 images grow.
             masks: its `masks`, the sectors that are covered; those newly covered are added, and
                 those whose sender is found are taken from the others.
             gbuffer: what it was made from; its camera counts.

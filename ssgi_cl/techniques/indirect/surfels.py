@@ -75,7 +75,32 @@ class Surfels:
 _OWN = ("position", "normal", "area", "albedo", "emission")
 
 
-def scene_surfels(scene: Scene, count: int) -> Surfels:
+@dataclass(frozen=True, eq=False)
+class TriangleAreas:
+    """How large the triangles of a scene are.
+
+    Attributes:
+        ends: [n] float64: of each triangle and all before it, twice the area together.
+    """
+
+    ends: Doubles
+
+    @classmethod
+    def of(cls, scene: Scene) -> TriangleAreas:
+        """Return those of a scene."""
+        cross = _cross(scene, slice(None))
+        return cls(np.cumsum(np.sqrt(sum(one * one for one in cross))))
+
+
+def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Doubles, Doubles]:
+    """Return x, y and z of the normals of triangles, as long as twice their areas."""
+    x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
+    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
+    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+def scene_surfels(scene: Scene, count: int, areas: TriangleAreas | None = None) -> Surfels:
     """Return surfels of equal area on both sides of all triangles.
 
     Points are drawn in proportion to area, stratified over the list of triangles and, within one,
@@ -85,11 +110,12 @@ def scene_surfels(scene: Scene, count: int) -> Surfels:
     Args:
         scene: any.
         count: of surfels of both sides together, about; >= 2.
+        areas: of the scene, where they are known.
 
     Returns:
         An even number of surfels, at most count + 12; none if all triangles have no area.
     """
-    points = _points(scene, PARTS * max(count // 2, 1))
+    points = _points(scene, PARTS * max(count // 2, 1), areas or TriangleAreas.of(scene))
     if not len(points[2]):
         none = np.zeros((0, 3))
         lines = [none, none, np.zeros(0), none, none]
@@ -110,12 +136,11 @@ def scene_surfels(scene: Scene, count: int) -> Surfels:
     return _reordered(whole, np.argsort(key, kind="stable"))
 
 
-def _points(scene: Scene, count: int) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+def _points(
+    scene: Scene, count: int, areas: TriangleAreas
+) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Return position, normal, area, albedo and emission of points on one side of the triangles."""
-    a, b, c = (scene.positions[scene.triangles[:, k]].astype(np.float64) for k in range(3))
-    cross = np.cross(b - a, c - a)
-    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
-    ends = np.cumsum(double)
+    ends = areas.ends
     total = float(ends[-1])
     if not total > 0.0:
         none = np.zeros((0, 3))
@@ -146,8 +171,10 @@ def _points(scene: Scene, count: int) -> tuple[Doubles, Doubles, Doubles, Double
             if material.alpha_cutoff > 0.0:
                 there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
     emission = np.array([m.emission for m in scene.materials])[ids]
+    cross = np.stack(_cross(scene, triangle), axis=1)
+    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     values = (
-        mixed(scene.positions), cross[triangle] / np.maximum(double[triangle], 1e-300)[:, None],
+        mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
         np.full(count, 0.5 * total / count), np.clip(albedo, 0.0, 1.0), emission,
     )  # fmt: skip
     return tuple(value[there] for value in values)  # type: ignore[return-value]

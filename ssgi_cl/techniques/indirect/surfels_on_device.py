@@ -18,7 +18,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
-from ssgi_cl.techniques.indirect.surfels import Surfels, scene_surfels
+from ssgi_cl.techniques.indirect.surfels import Surfels, TriangleAreas, scene_surfels
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -68,6 +68,7 @@ class DeviceSurfels:
         macros, structs = self._occupancy.macros, (CAMERA, VPL)
         self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
         self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
+        self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
         self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
         self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
@@ -82,9 +83,10 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
         self._occupancy.fill_scene(solid, self.camera.view, self.unit, half)
-        pilot = self._seeing(scene_surfels(scene, min(count, PILOT)), solid)
+        areas = TriangleAreas.of(scene)
+        pilot = self._seeing(scene_surfels(scene, min(count, PILOT), areas), solid)
         share = max(len(pilot) / min(count, PILOT), LEAST_SHARE)
-        self.surfels = self._seeing(scene_surfels(scene, int(count / share)), solid)
+        self.surfels = self._seeing(scene_surfels(scene, int(count / share), areas), solid)
         self._upload(self.surfels, solid)
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
@@ -93,6 +95,7 @@ class DeviceSurfels:
             surfels=self._rows, records=self._flux[0], occupancy=self._occupancy.grid,
             visible=self._visible,
         )
+        self._mirror.run("surfel visibility", (words, self._stride), visible=self._visible)
 
     def _seeing(self, surfels: Surfels, solid: DeviceScene) -> Surfels:
         """Return those that see any surface; no light reaches the others, nor leaves them.

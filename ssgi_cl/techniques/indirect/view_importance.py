@@ -34,14 +34,14 @@ class ViewImportance:
         self._importance: DeviceArray | None = None
 
     def run(
-        self, gbuffer: DeviceGBuffer, curve: FluxCurve, occupancy: OccupancyGrid, packed: Any
+        self, gbuffer: DeviceGBuffer, curve: FluxCurve, *, occupancy: OccupancyGrid, packed: Any
     ) -> DeviceArray:
         """Queue the passes; return the importance of all runs, see kernels/vpl/curve.clh.
 
         Args:
             gbuffer: what the camera sees.
             curve: the latest sums along the maps.
-            walls: what blocks light, filled.
+            occupancy: what blocks light, filled.
             packed: the struct `VPL` with the grid's lift.
         """
         runtime, camera, runs = self.runtime, gbuffer.camera, curve.run_count

@@ -141,5 +141,5 @@ def lit_by_maps(
     made.params = fitting
     with runtime.frame():
         where: dict[str, Any] = {} if solid is None else {"scene": solid}
-        result = made.run(device, None, maps, **where).download()
+        result = made.run(device, rsms=maps, **where).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))

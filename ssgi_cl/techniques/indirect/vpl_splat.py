@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -40,7 +41,7 @@ from ssgi_cl.techniques.indirect.vpl_light import (
     lit_by_maps,
     refine_param,
 )
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
@@ -160,9 +161,11 @@ class VplSplat(Prepared[VplSplatParams]):
         if params.interleave:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
 
+    @former_order("gbuffer", "vpls", "rsms")
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (),
-        *, glossy: Vpls | None = None, scene: DeviceScene | None = None,
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
+        rsms: Sequence[DeviceRsm] = (), glossy: Vpls | None = None,
+        scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
 
@@ -197,7 +200,7 @@ class VplSplat(Prepared[VplSplatParams]):
             self._shine_lobes(gbuffer, values, glossy, rsms)
         if self._blur is None:
             return self._irradiance
-        return self._blur.run(self._irradiance, gbuffer)
+        return self._blur.run(gbuffer, self._irradiance)
 
     def _choose_by_importance(
         self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid,
@@ -208,7 +211,7 @@ class VplSplat(Prepared[VplSplatParams]):
         packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
         kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
         curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
-        importance = self._importance.run(gbuffer, curve, occupancy, packed)
+        importance = self._importance.run(gbuffer, curve, occupancy=occupancy, packed=packed)
         self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
@@ -447,4 +450,12 @@ DESCRIPTOR = Technique(
     reads=("depth", "normal", "rsms", "scene"),
     writes=("irradiance",),
     quantity="bounce",
+    bench=Bench(
+        families=("vpl", "vpl-plain", "vpl-interleaved", "vpl-visibility"),
+        rows={"vpl_splat": (
+            "one-bounce indirect light from virtual point lights, diffuse and glossy",
+            (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
+             ("with visibility", "vpl-visibility.1024")),
+        )},
+    ),
 )

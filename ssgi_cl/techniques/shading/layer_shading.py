@@ -109,6 +109,7 @@ class LitLayers:
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
         visibility: Plane | None = None,
         step: int = 1,
@@ -141,6 +142,7 @@ class LitLayers:
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
         visibility: Plane | None = None,
         step: int = 1,
@@ -158,6 +160,7 @@ class LitLayers:
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
         visibility: Plane | None = None,
         step: int = 1,
@@ -184,7 +187,7 @@ class LitLayers:
                 "the G-buffer's size with margin, layers and layers with attributes are "
                 f"{given}: expected {(self.whole, self.layers, self.attributes)}"
             )
-        lit = self.front(gbuffer, lights, shadows)
+        lit = self.front(gbuffer, lights, shadows=shadows)
         if not lit:
             self.runtime.skip("lit layers", "no light and no emission")
         return lit
@@ -198,7 +201,7 @@ class LitLayers:
             layer = gbuffer.layer(number, back=back)
             if back or number:
                 punctual_lights = None  # its memory is the next one's
-                punctual_lights = self._punctual_lights.run(layer, lights, shadows)
+                punctual_lights = self._punctual_lights.run(layer, lights, shadows=shadows)
             part = self.runtime.transient.plane(3, self.whole)
             region = part.within(layer.region) if isinstance(part, TransientPlane) else None
             self._light(layer, punctual_lights, visibility, step, gbuffer.margin, part, 0, region)
@@ -222,7 +225,7 @@ class LitLayers:
             layer = gbuffer.layer(number, back=back)
             if back or number:
                 punctual_lights = None
-                punctual_lights = self._punctual_lights.run(layer, lights, shadows)
+                punctual_lights = self._punctual_lights.run(layer, lights, shadows=shadows)
             image = number + (self.layers if back else 0)
             self._light(
                 layer, punctual_lights, visibility, step, gbuffer.margin, to,
@@ -236,13 +239,15 @@ class LitLayers:
         return self._punctual_lights
 
     def front(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> bool:
         """Queue what makes `punctual_lights` alone; return whether `run` would find any light."""
         self._ambient.set(lights)
         self.punctual_lights = None
-        self.punctual_lights = self._punctual_lights.run(gbuffer.layer(0), lights, shadows)
+        self.punctual_lights = self._punctual_lights.run(
+            gbuffer.layer(0), lights, shadows=shadows
+        )
         return self.punctual_lights is not None or self._ambient.shines or self._emits(gbuffer)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:

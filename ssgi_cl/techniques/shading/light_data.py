@@ -94,6 +94,7 @@ class PunctualLights:
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes; return the sum of all lights, or None if none shines.

@@ -69,6 +69,7 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes; return the sum of all lights, or None if none shines."""
@@ -78,7 +79,9 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
             for light, shadow in zip(lights, maps, strict=True)
             if not self._misses(gbuffer, light)
         ]
-        return super().run(gbuffer, [light for light, _ in kept], [shadow for _, shadow in kept])
+        return super().run(
+            gbuffer, [light for light, _ in kept], shadows=[shadow for _, shadow in kept]
+        )
 
     def light(
         self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,

@@ -21,7 +21,7 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_va
 from ssgi_cl.techniques.shading.ambient import Ambient
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 COMBINE = Struct(
     "CombineParams",
@@ -88,19 +88,19 @@ class Shade(Prepared[ShadeParams]):
         `direct` is the irradiance of all lights, if that is known already; environments then only
         show where nothing is.
         """
-        lit = self.light(gbuffer, lights, shadows) if direct is None else direct
+        lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
         return self.combine(
             gbuffer, lights, lit, ambient=direct is None, visibility=visibility, indirect=indirect,
             multi_bounce=multi_bounce, indirect_ao=indirect_ao,
         )
 
     def light(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
         self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size)
-        return self._punctual_lights.run(gbuffer, lights, shadows)
+        return self._punctual_lights.run(gbuffer, lights, shadows=shadows)
 
     def combine(
         self,
@@ -113,13 +113,15 @@ class Shade(Prepared[ShadeParams]):
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         indirect_ao: bool | None = None,
+        gaps: bool = False,
         sky_light: Plane | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
         `lit` is the irradiance of punctual lights, with that of environments in it unless
-        `ambient`. `sky_light` is that of environments where it is known by itself: A dims it as it
-        does `indirect`. The rest is as in `run`.
+        `ambient`. With `gaps`, A dims `indirect` only below 1/2: of light whose visibility rays
+        miss what is close by. `sky_light` is that of environments where it is known by itself; A
+        dims it. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -136,11 +138,12 @@ class Shade(Prepared[ShadeParams]):
                 "SHADE_AO": int(visibility is not None),
                 "SHADE_BOUNCES": int(multi_bounce and visibility is not None),
                 "SHADE_INDIRECT": (
-                    0 if indirect is None else 2 if indirect_ao and visibility is not None else 1
+                    0 if indirect is None
+                    else 1 if visibility is None else 2 if indirect_ao else 3 if gaps else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_SKY_LIGHT": (
-                    0 if sky_light is None else 2 if indirect_ao and visibility is not None else 1
+                    0 if sky_light is None else 1 if visibility is None else 2
                 ),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
@@ -293,4 +296,11 @@ DESCRIPTOR = Technique(
     reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
     writes=("radiance",),
     quantity="direct",
+    bench=Bench(
+        families=("direct",),
+        rows={"shade": (
+            "direct light with filtered shadows, ambient light times AO, emission",
+            (("direct light, maps of 1024", "direct.1024"),),
+        )},
+    ),
 )

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.params import Params, Prepared, former_params, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.technique import Bench, Technique
 
 CURVES = ("clip", "filmic")
 MIDDLE_GREY = 0.18
@@ -64,8 +65,9 @@ class Tonemap(Prepared[TonemapParams]):
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
 
+    @former_order("radiance", "exposure", "region")
     def run(
-        self, radiance: Plane, exposure: float | None = None, region: Region | None = None
+        self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None
     ) -> NDArray[np.uint8]:
         """Run the pass; return the picture, [rows, columns, 3] uint8.
 
@@ -169,7 +171,7 @@ def tonemap(
     technique.params = params
     plane.upload(np.moveaxis(values, -1, 0))
     with device.frame():
-        result: NDArray[np.uint8] = technique.run(plane, factor)
+        result: NDArray[np.uint8] = technique.run(plane, exposure=factor)
         return result
 
 
@@ -184,4 +186,5 @@ DESCRIPTOR = Technique(
     kernels={"tonemap/tonemap.cl": ("TONEMAP_CURVE",)},
     reads=("image",),
     writes=("image",),
+    bench=Bench(rows={"tonemap": ("exposure, filmic curve, sRGB", ())}),
 )

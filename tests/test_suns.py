@@ -133,3 +133,14 @@ def test_a_sun_in_an_environment_lights_a_frame_as_paths_do(runtime: Runtime) ->
     np.testing.assert_allclose(frame.radiance[~surface], truth[~surface], rtol=0.02, atol=0.02)
     off = np.abs(frame.radiance - truth)[surface].mean() / truth[surface].mean()
     assert off < 0.15, off  # .10 here, .2 and more without a light of the sun's own
+
+
+def test_the_background_shows_the_sun(runtime: Runtime) -> None:
+    built = make_scene("colonnade-11")
+    sunny = sky(0.02, 0.8, np.array([0.0, 1.0, 0.0]))
+    above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
+    camera = gi.Camera.look_at(above, above + [0, 1, 0], (0, 0, 1), yfov=0.1, width=16, height=12)
+    seen = gi.render(
+        built.scene, camera, [sunny], preset="low", exposure=1.0, runtime=runtime
+    ).radiance
+    assert seen.max() == pytest.approx(np.asarray(sunny.radiance).max(), rel=1e-3)

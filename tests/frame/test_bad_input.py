@@ -84,9 +84,9 @@ def test_emission_of_1e9_scales_the_picture(runtime: Runtime) -> None:
 
 
 def test_inside_out_is_lit_the_same(runtime: Runtime) -> None:
-    lamp = gi.PointLight((0.2, 0.6, 0.1), 1.0)
+    light = gi.PointLight((0.2, 0.6, 0.1), 1.0)
     a, b = (
-        radiance(runtime, cube(0.5, inside_out=turned), [lamp]) for turned in (False, True)
+        radiance(runtime, cube(0.5, inside_out=turned), [light]) for turned in (False, True)
     )
     assert a.mean() > 0.01
     np.testing.assert_allclose(a.mean(), b.mean(), rtol=0.02)

@@ -68,7 +68,8 @@ CODE_WORDS = {
     r"form_runtime|Form": "KernelVariant",
     r"unbent|UNBENT": "no_second_difference",
     r"(near|pair)_room": "capacity",
-    r"lines? of sight": "view ray, visibility ray",
+    r"[Ss]ights?|sight_\w+": "view ray, visibility ray",
+    r"Occluder|Opener": "TiledOcclusion, OpenTileFinder",
 }
 """Words that neither identifiers nor comments nor texts of code use -> what to say."""
 

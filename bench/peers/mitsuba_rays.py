@@ -52,7 +52,7 @@ class Estimator:
         self._size = context.size
         self._paths = paths
         with within(VARIANT) as mi:
-            start, way, length = tracer.sight(context.camera, slice(0, context.size[0]))
+            start, way, length = tracer.view_rays(context.camera, slice(0, context.size[0]))
             ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(way), mi.Float(length), 0.0, [])
             seen = tracer.surface(ray, mi.Bool(context.seen.ravel()))
             # Points of the R sequence, moved round the unit cube by a random shift in each pixel;

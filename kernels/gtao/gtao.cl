@@ -104,11 +104,11 @@ SSGI_INLINE void gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice,
     const vfloat unit = v_sqrt(slice->weight) * receiver->length * (1.0f / fabs(receiver->to_x));
     const vfloat half_weight = weight * 0.5f; // of 3/2 and a third
     const vfloat offset = found->along * unit * half_weight;
-    const vfloat sight =
-        v_fma(offset, q / receiver->sight, found->up / receiver->length * half_weight);
-    bend[0] = bend[0] + v_fma(sight, receiver->x, -(offset * x));
-    bend[1] = bend[1] + v_fma(sight, v_splat(receiver->y), -(offset * y));
-    bend[2] = bend[2] - sight;
+    const vfloat view_ray =
+        v_fma(offset, q / receiver->ray_squared, found->up / receiver->length * half_weight);
+    bend[0] = bend[0] + v_fma(view_ray, receiver->x, -(offset * x));
+    bend[1] = bend[1] + v_fma(view_ray, v_splat(receiver->y), -(offset * y));
+    bend[2] = bend[2] - view_ray;
 }
 // Count what a side sees whose horizon is so far above the tangent plane, see gtao_rise.
 SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const int side,

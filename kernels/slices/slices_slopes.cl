@@ -76,10 +76,10 @@ static inline void slopes_of_plane(ssgi_plane normal, const SsgiSorted *at, cons
     const vfloat one = v_splat(1.0f);
     const vfloat x = ssgi_slope_x(camera, v_to_float(at->from_x) + 0.5f) * camera.perspective;
     const vfloat y = ssgi_slope_y(camera, v_to_float(at->from_y) + 0.5f) * camera.perspective;
-    const vfloat sight = v_fma(nx, x, v_fma(ny, y, -nz));
+    const vfloat view_ray = v_fma(nx, x, v_fma(ny, y, -nz));
     const vfloat length = v_sqrt(v_fma(x, x, v_fma(y, y, one)));
     const vfloat n_dot_v =
-        v_copysign(v_max(v_abs(sight), length * SLOPES_LEAST_N_DOT_V), sight);
+        v_copysign(v_max(v_abs(view_ray), length * SLOPES_LEAST_N_DOT_V), view_ray);
     const vfloat gain = camera.perspective != 0.0f
                             ? 1.0f / (v_max(z, v_splat(SLOPES_TINY)) * n_dot_v)
                             : -1.0f / n_dot_v;

@@ -135,7 +135,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vfloat middle = v_exp2(octaves * 0.5f);
     at.floor = v_fma(at.nx, ox, v_fma(at.ny, oy, at.nz * oz)) +
                v_fma(z, v_splat(params.depth_bias), pixel * params.bias);
-    const ViewsViewRay sight = views_view_ray(camera, slope_x, slope_y);
+    const ViewsViewRay view_ray = views_view_ray(camera, slope_x, slope_y);
     const int2 others = (int2)(params.columns, params.rows);
 
     __global const float *restrict pattern = table + (y & 3) * (VIEWS_SLICES * 48) + (x & 3);
@@ -146,7 +146,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     for (int s = 0; s < VIEWS_SLICES; ++s) {
         __global const float *restrict slice_at = pattern + s * 48;
         const vfloat dither = v_load(slice_at + 32);
-        const ViewsSlice slice = views_slice(camera, &sight, v_load(slice_at),
+        const ViewsSlice slice = views_slice(camera, &view_ray, v_load(slice_at),
                                              v_load(slice_at + 16), nx, ny, nz);
         total = total + slice.share;
         const int mask_at = ssgi_index(size, s, x, y);
@@ -184,7 +184,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 const vfloat turned = v_fma(part, v_splat(end - sine), v_splat(sine));
                 const vfloat facing = v_sqrt(v_max(v_fma(-turned, turned, one), zero));
                 vfloat wx, wy, wz;
-                views_direction(&sight, &slice, turned, facing, &wx, &wy, &wz);
+                views_direction(&view_ray, &slice, turned, facing, &wx, &wy, &wz);
                 const vfloat dx =
                     v_fma(wx, v_splat(params.xx), v_fma(wy, v_splat(params.xy), wz * params.xz));
                 const vfloat dy =

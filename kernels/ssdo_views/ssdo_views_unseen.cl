@@ -80,8 +80,8 @@ __kernel void ssdo_views_unseen(ssgi_plane normal, ssgi_plane earlier, ssgi_plan
     }
     const int2 others = (int2)(view.columns, view.rows);
     const vfloat zero = v_splat(0.0f);
-    const vfloat sight_x = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
-    const vfloat sight_y = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
+    const vfloat ray_x = ssgi_slope_x(camera, v_to_float(v_iota() + x) + 0.5f);
+    const vfloat ray_y = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
     for (int layer = 0; layer < UNSEEN_LAYERS; ++layer) {
         __global float *restrict own_at = depth + ssgi_index(size, layer, x, y);
         const vfloat own = v_load(own_at);
@@ -91,7 +91,7 @@ __kernel void ssdo_views_unseen(ssgi_plane normal, ssgi_plane earlier, ssgi_plan
         }
         const vfloat z = v_select(v_splat(1.0f), own, there);
         const vfloat k = ssgi_k(camera, z);
-        const vfloat px = sight_x * k, py = sight_y * k;
+        const vfloat px = ray_x * k, py = ray_y * k;
         UnseenPoint at;
         at.x = v_fma(px, v_splat(view.xx), v_fma(py, v_splat(view.xy),
                                                  v_fma(z, v_splat(-view.xz),

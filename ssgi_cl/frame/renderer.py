@@ -55,7 +55,7 @@ from ssgi_cl.frame.stages import (
     ssdo_tiles_condition,
     tiles_stage,
 )
-from ssgi_cl.frame.tile_classifier import Occluder, Opener, TileRest
+from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion, TileRest
 from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import downloaded
@@ -129,9 +129,9 @@ class Renderer:
         costs: dict[str, float] = {}
         self._rest = TileRest()
         condition: Callable[[Values], str | None] = self._rest.condition
-        self._openers: list[Opener | Occluder] = []
+        self._openers: list[OpenTileFinder | TiledOcclusion] = []
         self._bounce: OneBounce | None = None
-        self._ao: Occluder | None = None
+        self._ao: TiledOcclusion | None = None
         self._indirect: Ssdo | OneBounce | None = None
         near: list[Stage] = []
         light = [DIRECT]
@@ -142,7 +142,7 @@ class Renderer:
             condition = ssdo_tiles_condition(technique, self.rasterizer.target, condition)
             self._indirect = technique
             look = technique.look
-            opener = Opener(runtime, "ssdo", "ssdo_bitmask")
+            opener = OpenTileFinder(runtime, "ssdo", "ssdo_bitmask")
             self._openers.append(opener)
             near = [
                 maps_stage(maps, None, keep=keep, reflects=False, all_lights=True),
@@ -157,7 +157,7 @@ class Renderer:
             reflects = self._bounce is not None or whole is not None
             indirect_ao = indirect_ao and reflects
             if ao is not None:
-                occluder = Occluder(runtime, size, ao, margin, layers, self.skips)
+                occluder = TiledOcclusion(runtime, size, ao, margin, layers, self.skips)
                 self._openers.append(occluder)
                 self._ao = occluder
                 near.append(

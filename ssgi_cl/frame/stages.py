@@ -19,7 +19,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
-from ssgi_cl.frame.tile_classifier import Occluder, Opener
+from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
@@ -107,7 +107,7 @@ def ssdo_tiles_condition(
 
 
 def occlusion_stage(
-    ao: Occluder, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool
+    ao: TiledOcclusion, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool
 ) -> Stage:
     """Return the stage of ambient occlusion.
 
@@ -264,7 +264,7 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
 
 
 def ssdo_stages(
-    ssdo: Ssdo, opener: Opener, tiles: Tiles | None, views: AuxiliaryViews | None
+    ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: AuxiliaryViews | None
 ) -> list[Stage]:
     """Return the stage of directional occlusion, and that of the occlusion which it replaces.
 

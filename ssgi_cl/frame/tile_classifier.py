@@ -48,7 +48,7 @@ class TileRest:
         self._frames = 0 if pays else REST
 
 
-class Opener:
+class OpenTileFinder:
     """Finds the open tiles of frames for a technique, and notes what they save.
 
     Args:
@@ -90,7 +90,7 @@ class Opener:
             self._speed = self._busy, costs[self._cost] / self._busy
 
 
-class Occluder:
+class TiledOcclusion:
     """A technique of ambient occlusion that leaves out tiles and layers, prepared for one size.
 
     Args:
@@ -115,7 +115,7 @@ class Occluder:
         self._size = size
         self._has_one = params.channels == 1
         self.pays = False
-        self._opener = Opener(runtime, self.name, self.name)
+        self._opener = OpenTileFinder(runtime, self.name, self.name)
 
     def run(
         self, gbuffer: DeviceGBuffer, *, tiles: Tiles | None = None,

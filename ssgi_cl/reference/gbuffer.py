@@ -145,8 +145,8 @@ def view_normals(view: SurfaceView, world: NDArray[np.float32] | None) -> Double
         return np.where(there, rebuilt, 0.0)
     given = world.astype(np.float64) @ view.camera.view[:3, :3].T
     position = view.positions()
-    sight = position * [0.0, 0.0, 1.0] if view.camera.is_orthographic else position
-    faces_away = np.sum(given * sight, axis=-1) > 0.0
+    view_ray = position * [0.0, 0.0, 1.0] if view.camera.is_orthographic else position
+    faces_away = np.sum(given * view_ray, axis=-1) > 0.0
     against_surface = np.sum(given * rebuilt, axis=-1) < 0.0
     given = np.where((faces_away & against_surface)[..., None], -given, given)
     is_given = np.any(world != 0.0, axis=-1)[..., None]

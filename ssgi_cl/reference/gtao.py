@@ -60,20 +60,20 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
     Of that those that horizons hide are taken away: n - 3/2 hidden / whole.
     """
     slope = (*scan.slope, np.full(scan.depth.shape, -1.0))
-    sight = np.stack(np.broadcast_arrays(*slope), axis=-1) / np.sqrt(scan.sight)[..., None]
-    hidden, whole = np.zeros(sight.shape), np.full(scan.depth.shape, 1e-30)
+    view_ray = np.stack(np.broadcast_arrays(*slope), axis=-1) / np.sqrt(scan.ray_squared)[..., None]
+    hidden, whole = np.zeros(view_ray.shape), np.full(scan.depth.shape, 1e-30)
     for plane in scan.slices():
         offset = np.stack(
             [plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros(scan.depth.shape)], axis=-1
         )
-        across = offset - np.sum(offset * sight, axis=-1, keepdims=True) * sight
+        across = offset - np.sum(offset * view_ray, axis=-1, keepdims=True) * view_ray
         across /= np.linalg.norm(across, axis=-1, keepdims=True)
         weight = plane.weight * plane.length
         for side in (1, -1):
             edge, horizon = horizons(scan, params, plane, side)
             all_, seen = (arc_directions(angle, plane, side) for angle in (edge, horizon))
             up, along = ((weight * (a - b))[..., None] for a, b in zip(all_, seen, strict=True))
-            hidden += -up * sight + side * along * across
+            hidden += -up * view_ray + side * along * across
             whole += weight * arc_integral(edge, plane, side)
     bend: Doubles = -1.5 * hidden / whole[..., None]
     return bend

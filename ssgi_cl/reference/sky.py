@@ -66,14 +66,14 @@ def _sector(plane: Slice, sine: float, sectors: int) -> NDArray[np.int64]:
 
 def _direction(scan: Scan, plane: Slice, s: Doubles, c: Doubles) -> Doubles:
     """Return the world-space direction in a slice with this sine and cosine."""
-    sight = np.stack([*scan.slope, -np.ones_like(s)], axis=-1)
-    sight = sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+    view_ray = np.stack([*scan.slope, -np.ones_like(s)], axis=-1)
+    view_ray = view_ray / np.linalg.norm(view_ray, axis=-1, keepdims=True)
     offset = np.stack(
         [plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros_like(s)], axis=-1
     )
-    across = offset - np.sum(offset * sight, axis=-1, keepdims=True) * sight
+    across = offset - np.sum(offset * view_ray, axis=-1, keepdims=True) * view_ray
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    view = across * s[..., None] - sight * c[..., None]
+    view = across * s[..., None] - view_ray * c[..., None]
     result: Doubles = view @ scan.view.camera.view[:3, :3]
     return result
 

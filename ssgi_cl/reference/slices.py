@@ -142,13 +142,13 @@ class Scan:
         if not self.perspective:
             self.to_x, self.to_y = self.to_x / self.k, self.to_y / self.k
         self.slope = (slope_x, slope_y) if self.perspective else (0.0 * depth, 0.0 * depth)
-        self.sight = self.slope[0] ** 2 + self.slope[1] ** 2 + 1.0  # squared length
+        self.ray_squared = self.slope[0] ** 2 + self.slope[1] ** 2 + 1.0  # squared length
         n = self.normal
         self.n_dot_v = n[..., 0] * self.slope[0] + n[..., 1] * self.slope[1] - n[..., 2]
-        self.clamped = np.minimum(self.n_dot_v, -LEAST_N_DOT_V * np.sqrt(self.sight))
+        self.clamped = np.minimum(self.n_dot_v, -LEAST_N_DOT_V * np.sqrt(self.ray_squared))
         # A normal that is turned away is turned back along the view ray.
-        turned = np.minimum(self.n_dot_v, LEAST_N_DOT_V * np.sqrt(self.sight))
-        back = np.where(self.n_dot_v > 0.0, (self.n_dot_v + turned) / self.sight, 0.0)
+        turned = np.minimum(self.n_dot_v, LEAST_N_DOT_V * np.sqrt(self.ray_squared))
+        back = np.where(self.n_dot_v > 0.0, (self.n_dot_v + turned) / self.ray_squared, 0.0)
         self.normal = n - back[..., None] * np.stack([*self.slope, -np.ones_like(back)], axis=-1)
         self.n_dot_v = np.where(self.n_dot_v > 0.0, -turned, self.n_dot_v)
         wanted_px = params.radius * view.pixels_per_unit(depth)
@@ -157,7 +157,7 @@ class Scan:
         radius = np.where(wanted_px > limit_px, params.radius * limit_px / wanted_px, params.radius)
         self.radius = np.minimum(radius / self.k, 1e3 if self.perspective else 1e6)
         self.thick = self.thickness * self.radius
-        distance = depth / self.k * np.sqrt(self.sight)
+        distance = depth / self.k * np.sqrt(self.ray_squared)
         if not self.perspective:
             distance = distance + np.minimum(self.radius, sum(view.depth.shape))
         self.bias = params.bias * self.radius + DEPTH_BIAS * distance
@@ -201,14 +201,14 @@ class Scan:
         table = slice_pattern(params)
         y, x = np.indices(self.view.size)
         y, x = y % TILE, x % TILE
-        normal, length = self.normal, np.sqrt(self.sight)
+        normal, length = self.normal, np.sqrt(self.ray_squared)
         for s in range(params.slices):
             cos, sin = np.cos(table.angle[y, x, s]), np.sin(table.angle[y, x, s])
             ax, ay = cos * self.to_x, sin * self.to_y
             inverse = self._inverse(ax, ay)
             along = normal[..., 0] * ax + normal[..., 1] * ay
             q = ax * self.slope[0] + ay * self.slope[1]
-            across = (along - self.clamped * q / self.sight) * inverse * length
+            across = (along - self.clamped * q / self.ray_squared) * inverse * length
             towards = -self.clamped / length
             projected = np.hypot(across, towards)
             central = np.sqrt(self.middle**2 + self.slope[1] ** 2 + 1.0)
@@ -301,7 +301,7 @@ class Scan:
         scale = self.scale(f)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
         height = f * self.n_dot_v + along - self.bias * scale
-        rise = np.maximum(height, 0.0) * self._inverse(x, y) * self.sight / -self.clamped
+        rise = np.maximum(height, 0.0) * self._inverse(x, y) * self.ray_squared / -self.clamped
         result: Doubles = side * plane.edge + np.minimum(rise, 1e6)
         return result
 
@@ -310,7 +310,7 @@ class Scan:
         scale = self.scale(f)
         q = x * self.slope[0] + y * self.slope[1]
         result: Doubles = (
-            f * (f * self.sight + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2
+            f * (f * self.ray_squared + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2
         )
         return result
 
@@ -329,7 +329,7 @@ class Scan:
         x, y = dx * self.to_x, dy * self.to_y
         inverse = plane.across * self._inverse(x, y, self.middle)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
-        steep = self.sight / -self.clamped * inverse
+        steep = self.ray_squared / -self.clamped * inverse
         seen = np.where(inside, self.depths[layer][at], np.inf)
         there = self.active & np.isfinite(seen)
         seen = np.where(there, seen, self.depth)

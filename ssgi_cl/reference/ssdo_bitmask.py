@@ -205,11 +205,11 @@ def _slopes_of_plane(gbuffer: GBuffer, view: SurfaceView, layer: int) -> Doubles
     normal = view_normals(replace(view, depth=depth), given)
     there = np.isfinite(depth)
     depth = np.where(there, depth, 1.0)
-    sight = view.position(*view.centres(), np.ones(depth.shape))
+    view_ray = view.position(*view.centres(), np.ones(depth.shape))
     if view.camera.is_orthographic:
-        sight = sight * [0.0, 0.0, 1.0]
-    n_dot_v = np.sum(normal * sight, axis=-1)
-    least = LEAST_N_DOT_V * np.linalg.norm(sight, axis=-1)
+        view_ray = view_ray * [0.0, 0.0, 1.0]
+    n_dot_v = np.sum(normal * view_ray, axis=-1)
+    least = LEAST_N_DOT_V * np.linalg.norm(view_ray, axis=-1)
     n_dot_v = np.copysign(np.maximum(np.abs(n_dot_v), least), n_dot_v)
     gain = -1.0 / n_dot_v if view.camera.is_orthographic else 1.0 / (depth * n_dot_v)
     result: Doubles = np.moveaxis(normal[..., :2], -1, 0) * np.where(there, gain, 0.0)

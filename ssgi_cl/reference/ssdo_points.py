@@ -283,10 +283,10 @@ def _cut(
     with np.errstate(divide="ignore", invalid="ignore"):
         where = -height / along
         ok = there & (where > 0.0) & (where <= at.radius) & (where * cosine > at.floor)
-    sight = point / np.maximum(-point[..., 2:], 1e-30)
+    view_ray = point / np.maximum(-point[..., 2:], 1e-30)
     if view.camera.is_orthographic:
-        sight = np.broadcast_to([0.0, 0.0, -1.0], point.shape)
-    down = np.sum(sight * normal, axis=-1)
+        view_ray = np.broadcast_to([0.0, 0.0, -1.0], point.shape)
+    down = np.sum(view_ray * normal, axis=-1)
     gap = np.sum((point - surface) * normal, axis=-1) / np.where(down == 0.0, 1.0, down)
     return there, ok, where, height, gap, row, column
 

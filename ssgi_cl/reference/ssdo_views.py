@@ -193,8 +193,8 @@ def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
     """Return the direction to the eye [rows, columns, 3], unit length."""
     if view.camera.is_orthographic:
         return np.broadcast_to([0.0, 0.0, 1.0], (*row.shape, 3))
-    sight = view.position(row, column, np.ones(row.shape))
-    eye: Doubles = -sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+    view_ray = view.position(row, column, np.ones(row.shape))
+    eye: Doubles = -view_ray / np.linalg.norm(view_ray, axis=-1, keepdims=True)
     return eye
 
 

@@ -47,8 +47,8 @@ def rises_reference(
         for x in range(columns):
             if v[y, x] == -np.inf:
                 continue
-            sight = np.array([(x + 0.5) * to_x + at_x, (y + 0.5) * to_y + at_y]) * forward
-            n_dot_v = n[y, x, :2] @ sight - n[y, x, 2]
+            view_ray = np.array([(x + 0.5) * to_x + at_x, (y + 0.5) * to_y + at_y]) * forward
+            n_dot_v = n[y, x, :2] @ view_ray - n[y, x, 2]
             scale = (v[y, x] if forward else 1.0) / n_dot_v
             top, bottom = max(y - reach_px, 0), min(y + reach_px + 1, rows)
             left, right = max(x - reach_px, 0), min(x + reach_px + 1, columns)

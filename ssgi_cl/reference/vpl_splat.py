@@ -26,7 +26,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SHARPEST = 1000.0
 """Greatest exponent of a lobe."""
 
-Sight = Callable[[Doubles, Doubles, Doubles, Doubles], NDArray[np.bool_]]
+Blocked = Callable[[Doubles, Doubles, Doubles, Doubles], NDArray[np.bool_]]
 """Points and normals [n, 3] of receivers, and a light's -> where the light is hidden [n]."""
 
 
@@ -89,7 +89,7 @@ def vpl_visibility_reference(
     vpls: Vpls,
     params: VplSplatParams,
     lists: NDArray[np.object_],
-    hidden: Sight,
+    hidden: Blocked,
 ) -> Doubles:
     """Return irradiance [rows, columns, 3] with visibility and without blur, of one batch.
 

@@ -47,7 +47,7 @@ def direct_light(
 
     Spot, point and directional lights are summed exactly (standard error 0); environments are
     sampled. Surfaces' own emission is left out: light comes from `lights` alone. Holes that a
-    texture's alpha cuts out let sight and light through.
+    texture's alpha cuts out let rays of view and light through.
 
     Args:
         scene: what `rasterize.load_scene` returns.

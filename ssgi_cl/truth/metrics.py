@@ -295,7 +295,7 @@ def _normals(gbuffer: GBuffer, depth: Doubles) -> tuple[Doubles, Mask]:
     Without any, the cross product of the differences of position to the neighbour that is nearer
     in depth, on both axes.
     """
-    # Sight lines and positions in view space, whose origin is near.
+    # View rays and positions in view space, whose origin is near.
     position = _positions(gbuffer, depth)
     if gbuffer.normal is not None:
         world = _inner(gbuffer, "normal").astype(np.float64)
@@ -305,8 +305,8 @@ def _normals(gbuffer: GBuffer, depth: Doubles) -> tuple[Doubles, Mask]:
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     known = np.isfinite(depth) & (length[..., 0] > 0.0) & np.isfinite(length[..., 0])
     normal = np.where(known[..., None], normal / np.where(known[..., None], length, 1.0), 0.0)
-    sight = np.array([0.0, 0.0, -1.0]) if gbuffer.camera.is_orthographic else position
-    facing = np.sum(np.where(known[..., None], normal * sight, 0.0), axis=-1)
+    view_ray = np.array([0.0, 0.0, -1.0]) if gbuffer.camera.is_orthographic else position
+    facing = np.sum(np.where(known[..., None], normal * view_ray, 0.0), axis=-1)
     return np.where(facing[..., None] > 0.0, -normal, normal), known
 
 

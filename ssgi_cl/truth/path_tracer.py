@@ -97,7 +97,7 @@ class PathTracer(ABC):
         height = max(1, _PIXELS // camera.width)
         for first in range(0, camera.height, height):
             rows = slice(first, min(first + height, camera.height))
-            start, way, length = self.sight(camera, rows)
+            start, way, length = self.view_rays(camera, rows)
             pixels = np.flatnonzero(length > 0.0)
             if not len(pixels):
                 continue
@@ -112,7 +112,7 @@ class PathTracer(ABC):
             image[rows].reshape(-1, 3)[pixels] = (sums / paths).T
         return image
 
-    def sight(
+    def view_rays(
         self, camera: Camera, rows: slice, offset: Doubles | None = None
     ) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of view rays, row by row.

@@ -76,7 +76,7 @@ class RadianceTracer(PathTracer):
             for path, step in enumerate(r_points(0, paths, self.numbers)):
                 numbers = np.mod(shift + step[:, None], 1.0)
                 offset = numbers[-2:] - 0.5 if self._box else None
-                rays = self.sight(camera, rows, offset)
+                rays = self.view_rays(camera, rows, offset)
                 labels = np.arange(first * camera.width, first * camera.width + count)
                 given = numbers.astype(np.float32)
                 total += self._radiance(rays, given, labels, seed * paths + path)

@@ -186,8 +186,8 @@ class March:
         nearest = np.maximum(nearest, 1e-9 * depth)
         px = np.minimum(reach * self.view.pixels_per_unit(nearest) + 1.0, diagonal)
         # Off the middle of the image a unit covers more pixels.
-        sight = self.position[0][self._at(pixels)] / depth[:, None]
-        tilt = 1.0 if self.view.camera.is_orthographic else np.sum(sight**2, axis=-1)
+        view_ray = self.position[0][self._at(pixels)] / depth[:, None]
+        tilt = 1.0 if self.view.camera.is_orthographic else np.sum(view_ray**2, axis=-1)
         result: Doubles = np.minimum(px * tilt, diagonal)
         return result
 
@@ -201,14 +201,14 @@ class March:
         at = self._at(pixels)
         receiver, normal = self.position[0][at], view.normal[at]
         if view.camera.is_orthographic:
-            sight = np.tile([0.0, 0.0, 1.0], (len(azimuth), 1))
+            view_ray = np.tile([0.0, 0.0, 1.0], (len(azimuth), 1))
         else:
-            sight = -receiver / np.linalg.norm(receiver, axis=-1, keepdims=True)
-        first = np.cross([0.0, 1.0, 0.0], sight)
+            view_ray = -receiver / np.linalg.norm(receiver, axis=-1, keepdims=True)
+        first = np.cross([0.0, 1.0, 0.0], view_ray)
         first /= np.linalg.norm(first, axis=-1, keepdims=True)
-        second = np.cross(sight, first)
+        second = np.cross(view_ray, first)
         along = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
-        n_dot_v = np.maximum(np.sum(normal * sight, axis=-1), LEAST_N_DOT_V)
+        n_dot_v = np.maximum(np.sum(normal * view_ray, axis=-1), LEAST_N_DOT_V)
         lean = np.sum(normal * along, axis=-1)
         # The plane holds the eye, so that it is seen as a line.
         row, column = at[0] + 0.5, at[1] + 0.5
@@ -221,9 +221,9 @@ class March:
             plane = Plane(edge=-side * lean / n_dot_v, n_dot_v=n_dot_v, lean=side * lean)
             i = np.floor(row[:, None] + side * distance * to_row[:, None]).astype(np.intp)
             j = np.floor(column[:, None] + side * distance * to_column[:, None]).astype(np.intp)
-            yield plane, self._crossed(pixels, (i, j), sight, plane)
+            yield plane, self._crossed(pixels, (i, j), view_ray, plane)
 
-    def _crossed(self, pixels: Pixels, place: Pixels, sight: Doubles, plane: Plane) -> Crossed:
+    def _crossed(self, pixels: Pixels, place: Pixels, view_ray: Doubles, plane: Plane) -> Crossed:
         """Return what the array elements `place` [count, steps] hold in all layers."""
         rows, columns = self.view.depth.shape
         at, (i, j) = self._at(pixels), place
@@ -237,12 +237,12 @@ class March:
             front = position[i, j]
             offset = front - receiver
             distance = np.linalg.norm(offset, axis=-1)
-            excess = self._excess(offset, sight, normal, plane, self.params.bias * reach)
+            excess = self._excess(offset, view_ray, normal, plane, self.params.bias * reach)
             cot = plane.edge[:, None] + np.maximum(excess, 0.0)
             back = cot
             if isinstance(self.params, BitmaskParams):
                 behind = self._moved(front, self.params.thickness * reach) - receiver
-                lower = self._excess(behind, sight, normal, plane, 0.0)
+                lower = self._excess(behind, view_ray, normal, plane, 0.0)
                 back = plane.edge[:, None] + np.maximum(lower, 0.0)
             parts.append(Crossed(
                 counts=inside & there[i, j] & (distance <= reach) & (excess > 0.0),
@@ -262,14 +262,14 @@ class March:
 
     @staticmethod
     def _excess(
-        offset: Doubles, sight: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float
+        offset: Doubles, view_ray: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float
     ) -> Doubles:
         """Return by how much the cotangent from the view ray exceeds the tangent plane's.
 
         A pixel's centre lies a little beside the slice: it is turned into it about the view
         ray so that what lies in the tangent plane stays in it.
         """
-        towards = np.einsum("psk,pk->ps", offset, sight)
+        towards = np.einsum("psk,pk->ps", offset, view_ray)
         across = np.sqrt(np.maximum(np.sum(offset**2, axis=-1) - towards**2, 0.0))
         height = np.einsum("psk,pk->ps", offset, normal) - bias
         result: Doubles = height / np.maximum(across * plane.n_dot_v[:, None], 1e-30)
@@ -278,11 +278,11 @@ class March:
 
 def _turned_back(view: SurfaceView, position: Doubles) -> SurfaceView:
     """Return a view whose averted normals are turned back along the view ray."""
-    sight = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
+    view_ray = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
     if not view.camera.is_orthographic:
-        sight = -position / np.maximum(np.linalg.norm(position, axis=-1, keepdims=True), 1e-30)
-    n_dot_v = np.sum(view.normal * sight, axis=-1, keepdims=True)
-    back = np.where(n_dot_v < 0.0, np.minimum(-n_dot_v, LEAST_N_DOT_V) - n_dot_v, 0.0) * sight
+        view_ray = -position / np.maximum(np.linalg.norm(position, axis=-1, keepdims=True), 1e-30)
+    n_dot_v = np.sum(view.normal * view_ray, axis=-1, keepdims=True)
+    back = np.where(n_dot_v < 0.0, np.minimum(-n_dot_v, LEAST_N_DOT_V) - n_dot_v, 0.0) * view_ray
     return replace(view, normal=view.normal + back)
 
 

@@ -87,13 +87,13 @@ def test_every_plane_is_flat(
     dx, dy = (rng.integers(-8, 9, x.size).astype(np.float32) for _ in range(2))
     depth = np.exp2(rng.uniform(-20, 20, x.size)).astype(np.float32)
 
-    def sight(column: NDArray[Any], row: NDArray[Any]) -> NDArray[np.float64]:
+    def view_ray(column: NDArray[Any], row: NDArray[Any]) -> NDArray[np.float64]:
         sx, sy, ox, oy = camera.pixel_to_view
         across = sx * (column.astype(np.float64) - margin[1]) + ox
         down = sy * (row.astype(np.float64) - margin[0]) + oy
         return np.stack([across, down, -np.ones_like(across)], axis=-1)
 
-    own, other = sight(x, y), sight(x + dx, y + dy)
+    own, other = view_ray(x, y), view_ray(x + dx, y + dy)
     wide = depth.astype(np.float64)
     if camera.is_orthographic:
         flip = normal[:, 2] < 0

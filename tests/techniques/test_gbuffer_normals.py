@@ -138,7 +138,7 @@ def test_normal_that_faces_away_from_its_surface_is_turned(
 def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
     variant_runtime: Runtime, sign: float
 ) -> None:
-    # The surface is tilted by 80 degrees and its interpolated normal by 95: the sight says that
+    # The surface is tilted by 80 degrees and its interpolated normal by 95: the view ray says that
     # the normal faces away, the surface that it does not. Its opposite faces the viewer already.
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.05, width=20, height=20)
     plane, leaning = tilted(made, 80.0), tilted(made, 95.0)

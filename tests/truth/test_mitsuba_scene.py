@@ -169,7 +169,7 @@ def test_holes_let_sight_and_light_through(
     albedo = traced(Albedo, scene, camera, variant)[1:-1, 1:-1]
     floors = np.isclose(albedo, [0.1, 0.2, 0.3], atol=1e-6).all(axis=-1)
     assert (floors == hole[1:-1, 1:-1])[sure].all()
-    # Straight light meets the floor where sight does, and is not seen below the grate elsewhere.
+    # Straight light meets the floor where the view ray does, nowhere else below the grate.
     light = traced(DirectLight, scene, camera, variant)[1:-1, 1:-1]
     assert (light[sure] > 1.99).all()
     aslant = DirectionalLight((0.2, -1.0, 0.1), 2.0)

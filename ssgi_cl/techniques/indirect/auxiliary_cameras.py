@@ -18,7 +18,7 @@ BLOCKS = (12, 16)
 SHARES = (0.3, 0.6, 0.9)
 """Of the way to the nearest surface of a block."""
 BEYOND = 2.0
-"""Lines of sight that meet nothing end at this many times the median depth."""
+"""View rays that meet nothing end at this many times the median depth."""
 CLOSEST = 0.3
 """Distance of a place from the median point, in parts of the camera's own."""
 YFOV = 1.6

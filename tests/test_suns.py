@@ -137,9 +137,10 @@ def test_a_sun_in_an_environment_lights_a_frame_as_paths_do(runtime: Runtime) ->
 
 def test_the_background_shows_the_sun(runtime: Runtime) -> None:
     built = make_scene("colonnade-11")
-    sunny = sky(0.02, 0.8, np.array([0.0, 1.0, 0.0]))
+    up = np.array([0.0, 1.0, 0.0])
+    sunny = sky(0.02, 0.8, up)
     above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
-    camera = gi.Camera.look_at(above, [*above, 0, 1, 0], (0, 0, 1), yfov=0.1, width=16, height=12)
+    camera = gi.Camera.look_at(above, above + up, (0, 0, 1), yfov=0.1, width=16, height=12)
     seen = gi.render(
         built.scene, camera, [sunny], preset="low", exposure=1.0, runtime=runtime
     ).radiance

@@ -2,7 +2,6 @@
 from . import rasterize as rasterize
 from . import truth as truth
 from .core.camera import Camera as Camera
-from .core.environment_samples import split_suns as split_suns
 from .core.errors import (
     DeviceError as DeviceError,
 )
@@ -41,6 +40,7 @@ from .core.lights import (
 from .core.lights import (
     SpotLight as SpotLight,
 )
+from .core.suns import split_suns as split_suns
 from .core.vpls import Vpls as Vpls
 from .device.drivers import KernelVariant as KernelVariant
 from .device.gbuffer import DeviceGBuffer as DeviceGBuffer

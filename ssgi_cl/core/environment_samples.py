@@ -1,4 +1,4 @@
-"""Environments as directions of equal flux: stratified importance samples, and suns of their own.
+"""Environments as directions of equal flux: stratified importance samples.
 
 The sphere is divided into rectangles of an equal-area octahedral map (Clarberg 2008, "Fast
 Equal-Area Mapping of the (Hemi)Sphere using SIMD"), each cut in two at its flux's median until
@@ -16,8 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.keywords import checked_keywords
-from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.core.lights import Environment
 
 Doubles = NDArray[np.float64]
 
@@ -27,11 +26,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: brighter texels count as this, so that float32 holds all sums."""
 
-SUN_RADIUS = 0.05
-"""Radians from the brightest texel to the rim of what may be a sun."""
-SUN_SHARE = 0.04
-"""Of an environment's flux, the least that a sun has."""
-MOST_SUNS = 4
+MOST_TEXELS = 1 << 25
+"""Of an image in which others are summed texel by texel; larger ones are resized first."""
 
 _MOST_ROWS, _MOST_COLUMNS = 2048, 4096  # texels of larger images are summed in blocks
 _LEAST_ROWS, _LEAST_COLUMNS = 512, 1024  # texels of smaller images are divided
@@ -64,60 +60,19 @@ def sample_environments(
     return towards, flux[:, 1:4]
 
 
-@checked_keywords
-def split_suns(
-    environment: Environment,
-) -> tuple[tuple[DirectionalLight, ...], Environment]:
-    """Return the small bright sources of an environment as lights, and the environment without.
-
-    A source is a sun if a disc of `SUN_RADIUS` radians holds at least `SUN_SHARE` of all flux,
-    which is more than 60 times as much as a disc of an even sky. The light's `angle` is that of a
-    disc of the source's effective solid angle. The radiance round a source takes its place.
-    """
-    image = np.minimum(np.asarray(environment.radiance, np.float64), BRIGHTEST)
-    if image.ndim == 1 or max(math.pi / image.shape[0], 2 * math.pi / image.shape[1]) > SUN_RADIUS:
-        return (), environment
-    image = image.copy()
-    towards, omega = texels(*image.shape[:2])
-    suns: list[DirectionalLight] = []
-    while len(suns) < MOST_SUNS:
-        bright = image @ LUMINANCE
-        peak = np.unravel_index(int(bright.argmax()), bright.shape)
-        cosine = towards @ towards[peak]
-        disc = cosine >= math.cos(SUN_RADIUS)
-        total = float((bright * omega).sum())
-        if total <= 0.0 or float((bright * omega)[disc].sum()) < SUN_SHARE * total:
-            break
-        ring = ~disc & (cosine >= math.cos(2.0 * SUN_RADIUS))
-        around = np.median(image[ring], axis=0) if ring.any() else np.zeros(3)
-        excess = np.maximum(image[disc] - around, 0.0) * omega[disc][:, None]
-        power = excess @ LUMINANCE
-        if power.sum() < 0.5 * SUN_SHARE * total:
-            break  # as bright round it: not a small source
-        vector = power @ towards[disc]
-        # The solid angle that the same flux would fill evenly.
-        effective = power.sum() ** 2 / (power**2 / omega[disc]).sum()
-        suns.append(
-            DirectionalLight(
-                -vector, excess.sum(axis=0), angle=min(math.sqrt(effective / math.pi), SUN_RADIUS)
-            )
-        )
-        image[disc] = np.minimum(image[disc], around)
-    return (tuple(suns), Environment(image)) if suns else ((), environment)
-
-
-def texels(rows: int, columns: int) -> tuple[Doubles, Doubles]:
-    """Return direction [rows, columns, 3] and solid angle [rows, columns] of an image's texels."""
+def texels(
+    rows: int, columns: int, some: slice = slice(None)
+) -> tuple[Doubles, Doubles]:
+    """Return direction [rows, columns, 3] and solid angle [rows, columns] of an image's texels, or
+    of some of its rows."""
     edges = np.linspace(0.0, math.pi, rows + 1)
-    height = np.cos(edges[:-1]) - np.cos(edges[1:])
+    height = (np.cos(edges[:-1]) - np.cos(edges[1:]))[some]
     # The cosine in the middle of a row's solid angle, not of its angle.
-    cosine = 0.5 * (np.cos(edges[:-1]) + np.cos(edges[1:]))[:, None]
+    cosine = 0.5 * (np.cos(edges[:-1]) + np.cos(edges[1:]))[some, None]
     sine = np.sqrt(1.0 - cosine**2)
     azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * math.pi
-    towards = np.stack(
-        [sine * np.sin(azimuth), np.broadcast_to(cosine, (rows, columns)), -sine * np.cos(azimuth)],
-        axis=-1,
-    )
+    upward = np.broadcast_to(cosine, (len(cosine), columns))
+    towards = np.stack([sine * np.sin(azimuth), upward, -sine * np.cos(azimuth)], axis=-1)
     return towards, np.repeat(height[:, None], columns, 1) * (2.0 * math.pi / columns)
 
 
@@ -159,7 +114,7 @@ def _cells(environment: Environment) -> Doubles:
         flux = np.append(image @ LUMINANCE, image) * area
         vector = cell_directions() * flux[0]
         return np.column_stack([np.tile(flux, (len(vector), 1)), vector])
-    image = _resized(image)
+    image = resized(image)
     towards, omega = texels(*image.shape[:2])
     flux = (image * omega[..., None]).reshape(-1, 3)
     lit = np.flatnonzero(flux.any(axis=1))
@@ -170,7 +125,7 @@ def _cells(environment: Environment) -> Doubles:
     return np.column_stack([np.bincount(numbers, v, CELLS * CELLS) for v in values])
 
 
-def _resized(image: Doubles) -> Doubles:
+def resized(image: Doubles) -> Doubles:
     """Return an image whose texels suit the cells: of a mean of several, or each several times."""
     limits = (_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS)
     # The longer side first: it gets smaller before the other one may get larger.

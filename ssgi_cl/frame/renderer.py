@@ -10,6 +10,7 @@ from typing import Any
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.suns import lights_with_suns
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -38,6 +39,7 @@ from ssgi_cl.frame.stages import (
     RADIANCE,
     RESOURCES,
     SCENE,
+    SKY,
     SKY_LIGHT,
     TILES,
     combine_stage,
@@ -196,6 +198,7 @@ class Renderer:
             runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs
         )
         self._light = frozenset(light)
+        self._splits_suns = whole is not None
         self._log: GraphLog | None = None
 
     def set_params(self, ao: OcclusionParams | None, indirect: BounceParams | None) -> None:
@@ -246,7 +249,7 @@ class Renderer:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._log is not None:
             return self._log.record()
-        given = (SCENE, CAMERA, LIGHTS, MULTI_BOUNCE, *self._params())
+        given = (SCENE, CAMERA, LIGHTS, SKY, MULTI_BOUNCE, *self._params())
         return self._graph.planned(given, self._resources(Needs.of(None, self.skips))).record()
 
     def _resources(self, needs: Needs) -> set[str]:
@@ -268,15 +271,18 @@ class Renderer:
     ) -> Frame:
         start = perf_counter()
         needs = Needs.of(outputs, self.skips)
-        lights = tuple(lights)
+        shown = tuple(lights)
+        lights, suns = lights_with_suns(shown) if self._splits_suns else (shown, None)
         given = {
-            SCENE: scene, CAMERA: camera, LIGHTS: lights, MULTI_BOUNCE: multi_bounce,
+            SCENE: scene, CAMERA: camera, LIGHTS: lights, SKY: shown, MULTI_BOUNCE: multi_bounce,
             EXPOSURE: exposure, **self._params(),
         }
         self._rest.begin(scene.key, len(lights))
         if gbuffer or "gbuffer" in needs.outputs:
             self._keep_world()
         with self.runtime.frame(self._graph.costs):
+            if suns:
+                self.runtime.skip("suns", suns, 0.0)
             also = {name for name, output in _PLANES.items() if output in needs.given}
             run = self._graph.run(given, self._resources(needs), also)
             made, seen = run.values, run.values[GBUFFER]

@@ -36,6 +36,7 @@ from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
+SKY = "lights as the background shows them"
 AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect light"
 GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
@@ -47,6 +48,7 @@ RESOURCES = (
     Resource(SCENE, given=True, key=lambda scene: scene.key),
     Resource(CAMERA, given=True),
     Resource(LIGHTS, given=True),
+    Resource(SKY, given=True),
     Resource(MULTI_BOUNCE, given=True),
     Resource(AO_PARAMS, given=True),
     Resource(INDIRECT_PARAMS, given=True),
@@ -304,13 +306,13 @@ def combine_stage(
     """
     def run(r: Values) -> Plane:
         return shade.combine(
-            r[GBUFFER], r[LIGHTS], r[DIRECT], ambient=ambient, visibility=r.get(AO),
+            r[GBUFFER], r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
             gaps=gaps, sky_light=r.get(SKY_LIGHT),
         )
 
     return Stage(
-        name="combine", reads=(GBUFFER, LIGHTS, MULTI_BOUNCE, *reads), writes=(RADIANCE,), run=run
+        name="combine", reads=(GBUFFER, SKY, MULTI_BOUNCE, *reads), writes=(RADIANCE,), run=run
     )
 
 

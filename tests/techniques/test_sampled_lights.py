@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.environment_samples import sample_environments, split_suns, texels
+from ssgi_cl.core.environment_samples import sample_environments, texels
 from ssgi_cl.core.lights import Environment, PointLight
 from ssgi_cl.core.sample_views import interleaved, sample_views
 from ssgi_cl.core.scene import Scene
@@ -118,27 +118,6 @@ def test_an_environment_refuses_texels_that_are_no_radiance(bad: float) -> None:
     image[2, 3, 1] = bad
     with pytest.raises(ValueError, match=r"radiance\[2, 3, 1\]"):
         Environment(image)
-
-
-def test_a_sun_becomes_a_light_and_nothing_is_lost() -> None:
-    towards, omega = texels(256, 512)
-    way = np.array([0.3, 0.8, 0.5]) / np.linalg.norm([0.3, 0.8, 0.5])
-    disc = towards @ way > np.cos(0.02)
-    image = np.ones((256, 512, 3)) + disc[..., None] * np.array([3e3, 2e3, 1e3])
-    suns, rest = split_suns(Environment(image))
-    (sun,) = suns
-    assert -np.asarray(sun.direction) @ way > np.cos(0.005)
-    solid = omega[disc].sum()
-    np.testing.assert_allclose(sun.irradiance, solid * np.array([3e3, 2e3, 1e3]), rtol=1e-6)
-    assert sun.angle == pytest.approx(np.sqrt(solid / np.pi), rel=0.01)
-    np.testing.assert_allclose(np.asarray(rest.radiance), 1.0)
-
-
-def test_an_even_sky_has_no_sun(rng: np.random.Generator) -> None:
-    for environment in (Environment(1.0), _sky(rng, 64), Environment(np.ones((1, 1, 3)))):
-        suns, rest = split_suns(environment)
-        assert suns == ()
-        assert rest is environment
 
 
 def test_each_pixel_of_a_tile_takes_one_of_every_16_neighbours() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.core.vpls import LUMINANCE
 
@@ -45,6 +46,9 @@ def sky_directions(
         return _sphere(count), np.full(count, 4.0 * math.pi / count), np.tile(constant, (count, 1))
     rows = max(LEAST_ROWS, *(image.shape[0] for image in images))
     columns = max(2 * LEAST_ROWS, *(image.shape[1] for image in images))
+    if len(images) > 1 and rows * columns > MOST_TEXELS:
+        images = [resized(image) for image in images]
+        rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
     total = np.tile(constant, (rows, columns, 1))
     for image in images:
         row = np.arange(rows) * image.shape[0] // rows

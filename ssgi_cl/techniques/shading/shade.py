@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.params import Params, Prepared, param
@@ -264,6 +265,9 @@ def _sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
               for e in environments]
     rows = max((image.shape[0] for image in images), default=1)
     columns = max((image.shape[1] for image in images), default=1)
+    if len(images) > 1 and rows * columns > MOST_TEXELS:
+        images = [resized(image) for image in images]
+        rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
     sky = np.zeros((rows, columns, 3))
     for image in images:
         row = np.arange(rows) * image.shape[0] // rows

@@ -1,0 +1,132 @@
+"""Frames of input at and beyond the edge of sense: finite pictures near the truth, or a reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ssgi_cl as gi
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.runtime import Runtime
+
+Floats = NDArray[np.float32]
+
+QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+WHITE = gi.Environment(1.0)
+
+
+def cube(albedo: float, emission: float = 0.0, *, inside_out: bool = False) -> Scene:
+    """Return a closed cube from -1 to 1."""
+    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    triangles = [t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))]
+    return scene_of(corners, [t[::-1] if inside_out else t for t in triangles], albedo, emission)
+
+
+def scene_of(points: Any, triangles: Any, albedo: float, emission: float) -> Scene:
+    count = len(points)
+    return Scene(
+        positions=np.asarray(points, np.float32), normals=np.zeros((count, 3), np.float32),
+        uvs=np.zeros((count, 2), np.float32), colors=np.ones((count, 3), np.float32),
+        triangles=np.asarray(triangles, np.int32),
+        material_ids=np.zeros(len(triangles), np.int32),
+        materials=(Material(albedo=(albedo,) * 3, emission=(emission,) * 3),),
+    )
+
+
+def floor(albedo: float = 0.5) -> Scene:
+    points = [[-9, 0, -9], [9, 0, -9], [9, 0, 9], [-9, 0, 9]]
+    return scene_of(points, [(0, 2, 1), (0, 3, 2)], albedo, 0.0)
+
+
+DOWN = gi.Camera.look_at((0, 3, 0.1), (0, 0, 0), yfov=0.6, width=24, height=16)
+INSIDE = gi.Camera.look_at((0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=24, height=16)
+
+
+def radiance(
+    runtime: Runtime, scene: Scene, lights: Any, camera: gi.Camera = INSIDE, **given: Any
+) -> Floats:
+    given = {"preset": "low", "shadow_size": 256, "exposure": 1.0, **given}
+    frame = gi.render(scene, camera, lights, runtime=runtime, **given)
+    assert np.isfinite(frame.radiance).all()
+    return frame.radiance
+
+
+@pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf, 2e38])
+def test_no_frame_is_lit_by_texels_that_are_no_radiance(runtime: Runtime, bad: float) -> None:
+    image = np.ones((4, 8, 3))
+    image[2, 3, 1] = bad
+    with pytest.raises(ValueError, match=r"radiance\[2, 3, 1\].*W m\^-2 sr\^-1"):
+        radiance(runtime, floor(), [gi.Environment(image)])
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 100_000), (100_000, 1), (1, 2), (3, 1)])
+@pytest.mark.parametrize("level", [0.0, 2.0])
+def test_environments_of_any_shape_light_an_open_floor(
+    runtime: Runtime, shape: tuple[int, int], level: float
+) -> None:
+    found = radiance(runtime, floor(), [gi.Environment(np.full((*shape, 3), level))], DOWN)
+    # E = pi L on an open floor; the 64 directions of this preset sum to .94 of it at this normal.
+    np.testing.assert_allclose(found.mean(), 0.5 * level, rtol=0.08)
+
+
+def test_two_environments_of_opposite_shapes(runtime: Runtime) -> None:
+    lights = [gi.Environment(np.ones(shape)) for shape in ((1, 100_000, 3), (100_000, 1, 3))]
+    np.testing.assert_allclose(radiance(runtime, floor(), lights, DOWN).mean(), 1.0, rtol=0.08)
+
+
+def test_emission_of_1e9_scales_the_picture(runtime: Runtime) -> None:
+    weak, strong = (radiance(runtime, cube(0.5, e), [], ao=False) for e in (1.0, 1e9))
+    np.testing.assert_allclose(strong, weak * 1e9, rtol=1e-3)
+    np.testing.assert_allclose(strong.mean(), 2e9, rtol=0.03)  # L / (1 - rho)
+
+
+def test_inside_out_is_lit_the_same(runtime: Runtime) -> None:
+    light = gi.PointLight((0.2, 0.6, 0.1), 1.0)
+    a, b = (
+        radiance(runtime, cube(0.5, inside_out=turned), [light]) for turned in (False, True)
+    )
+    assert a.mean() > 0.01
+    np.testing.assert_allclose(a.mean(), b.mean(), rtol=0.02)
+
+
+def test_a_light_inside_a_wall_lights_nothing_inside(runtime: Runtime) -> None:
+    # A slab from -0.4 to 0.4 in a room; the light is in the middle of it.
+    small = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    triangles = [t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))]
+    both = np.concatenate([small, small * 0.4])
+    scene = scene_of(both, triangles + [tuple(i + 8 for i in t) for t in triangles], 0.5, 0.0)
+    camera = gi.Camera.look_at((0.8, 0.8, 0.8), (0, 0, 0), yfov=1.2, width=24, height=16)
+    found = radiance(runtime, scene, [gi.PointLight((0, 0, 0), 1.0)], camera)
+    outside = radiance(runtime, scene, [gi.PointLight((0.7, 0.7, -0.7), 1.0)], camera)
+    assert found.mean() < 0.02 * outside.mean()
+
+
+def test_thousands_of_emissive_triangles(runtime: Runtime, rng: np.random.Generator) -> None:
+    # The furnace again, each side of 24 x 24 squares.
+    grid = np.linspace(-1.0, 1.0, 25)
+    u, v = (w.ravel() for w in np.meshgrid(grid, grid))
+    points, triangles = [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            first = 625 * len(points)
+            points.append(np.insert(np.stack([u, v], 1), axis, side, axis=1))
+            for row in range(24):
+                for column in range(24):
+                    a = first + row * 25 + column
+                    triangles += [(a, a + 1, a + 26), (a, a + 26, a + 25)]
+    scene = scene_of(np.concatenate(points), triangles, 0.5, 1.0)
+    assert len(triangles) == 6912
+    found = radiance(runtime, scene, [], ao=False)
+    np.testing.assert_allclose(found.mean(), 2.0, rtol=0.03)
+
+
+def test_a_box_that_absorbs_nothing(runtime: Runtime) -> None:
+    with pytest.raises(ValueError, match=r"bounces is 'all'.*expected 0\.002 or more.*albedo"):
+        radiance(runtime, cube(1.0, 1.0), [])
+    # No light, no series; and from outside an open floor of albedo 1 is all right.
+    assert not radiance(runtime, cube(1.0), []).any()
+    found = radiance(runtime, floor(1.0), [WHITE], DOWN)
+    np.testing.assert_allclose(found.mean(), 1.0, rtol=0.08)

@@ -5,7 +5,8 @@
 //          their box. Of those, small ones are drawn side by side, a triangle a lane, and the others
 //          one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to the texel
 //          change sign exactly where two triangles share an edge.
-// Reads:   triangles  [9][stride] corners, relative to the scene's origin
+// Reads:   triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
+//                     which sampled_cutouts draws, all three the same
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is; the
 //          least is the same in any order
@@ -17,12 +18,11 @@
 // Cost:    90 operations per triangle and view; 30 per SSGI_LANES texels or small triangles
 
 #include "common/lanes.clh"
+#include "sampled_lights/cover.clh"
 
 #ifndef SAMPLED_BATCH
 #error "SAMPLED_BATCH must be defined by the host"
 #endif
-
-#define SAMPLED_ROOM 1e-3f // texels by which a box is widened, against rounding
 
 #define SAMPLED_SMALL 24.0f // texels of a box up to which triangles are drawn side by side
 
@@ -30,28 +30,6 @@ typedef struct {
     float x[3], y[3], z[3];
     int left, right, top, bottom;
 } SampledTriangle;
-
-static inline vfloat sampled_row(__global const float *restrict m, const vfloat x, const vfloat y,
-                                 const vfloat z)
-{
-    return v_fma(x, v_splat(m[0]), v_fma(y, v_splat(m[1]), v_fma(z, v_splat(m[2]), v_splat(m[3]))));
-}
-
-// Where texels in whose middle the corners are (x, y) away are covered; their depth.
-static inline vmask sampled_cover(const vfloat x[3], const vfloat y[3], const vfloat z[3],
-                                  vfloat *depth)
-{
-    const vfloat a = x[1] * y[2] - x[2] * y[1];
-    const vfloat b = x[2] * y[0] - x[0] * y[2];
-    const vfloat c = x[0] * y[1] - x[1] * y[0];
-    const vfloat zero = v_splat(0.0f), sum = a + b + c;
-    const vmask inside = (v_ge(a, zero) & v_ge(b, zero) & v_ge(c, zero)) |
-                         (v_le(a, zero) & v_le(b, zero) & v_le(c, zero));
-    const vmask hit = inside & v_ne(sum, zero);
-    const vfloat scale = 1.0f / v_select(v_splat(1.0f), sum, hit);
-    *depth = v_max(v_fma(a * scale, z[0], v_fma(b * scale, z[1], c * scale * z[2])), zero);
-    return hit;
-}
 
 static inline void sampled_least(__global int *restrict texel, const int bits)
 {

@@ -90,7 +90,9 @@ class DirectionalLight(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Environment(Immutable):
-    """Light from all around, infinitely far away; no shadow map, ambient occlusion dims it.
+    """Light from all around, infinitely far away.
+
+    Whole frames shadow it by depth maps of sampled directions; else ambient occlusion dims it.
 
     Attributes:
         radiance: [3] or a number for the same RGB radiance everywhere, or [rows, columns, 3] as a

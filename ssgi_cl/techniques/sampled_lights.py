@@ -20,6 +20,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.device.transient import Target
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights
 from ssgi_cl.techniques.technique import Technique
@@ -98,6 +99,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._irradiance = Target(runtime, 3, size, kept=kept)
         self._blur = Bilateral(runtime, size, _blur_params(params.blur), 3, kept=kept)
         self._depth = runtime.kernel("sampled_lights/sampled_depth.cl", {"SAMPLED_BATCH": BATCH})
+        self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._light = runtime.kernel(
             "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN},
             (CAMERA,),
@@ -157,9 +159,13 @@ class SampledLights(Prepared[SampledLightsParams]):
         triangles = len(scene.triangles)
         stride = -(-triangles // 16) * 16
         planar = np.zeros((9, stride), np.float32)
-        planar[:, :triangles] = scene.positions[scene.triangles].reshape(triangles, 9).T
-        corners = runtime.transient.array(planar.size, np.float32)
-        corners.upload(planar)
+        corners = scene.positions[scene.triangles]
+        materials = np.array([m.texture >= 0 and m.alpha_cutoff > 0.0 for m in scene.materials])
+        holes = np.flatnonzero(materials[scene.material_ids])
+        corners[holes] = corners[holes, :1]  # these are drawn by themselves
+        planar[:, :triangles] = corners.reshape(triangles, 9).T
+        uploaded = runtime.transient.array(planar.size, np.float32)
+        uploaded.upload(planar)
         self._views, self._diagonals = sample_views(
             self._directions, scene.bounds - scene.origin, texels
         )
@@ -175,9 +181,19 @@ class SampledLights(Prepared[SampledLightsParams]):
             rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
         self._depth.run(
             "sampled lights maps", (batches, count), grid=(rows, -(-count // each)), local=(1, 1),
-            triangles=corners, views=self._matrices,
+            triangles=uploaded, views=self._matrices,
             maps=self._maps, count=triangles, texels=texels, each=each,
         )
+        if len(holes):
+            solid = device_scene(scene, runtime)
+            self._cutouts.run(
+                "sampled lights cut-outs", (len(holes), count), grid=(len(holes), count),
+                chosen=runtime.array(holes.astype(np.int32)), corners=solid.corners,
+                positions=solid.positions, uvs=solid.uvs, cutouts=solid.cutouts,
+                materials=solid.materials, textures=solid.textures, texels=solid.texels,
+                decode=solid.decode, views=self._matrices, maps=self._maps, triangles=triangles,
+                vertex_stride=solid.vertex_stride, side=texels,
+            )
         self.contact_radius = 2.0 * float(np.median(self._diagonals))
         self._scene = scene.key
 
@@ -217,8 +233,7 @@ def sampled_lights(
 
     Directions of equal flux stand for the environments, each with a depth map over the whole
     scene; pixels test an interleaved subset and an edge-aware blur averages the subsets. Occluders
-    narrower than a map's texel, and contacts nearer than one, are missed. Holes that alpha cuts out
-    block light.
+    narrower than a map's texel, and contacts nearer than one, are missed.
 
     Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling", with the pixels of Keller and
     Heidrich 2001, "Interleaved Sampling". Departs: regions are of an equal-area map; a region is
@@ -266,6 +281,7 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.sampled_lights",
     kernels={
         "sampled_lights/sampled_depth.cl": ("SAMPLED_BATCH",),
+        "sampled_lights/sampled_cutouts.cl": (),
         "sampled_lights/sampled_lights.cl": ("SAMPLED_COUNT",),
     },
     reads=("depth", "normal", "lights", "scene"),

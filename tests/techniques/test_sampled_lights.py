@@ -13,7 +13,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.environment_samples import sample_environments, texels
 from ssgi_cl.core.lights import Environment, PointLight
 from ssgi_cl.core.sample_views import interleaved, sample_views
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.sampled_lights import depth_map, sampled_lights_reference
@@ -249,3 +249,34 @@ def test_maps_are_kept_while_scene_and_environments_are_the_same(runtime: Runtim
     assert not drawn(scene, sky)
     assert drawn(_scene(), sky)
     assert technique.contact_radius > 0.0
+
+
+def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -> None:
+    # A sheet above a floor, half of it cut out, is a sheet of half the size.
+    runtime = variant_runtime
+    floor = np.array([[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]], np.float32)
+    texels = np.full((8, 8, 4), 255, np.uint8)
+    texels[:, 4:, 3] = 0
+    maps = []
+    for right, textures in ((1.0, (texels,)), (0.0, ())):
+        sheet = np.array([[-1, 1, -1], [right, 1, -1], [right, 1, 1], [-1, 1, 1]], np.float32)
+        scene = Scene(
+            positions=np.concatenate([floor, sheet]), normals=np.zeros((8, 3), np.float32),
+            uvs=np.tile(np.float32([[0, 0], [1, 0], [1, 1], [0, 1]]), (2, 1)),
+            colors=np.ones((8, 3), np.float32), textures=textures,
+            triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
+            material_ids=np.int32([0, 0, 1, 1]),
+            materials=(Material(), Material(texture=0, alpha_cutoff=0.5) if textures
+                       else Material()),
+        )  # fmt: skip
+        device = DeviceGBuffer(runtime, _camera().size)
+        device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+        technique = SampledLights(
+            runtime, device.size, SampledLightsParams(directions=16, map_size=61)
+        )
+        with runtime.frame():
+            technique.run(device, [Environment(1.0)], scene=scene)
+        assert technique._maps is not None
+        maps.append(technique._maps.download().view(np.float32))
+    # Where the hole ends within a rounding of a texel's middle, it falls to either side.
+    assert (~np.isclose(*maps, rtol=1e-3, atol=1e-4)).mean() < 2e-3

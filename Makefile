@@ -16,7 +16,7 @@ FIGURES ?=
 .PHONY: help setup system demo test test-all mutate torture lint figures figures-render figures-agreement clean
 
 help:
-	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/"
+	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; two beside a path tracer"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
@@ -46,6 +46,8 @@ demo: setup
 	$(BIN)/ssgi devices
 	$(BIN)/ssgi render cornell_box --views --output out/cornell_box.png
 	$(BIN)/ssgi render hall --views --output out/hall.png
+	$(BIN)/ssgi bench frame --scene cornell_box --scene hall --size 320x240 --own --mode default \
+		--frames 1 --truth-paths 32 --strips out
 	@if [ -n "$(SCENE)" ]; then \
 		set -x; $(BIN)/ssgi render "$(SCENE)" --views \
 			--output "out/$$(basename "$(SCENE)" | sed 's/\.[^.]*$$//').png"; \

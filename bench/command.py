@@ -25,7 +25,10 @@ from .options import (
     check_output,
     device_option,
     human_errors,
+    json_option,
     meshes_option,
+    output_option,
+    own_option,
     progress_bar,
 )
 
@@ -82,12 +85,12 @@ class _BenchCommand(click.Command):
 @click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 600.0),
               help="How long each case is repeated.")
 @click.option("--no-errors", is_flag=True, help="Measure times only.")
-@click.option("--own", is_flag=True, help="Leave out what other programs do.")
+@own_option
 @_rays
 @_paths
 @_points
 @_attenuation
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
+@output_option
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report, .html.")
 @click.option("--markdown", type=click.Path(path_type=Path),
               help="Write a summary, .md, with plots and pictures beside it.")
@@ -95,7 +98,7 @@ class _BenchCommand(click.Command):
 @click.option("--compare", "compared", nargs=2, type=click.Path(path_type=Path),
               metavar="BEFORE.json AFTER.json", help="Tell what got slower or worse beyond noise; "
               "exit status 1 if anything did.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+@json_option
 def bench_command(
     patterns: tuple[str, ...], scenes: tuple[str, ...], meshes: Path | None,
     sizes: tuple[Size, ...], device: str | None, lanes: int | None, storage: str | None,

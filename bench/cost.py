@@ -20,6 +20,7 @@ from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measure import Stopwatch
 from ssgi_cl.tuning.measured_scenes import views_of
 
+from .options import device_option, json_option
 from .wording import number
 
 SIZES: tuple[Size, ...] = ((300, 400), (600, 800), (1200, 1600), (1080, 1920), (2160, 3840))
@@ -110,10 +111,10 @@ def table(found: Sequence[Cost]) -> str:
 @click.option("--scene", default="hall", show_default=True, metavar="NAME|FILE")
 @click.option("--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)),
               help="Several times; all without.")
-@click.option("--device", metavar="WORDS", help="Words of the device's label.")
+@device_option
 @click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 60.0),
               help="How long each is repeated.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+@json_option
 def main(
     scene: str, names: tuple[str, ...], device: str | None, seconds: float, as_json: bool
 ) -> None:

@@ -24,6 +24,7 @@ from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning.tunables import entry_of
 
 from .discover import declared
+from .options import device_option
 from .scan import LEAST_ERROR, Measured, Scan
 from .scene_sets import SETS, SIZE, SceneSets, geometric_mean
 
@@ -119,7 +120,7 @@ def _value(text: str) -> Any:
 @click.option("--kind", "kinds", multiple=True, type=click.Choice(tuple(KINDS)),
               help="A kind of generated scenes to tune on and validate with; may be given several "
               "times. By default all.")
-@click.option("--device", metavar="WORDS", help="Words of the device's label.")
+@device_option
 def main(technique: str, values: tuple[str, ...], grid: bool, layers: tuple[int, ...],
          meshes: Path | None, size: tuple[int, int], kinds: tuple[str, ...],
          device: str | None) -> None:

@@ -25,6 +25,7 @@ from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 
 from . import document, figure_text, front, skips, suite, summary, summation
 from .figure_tables import VISIBILITY
+from .options import device_option
 from .skips import ROUNDS
 from .wording import revision
 
@@ -235,7 +236,7 @@ def check_tree(stamp: Mapping[str, Any], *, allow_dirty: bool) -> None:
 @click.option("--meshes", envvar="SSGI_CL_MESHES",
               type=click.Path(path_type=Path, exists=True, file_okay=False),
               help="The folder of the meshes of docs/views; scenes without mesh are left out.")
-@click.option("--device", metavar="WORDS", help="Words of the device's label.")
+@device_option
 @click.option("--seconds", default=0.3, show_default=True, type=click.FloatRange(0.01, 60.0),
               help="How long each case is repeated.")
 @click.option("--keep-truths", is_flag=True, help="Use references that were made before.")

@@ -16,7 +16,7 @@ from ssgi_cl.tuning.context import Context, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
 from .cost import TECHNIQUES
-from .options import PixelSize
+from .options import PixelSize, device_option, meshes_option
 from .wording import number
 
 MOST = 32
@@ -88,12 +88,11 @@ def table(found: Sequence[Gain]) -> str:
 @click.command()
 @click.option("--scene", "scenes", multiple=True, default=REPORTED, show_default=True,
               metavar="NAME|FILE", help="Several times.")
-@click.option("--meshes", type=click.Path(path_type=Path, exists=True, file_okay=False),
-              help="The folder of the views' meshes; by default each view's own.")
+@meshes_option
 @click.option("--size", type=PixelSize(), default="400x300", show_default=True)
 @click.option("--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)),
               help="Several times; all without.")
-@click.option("--device", metavar="WORDS", help="Words of the device's label.")
+@device_option
 @click.option("--truth-rays", default=512, show_default=True, type=click.IntRange(2, 1 << 20))
 def main(
     scenes: tuple[str, ...], meshes: Path | None, size: tuple[int, int], names: tuple[str, ...],

@@ -43,6 +43,15 @@ meshes_option = click.option(
 )
 
 
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print JSON instead of tables.",
+)
+output_option = click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.",
+)
+own_option = click.option("--own", is_flag=True, help="Leave out what other programs do.")
+
+
 def check_output(path: Path | None, suffix: str) -> None:
     if path is None:
         return

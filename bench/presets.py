@@ -33,6 +33,7 @@ from ssgi_cl.tuning.trials import Trial, Trials
 from ssgi_cl.tuning.tunables import entry_of
 from ssgi_cl.version import __version__
 
+from .options import device_option
 from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
 
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
@@ -251,8 +252,7 @@ def _rounded(value: Any) -> Any:
 
 @click.command()
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
-@click.option("--device", metavar="WORDS", help="Words of the device's label; by default the "
-              "fastest found.")
+@device_option
 @click.option("--meshes", type=click.Path(path_type=Path, file_okay=False, exists=True),
               help="The folder of the meshes of docs/views, which errors are reported on; without, "
               "they are reported on the built-in scenes alone.")

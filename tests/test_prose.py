@@ -70,6 +70,10 @@ CODE_WORDS = {
     r"(near|pair)_room": "capacity",
     r"[Ss]ights?|sight_\w+": "view ray, visibility ray",
     r"Occluder|Opener": "TiledOcclusion, OpenTileFinder",
+    r"tiles?[_ ](facts|calm)": "tile summary, interior tiles",
+    r"multires[_ ]rough": "multires_gradient",
+    r"vpl[_ ]runs": "vpl_partial_sums",
+    r"[A-Z]+_FACING": "LEAST_N_DOT_V, BOUNDS_NORMAL",
 }
 """Words that neither identifiers nor comments nor texts of code use -> what to say."""
 

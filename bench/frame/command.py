@@ -14,6 +14,8 @@ from ssgi_cl.bench.options import (
     device_option,
     human_errors,
     meshes_option,
+    output_option,
+    own_option,
     progress_bar,
 )
 from ssgi_cl.bench.peers import mitsuba_frame
@@ -42,7 +44,7 @@ from .modes import DEFAULT, MODES
 @click.option("--samples", multiple=True, type=click.IntRange(1, 4096),
               default=mitsuba_frame.SAMPLES, show_default=True, help="Per pixel of the path "
               "tracer that frames are compared with; several times.")
-@click.option("--own", is_flag=True, help="Leave out what other programs do.")
+@own_option
 @click.option("--frames", default=5, show_default=True, type=click.IntRange(1, 1000),
               help="With a moving camera, whose median time is taken.")
 @click.option("--truth-paths", default=1024, show_default=True,
@@ -51,7 +53,7 @@ from .modes import DEFAULT, MODES
               help="Replace the terms of our frames by those of the reference, one at a time.")
 @click.option("--strips", type=click.Path(path_type=Path, file_okay=False),
               help="Write pictures there: frame, reference, error, path tracer, its error.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
+@output_option
 @click.option("--markdown", type=click.Path(path_type=Path), help="Write the tables, .md.")
 def frame_command(
     scenes: tuple[str, ...], meshes: Path | None, size: Size, device: str | None,

@@ -9,7 +9,7 @@
 //          is near the bound, some of each: else a point that passes it would jump by that error.
 // Reads:   coarse_linear  [coarse rows, columns], coarse_normal 3 x likewise, view space
 //          coarse_values  MULTIRES_CHANNELS x likewise
-//          coarse_gradient   2 x likewise, as multires_rough writes it
+//          coarse_gradient   2 x likewise, as multires_gradient writes it
 //          linear         [rows, columns] with margin, normal 3 x likewise
 //          bound          [1] error that values stay below, in their unit; INFINITY: geometry
 //                         decides

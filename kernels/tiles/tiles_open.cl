@@ -2,7 +2,7 @@
 // tiles_open: which tiles are open: ambient occlusion is exactly 1 in each of their pixels.
 //
 // A tile is open if it is empty; if the radius covers less than a pixel; or if it is flat: nothing
-// within reach rises above any of its pixels' tangent planes. On a plane v (tiles/facts.clh) is
+// within reach rises above any of its pixels' tangent planes. On a plane v (tiles/summary.clh) is
 // linear in the pixel position, so that planes which bound a tile from above and tangent planes
 // from below compare at the corners of the tiles within reach. What is on the very plane differs by
 // roundings: it may rise by a part of the bias that techniques have against the same.

@@ -6,7 +6,7 @@
 // Reads:   position  3 x [rows, columns] of one map, scene units from its origin
 //          normal    3 x [rows, columns]
 //          axis      3 x [rows, columns] of lobes (VPL_GLOSSY 1)
-//          order, flux, area, gloss see vpl_runs
+//          order, flux, area, gloss see vpl_partial_sums
 //          quarters, runs, blocks, importance   see vpl/curve.clh
 //          edges    [8][edge_stride] of the pieces, every edge_step-th (VPL_MIDDLE 1, VPL_WEIGHTED 1)
 // Writes:  found  VPL_MIDDLE 0: [8][params.stride] of each edge between pieces, red, green, blue
@@ -14,7 +14,7 @@
 //                 VPL_MIDDLE 1: [6][params.stride] position and normal of the texel in the middle
 //                 of each piece, VPL_GLOSSY 1: [10] with the axis and exponent of its lobe too.
 //                 Only of places that lie in this map.
-// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY and _WEIGHTED as in vpl_runs
+// Macros:  VPL_MIDDLE (0, 1), VPL_GLOSSY and _WEIGHTED as in vpl_partial_sums
 // Params:  params.count places; params.lights x params.split pieces; the map's first run; how far
 //          its origin is from that of the result's positions
 // Launch:  SSGI_LANES places per work-item

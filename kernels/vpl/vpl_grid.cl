@@ -18,8 +18,8 @@
 #error "VPL_GRID must be defined"
 #endif
 
-#ifndef VPL_BOUNDS
-#error "ssgi_cl/device/constants.py defines VPL_BOUNDS"
+#if !defined(VPL_BOUNDS) || !defined(VPL_MARGIN_CELLS)
+#error "ssgi_cl/device/constants.py defines VPL_BOUNDS, VPL_MARGIN_CELLS"
 #endif
 
 __kernel void vpl_grid(__global const float *restrict boxes, __global const float *restrict bounds,
@@ -58,9 +58,9 @@ __kernel void vpl_grid(__global const float *restrict boxes, __global const floa
         }
         const float side =
             max(max(high[0] - low[0], high[1] - low[1]), max(high[2] - low[2], 1e-6f));
-        const float cell = side / (float)(VPL_GRID - 6); // room for lifted points on every side
+        const float cell = side / (float)(VPL_GRID - VPL_MARGIN_CELLS); // for lifted points
         for (int j = 0; j < 3; ++j) {
-            grid_box[j] = low[j] - 3.0f * cell;
+            grid_box[j] = low[j] - 0.5f * VPL_MARGIN_CELLS * cell;
         }
         grid_box[3] = 1.0f / cell;
     }

@@ -16,6 +16,7 @@
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
+#include "vpl/to_view.clh"
 
 #if !defined(VPL_PART) || !defined(VPL_GLOSSY)
 #error "VPL_PART and VPL_GLOSSY must be defined"
@@ -30,12 +31,12 @@
 #define VPL_OWN_LIGHT VPL_LOBE_LIGHT
 #define VPL_OWN_BOUNDS VPL_LOBE_BOUNDS
 #define VPL_NORMAL 12
-#define VPL_FACING 7
+#define VPL_BOUNDS_NORMAL 7
 #else
 #define VPL_OWN_LIGHT VPL_LIGHT
 #define VPL_OWN_BOUNDS VPL_BOUNDS
 #define VPL_NORMAL 4
-#define VPL_FACING 3
+#define VPL_BOUNDS_NORMAL 3
 #endif
 #define VPL_LEAST_AREA 1e-12f
 #define VPL_MOST 1e30f // W
@@ -86,9 +87,7 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
         r[c] = v_gather(places + (6 + c) * params.place_stride, place);
 #endif
     }
-    const float turn[3][4] = {{params.xx, params.xy, params.xz, params.x},
-                              {params.yx, params.yy, params.yz, params.y},
-                              {params.zx, params.zy, params.zz, params.z}};
+    const VplToView turn = vpl_to_view_of(params);
     const vfloat area = v_max(amounts[3] * (params.per_unit * params.per_unit),
                               v_splat(VPL_LEAST_AREA));
 #if !VPL_PART
@@ -96,24 +95,19 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
 #endif
     const vint at = (own + (segment * params.span + VPL_PART * params.stride)) * VPL_OWN_LIGHT;
     for (int c = 0; c < 3; ++c) {
-        const vfloat seen = v_fma(p[0], v_splat(turn[c][0]),
-                                  v_fma(p[1], v_splat(turn[c][1]),
-                                        v_fma(p[2], v_splat(turn[c][2]), v_splat(turn[c][3])))) *
-                            params.per_unit;
-        const vfloat facing = v_fma(m[0], v_splat(turn[c][0]),
-                                    v_fma(m[1], v_splat(turn[c][1]), m[2] * turn[c][2]));
-        v_scatter(seen, lights + c, at);
-        v_scatter(-facing, lights + VPL_NORMAL + c, at);
+        const vfloat position = vpl_view_position(turn, c, p[0], p[1], p[2]) * params.per_unit;
+        const vfloat normal = vpl_view_direction(turn, c, m[0], m[1], m[2]);
+        v_scatter(position, lights + c, at);
+        v_scatter(-normal, lights + VPL_NORMAL + c, at);
 #if VPL_GLOSSY
-        const vfloat axis = v_fma(r[0], v_splat(turn[c][0]),
-                                  v_fma(r[1], v_splat(turn[c][1]), r[2] * turn[c][2]));
+        const vfloat axis = vpl_view_direction(turn, c, r[0], r[1], r[2]);
         v_scatter(-axis, lights + 4 + c, at);
         v_store(axis, own_bounds + (3 + c) * params.stride);
 #endif
         v_scatter(v_min(amounts[c], v_splat(VPL_MOST)) * params.per_brightest, lights + 8 + c, at);
 #if !VPL_PART
-        v_store(seen, own_bounds + c * params.stride);
-        v_store(facing, own_bounds + (VPL_FACING + c) * params.stride);
+        v_store(position, own_bounds + c * params.stride);
+        v_store(normal, own_bounds + (VPL_BOUNDS_NORMAL + c) * params.stride);
 #endif
     }
     v_scatter(area, lights + 3, at);

@@ -14,6 +14,7 @@
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
+#include "vpl/to_view.clh"
 
 #ifndef VPL_PART
 #error "VPL_PART must be defined"
@@ -53,9 +54,7 @@ __kernel void vpl_to_view(__global const float *restrict world, __global float *
         p[c] = v_gather(world + c * params.place_stride, from);
         m[c] = v_gather(world + (3 + c) * params.place_stride, from);
     }
-    const float turn[3][4] = {{params.xx, params.xy, params.xz, params.x},
-                              {params.yx, params.yy, params.yz, params.y},
-                              {params.zx, params.zy, params.zz, params.z}};
+    const VplToView turn = vpl_to_view_of(params);
     const vfloat wide = v_gather(world + 6 * params.place_stride, from);
     const vfloat area = v_max(v_select(zero, wide, there) * (params.per_unit * params.per_unit),
                               v_splat(VPL_LEAST_AREA));
@@ -64,20 +63,16 @@ __kernel void vpl_to_view(__global const float *restrict world, __global float *
 #endif
     const vint at = (own + (segment * params.span + VPL_PART * params.stride)) * VPL_LIGHT;
     for (int c = 0; c < 3; ++c) {
-        const vfloat seen = v_fma(p[0], v_splat(turn[c][0]),
-                                  v_fma(p[1], v_splat(turn[c][1]),
-                                        v_fma(p[2], v_splat(turn[c][2]), v_splat(turn[c][3])))) *
-                            params.per_unit;
-        const vfloat facing = v_fma(m[0], v_splat(turn[c][0]),
-                                    v_fma(m[1], v_splat(turn[c][1]), m[2] * turn[c][2]));
+        const vfloat position = vpl_view_position(turn, c, p[0], p[1], p[2]) * params.per_unit;
+        const vfloat normal = vpl_view_direction(turn, c, m[0], m[1], m[2]);
         const vfloat flux = v_gather(world + (7 + c) * params.place_stride, from);
-        v_scatter(seen, lights + c, at);
-        v_scatter(-facing, lights + 4 + c, at);
+        v_scatter(position, lights + c, at);
+        v_scatter(-normal, lights + 4 + c, at);
         v_scatter(v_min(v_select(zero, flux, there) * params.per_brightest, v_splat(VPL_MOST)),
                   lights + 8 + c, at);
 #if !VPL_PART
-        v_store(seen, own_bounds + c * params.stride);
-        v_store(facing, own_bounds + (3 + c) * params.stride);
+        v_store(position, own_bounds + c * params.stride);
+        v_store(normal, own_bounds + (3 + c) * params.stride);
 #endif
     }
     v_scatter(area, lights + 3, at);

@@ -10,7 +10,7 @@
 // Reads:   position  3 x [rows, columns] of the map, scene units from its origin
 //          normal    3 x [rows, columns]
 //          flux      3 x [rows, columns] W
-//          order     see vpl_runs
+//          order     see vpl_partial_sums
 //          depth, seen_normal  of the G-buffer, with margin; view space
 //          occupancy, grid_box  see vpl/grid.clh
 // Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how many

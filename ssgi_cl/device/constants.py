@@ -30,7 +30,7 @@ SEEN_SIDE = 32
 TILES_SIDE = 16
 """Pixels along the side of a tile that is classified."""
 TILES_NEAREST = 7
-"""Number of an image of the plane of facts: greatest v; -INFINITY where the tile is empty."""
+"""Number of an image of the tile summaries: greatest v; -INFINITY where the tile is empty."""
 TILES_FARTHEST = 8
 """Likewise: least v of what is there."""
 TILES_LEAST = 9
@@ -42,7 +42,7 @@ TILES_LAYER = 15
 TILES_OFFSET = 16
 """Likewise: n.p of a flat tile's plane, scene units; -INFINITY of others."""
 TILES_COUNT = 17
-"""Images of the plane of facts."""
+"""Images of the tile summaries."""
 TILES_FLAT = 1e-5
 """Of v: a tile that is less flat counts as not flat."""
 TILES_IS_OPEN = 1
@@ -122,6 +122,8 @@ VPL_TERMS = 64
 """Lights summed before they are added to the sum: float32 rounds less so."""
 VPL_CELLS = 4
 """Cells along the side of a block of the occupancy grid."""
+VPL_MARGIN_CELLS = 6
+"""Cells of the occupancy grid beside its contents along each axis, half of them on either side."""
 VPL_RUN = 16
 """Texels of a run of the cumulative flux."""
 VPL_BLOCK_RUNS = 64

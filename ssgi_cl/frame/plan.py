@@ -20,20 +20,21 @@ OUTPUTS = ("image", "radiance", "ao", "indirect", "gbuffer")
 for the image."""
 
 SKIPS = {
-    "outputs": "what no output takes: neither light nor picture where only AO is asked for",
-    "dark": "ambient occlusion where there is no ambient light",
-    "maps": "maps of lights, where neither light nor scene changed, and reading those texels of "
-    "kept maps that blocks of 8 x 8 prove to be all lit or all in shadow",
-    "unchanged": "stages all of whose inputs are those of the frame before: G-buffer, ambient "
-    "occlusion, light, picture",
-    "tiles": "ambient occlusion or SSDO and its blur in tiles where A is proven to be 1 and the "
-    "bounce 0: empty, so far away that the radius is below a pixel, or flat",
-    "window": "pixels outside the rectangle of tiles in which a triangle may be seen",
-    "lights": "lights that reach no visible surface: all are turned away or outside the cone; and "
-    "their shadow maps",
-    "layers": "depth layers that have no pixel",
+    "outputs": "passes whose results no requested output reads, such as light where only AO is "
+    "requested",
+    "dark": "ambient occlusion in frames without ambient light",
+    "maps": "shadow maps and reflective shadow maps whose light and scene did not change, and "
+    "reads of kept shadow maps where a block of 8 x 8 texels is proven all lit or all in shadow",
+    "unchanged": "passes all of whose inputs equal those of the previous frame: G-buffer, ambient "
+    "occlusion, light, image",
+    "tiles": "ambient occlusion or SSDO, and its blur, in tiles proven to have visibility 1 and no "
+    "indirect light: empty, flat, or so far away that the radius covers less than a pixel",
+    "window": "pixels outside the active region: the rectangle of tiles that triangles may cover",
+    "lights": "lights that reach no visible surface, as all are turned away or outside the cone; "
+    "and their shadow maps",
+    "layers": "depth layers without pixels",
 }
-"""What may be left out of a frame. Each leaves bit-identical results."""
+"""Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
 
 
 def chosen_skips(skips: object) -> frozenset[str]:

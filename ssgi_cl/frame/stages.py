@@ -89,8 +89,8 @@ def gbuffer_stage(
 def tiles_stage(tiles: Tiles, condition: Callable[[Values], str | None]) -> Stage:
     """Return the stage that classifies tiles of the G-buffer; see `Stage.condition`."""
     return Stage(
-        name="tile facts", reads=(GBUFFER,), writes=(TILES,), run=lambda r: tiles.look(r[GBUFFER]),
-        condition=condition, silent=True,
+        name="tile summary", reads=(GBUFFER,), writes=(TILES,),
+        run=lambda r: tiles.look(r[GBUFFER]), condition=condition, silent=True,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from ssgi_cl.core import checks
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.constants import VPL_MARGIN_CELLS
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.stage import Stage
 from ssgi_cl.frame.stages import final_gather_stage, radiosity_stage, sky_light_stage
@@ -18,9 +19,6 @@ from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.sampled_lights import SampledLights, SampledLightsParams
 
 MOST_BOUNCES = 1000
-
-MARGIN_CELLS = 6
-"""Cells of the occupancy grid beside a scene along each axis."""
 
 CONTACT = 2.0
 """Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
@@ -111,4 +109,4 @@ def whole_params(bounces: object, preset: object, indirect: object) -> WholePara
 
 def cell_size(scene: Scene) -> float:
     """Return the side of a cell of the occupancy grid that holds a scene, scene units."""
-    return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - MARGIN_CELLS)
+    return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - VPL_MARGIN_CELLS)

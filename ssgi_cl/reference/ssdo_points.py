@@ -350,7 +350,7 @@ def _tap(
         apart = _surface(view, row, column) - at.position
         distance = np.maximum(np.linalg.norm(apart, axis=-1), 1e-15)
         height = np.sum(apart * at.normal, axis=-1)
-        facing = -np.sum(apart * view.normal[row, column], axis=-1)
+        sender_height = -np.sum(apart * view.normal[row, column], axis=-1)
         u = np.clip((at.radius - distance) / ((1.0 - FADE) * at.radius), 0.0, 1.0)
         fade = u * u * (3.0 - 2.0 * u)
         hit = within & (height > at.floor)
@@ -358,8 +358,8 @@ def _tap(
         light = np.zeros((*cosine.shape, 3))
         if camera.radiance is not None and number < len(camera.radiance):
             area = params.strength * np.pi * at.radius**2 / params.samples
-            variant = area * (height / distance) * (np.maximum(facing, 0.0) / distance)
-            variant = fade * variant / np.maximum(distance, params.nearest_distance) ** 2
-            light = variant[..., None] * camera.radiance[number][row, column]
+            form_factor = area * (height / distance) * (np.maximum(sender_height, 0.0) / distance)
+            form_factor = fade * form_factor / np.maximum(distance, params.nearest_distance) ** 2
+            light = form_factor[..., None] * camera.radiance[number][row, column]
         arriving = np.where(hit[..., None], light, arriving)
     return Hit(hides, arriving)

@@ -154,10 +154,10 @@ class _Slice:
         )
         across = pixel - np.sum(pixel * eye, axis=-1, keepdims=True) * eye
         self.across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-        facing = np.maximum(np.sum(normal * eye, axis=-1), LEAST_N_DOT_V)
+        n_dot_v = np.maximum(np.sum(normal * eye, axis=-1), LEAST_N_DOT_V)
         side = np.sum(normal * self.across, axis=-1)
-        projected = np.hypot(facing, side)
-        self.cosine, self.sine = facing / projected, side / projected
+        projected = np.hypot(n_dot_v, side)
+        self.cosine, self.sine = n_dot_v / projected, side / projected
         self.first = self._measure(self.sine, -self.cosine)
         whole = self._measure(-self.sine, self.cosine) - self.first
         self.scale = 32.0 / whole

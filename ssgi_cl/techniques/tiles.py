@@ -1,4 +1,4 @@
-"""What is known of tiles of 16 x 16 pixels before work is spent on them: depth, normals, planes.
+"""Bounds of tiles of 16 x 16 pixels, by which passes skip work: depth, normals, planes.
 
 Nothing is guessed: a tile is open only if ambient occlusion is proven to be exactly 1 in it, and a
 light is left out only if it is proven to light none.
@@ -156,20 +156,20 @@ class Tiles:
         )
         own = {"TILES_PIECES": int(pieces)}
         self._look = runtime.kernel(
-            "tiles/tiles_facts.cl", {"TILES_LAYERS": layers, **own}, (CAMERA,)
+            "tiles/tiles_summary.cl", {"TILES_LAYERS": layers, **own}, (CAMERA,)
         )
         self._prove = runtime.kernel("tiles/tiles_open.cl", own, (TILES,))
-        self._settle = runtime.kernel("tiles/tiles_calm.cl")
+        self._settle = runtime.kernel("tiles/tiles_interior.cl")
 
     def look(self, gbuffer: DeviceGBuffer) -> TileSummary:
-        """Queue the pass that finds what is known, and read it back: 68 bytes a tile."""
+        """Queue the pass that summarizes the tiles, and read it back: 68 bytes a tile."""
         rows, columns = gbuffer.whole
         start = [self.margin[i] - TILE * self._lead[i] for i in (1, 0)]
         with self._looked.over(gbuffer.region) as region:
             if region is not None:
                 region = region.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
             self._look.run(
-                "tile facts", self._summary.size, grid=self._summary.size, region=region,
+                "tile summary", self._summary.size, grid=self._summary.size, region=region,
                 cell=(TILE, TILE),
                 linear=gbuffer.linear, normal=gbuffer.normal, depth=gbuffer.depth,
                 summary=self._summary, whole=(rows, columns), start=start[::-1],
@@ -218,7 +218,7 @@ class Tiles:
         return least - room, greatest + room
 
     def open(self, gbuffer: DeviceGBuffer, reach: Reach) -> OpenTiles:
-        """Queue the passes that find the open tiles, from the facts of the latest look.
+        """Queue the passes that find the open tiles, from the summary of the latest `look`.
 
         How many there are is read back, 4 bytes a tile.
         """
@@ -255,7 +255,7 @@ class Tiles:
             }),
         )
         self._settle.run(
-            "tiles calm", self.size, grid=self.size,
+            "tiles interior", self.size, grid=self.size,
             open=self._open, interior=self._interior,
         )
         bits = self._interior.download()

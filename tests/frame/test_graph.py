@@ -332,7 +332,7 @@ def test_a_frame_has_its_graph(runtime: Runtime) -> None:
     renderer, frame = frame_and_record(runtime)
     stages = {stage.name: stage for stage in frame.graph.stages}
     assert list(stages) == [
-        "G-buffer", "tile facts", "gtao", "idle lights", "shadow maps", "direct light", "combine",
+        "G-buffer", "tile summary", "gtao", "idle lights", "shadow maps", "direct light", "combine",
         "read-back", "exposure", "picture",
     ]
     assert {stage.state for stage in stages.values()} == {"ran"}

@@ -107,12 +107,12 @@ class FluxCurve:
         self.version += 1
         runtime, lanes = self.runtime, self.runtime.variant.lanes
         kernel = runtime.kernel(
-            "vpl/vpl_runs.cl", self._macros(), (CURVE,)
+            "vpl/vpl_partial_sums.cl", self._macros(), (CURVE,)
         )
         for rsm, table in zip(maps, self._tables, strict=True):
             _, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl runs", rsm.size, grid=(1, table["map_runs"] // lanes),
+                "vpl partial sums", rsm.size, grid=(1, table["map_runs"] // lanes),
                 flux=flux, area=rsm.area, gloss=gloss, order=self._orders[rsm.face_size],
                 importance=self._importance, quarters=self.quarters, runs=self.runs,
                 params=self._packed(table),

@@ -287,8 +287,8 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             "begins": BEGINS, "ends": ENDS, "no_second_difference": NO_SECOND_DIFFERENCE,
             "beyond": BEYOND,
         }
-        self.runtime.kernel("multires/multires_rough.cl", self._macros, (CAMERA, MULTIRES)).run(
-            "multires rough", coarser.size,
+        self.runtime.kernel("multires/multires_gradient.cl", self._macros, (CAMERA, MULTIRES)).run(
+            "multires gradient", coarser.size,
             linear=known.linear, normal=known.normal, values=coarser.values, bound=bound,
             gradient=known.gradient, camera=known.camera_struct, params=MULTIRES.pack(values),
         )

@@ -319,7 +319,7 @@ DESCRIPTOR = Technique(
         "multires/multires_interpolate.cl": ("MULTIRES_CHANNELS",),
         "multires/multires_list.cl": (),
         "multires/multires_reduce.cl": (),
-        "multires/multires_rough.cl": ("MULTIRES_CHANNELS",),
+        "multires/multires_gradient.cl": ("MULTIRES_CHANNELS",),
         "multires/multires_start.cl": ("MULTIRES_CHANNELS",),
         "multires/shade_list.cl": (
             "SHADE_LINE", "SHADE_PARTS", "SHADE_ROWS", "VPL_CUT", "VPL_GRID", "VPL_NEAR",

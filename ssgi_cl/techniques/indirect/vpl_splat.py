@@ -437,7 +437,7 @@ DESCRIPTOR = Technique(
         "vpl/vpl_occupy.cl": ("VPL_GRID", "VPL_LAYERS"),
         "vpl/vpl_place.cl": ("VPL_GLOSSY", "VPL_PART"),
         "vpl/vpl_reach.cl": ("VPL_GRID",),
-        "vpl/vpl_runs.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
+        "vpl/vpl_partial_sums.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
         "vpl/vpl_splat.cl": (
             "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS",
         ),

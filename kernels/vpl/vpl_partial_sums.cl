@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// vpl_runs: what the texels of a reflective shadow map reflect, added up along each run.
+// vpl_partial_sums: sums of flux and area of a reflective shadow map along each run of texels, of
+// which vpl_blocks and vpl_totals make the cumulative flux.
 //
 // Reads:   flux   3 x [rows, columns] W
 //          area   [rows, columns] square scene units; of texels without flux it doesn't count
@@ -20,15 +21,15 @@
 #error "VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
 
-__kernel void vpl_runs(ssgi_plane flux, ssgi_plane area,
+__kernel void vpl_partial_sums(ssgi_plane flux, ssgi_plane area,
 #if VPL_GLOSSY
-                       ssgi_plane gloss,
+                               ssgi_plane gloss,
 #endif
-                       __global const int *restrict order,
-                       ssgi_optional __global const float *restrict importance,
-                       __global float *restrict quarters, __global float *restrict runs,
-                       const int2 size, // of the map
-                       const VplCurveParams params)
+                               __global const int *restrict order,
+                               ssgi_optional __global const float *restrict importance,
+                               __global float *restrict quarters, __global float *restrict runs,
+                               const int2 size, // of the map
+                               const VplCurveParams params)
 {
     const int first = ssgi_first_column();
     if (first >= params.map_runs) {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
-// multires_rough: how much a level's values change from point to point along their surface.
+// multires_gradient: first and second differences of a level's values along their surface.
 //
 // Reads:   linear  [rows, columns], normal 3 x likewise, view space
 //          values  MULTIRES_CHANNELS x likewise
 //          bound   [1] see multires_interpolate
-// Writes:  rough  2 x [rows, columns], largest in any channel: the difference to a neighbour,
-//                 MULTIRES_UNKNOWN if none fits in the row or none in the column; the second
-//                 difference along row or column, -1 unless all four neighbours fit (at the
-//                 image's border the two along it). Where no neighbour differs by more than the
-//                 bound, fit or not, that difference and -1, as it is enough to know
+// Writes:  gradient  2 x [rows, columns], largest in any channel: the difference to a neighbour,
+//                    MULTIRES_UNKNOWN if none fits in the row or none in the column; the second
+//                    difference along row or column, -1 unless all four neighbours fit (at the
+//                    image's border the two along it). Where no neighbour differs by more than the
+//                    bound, fit or not, that difference and -1, as it is enough to know
 // Macros:  MULTIRES_CHANNELS (1 to 16)
 // Params:  scale: of the bound; depth_scale, normal_scale: see common/surface.clh
 // Launch:  SSGI_LANES points of a row per work-item
@@ -49,10 +49,10 @@ MULTIRES_INLINE MultiresChange multires_change(const MultiresPoint *before, cons
     return change;
 }
 
-__kernel void multires_rough(ssgi_plane linear, ssgi_plane normal, ssgi_plane values,
-                             __global const float *restrict bound,
-                             __global float *restrict gradient, const int2 size,
-                             const SsgiCamera camera, const MultiresParams params)
+__kernel void multires_gradient(ssgi_plane linear, ssgi_plane normal, ssgi_plane values,
+                                __global const float *restrict bound,
+                                __global float *restrict gradient, const int2 size,
+                                const SsgiCamera camera, const MultiresParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

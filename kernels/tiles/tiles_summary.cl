@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-// tiles_facts: what is known of each tile of 16 x 16 pixels; see tiles/facts.clh.
+// tiles_summary: bounds of depth and normals of each tile of 16 x 16 pixels; see tiles/summary.clh.
 //
 // The plane that bounds a flat tile is the tangent plane of its middle pixel, moved nearer until no
 // pixel rises above it; that of any other is its nearest depth.
 // Reads:   linear  [rows, columns] with margin, see common/surface.clh; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space
 //          depth   TILES_LAYERS x [rows, columns] with margin; INFINITY where nothing is
-// Writes:  facts   TILES_COUNT x [rows of tiles, columns of tiles], with those of the margin
+// Writes:  summary  TILES_COUNT x [rows of tiles, columns of tiles], with those of the margin
 // Macros:  TILES_LAYERS (>= 1), TILES_PIECES (0, 1): whether normals are relied on as far as
 //          slices/slices_slopes.cl does, beyond which its planes are not theirs
 // Params:  (left, top) pixel of the first tile in the arrays, <= 0
@@ -15,14 +15,14 @@
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
-#include "tiles/facts.clh"
+#include "tiles/summary.clh"
 
 #if !defined(TILES_LAYERS) || !defined(TILES_PIECES)
 #error "TILES_LAYERS and TILES_PIECES must be defined by the host"
 #endif
 
 // Least cosine to the view ray of a normal that is relied on.
-#define TILES_FACING (TILES_PIECES ? 0.051f : 0.003f)
+#define TILES_LEAST_N_DOT_V (TILES_PIECES ? 0.051f : 0.003f)
 #ifndef TILES_FLAT
 #error "ssgi_cl/device/constants.py defines TILES_FLAT"
 #endif
@@ -42,8 +42,9 @@ static inline vmask tiles_tangent(const SsgiCamera camera, const vfloat linear, 
     const float sy = fma(row, camera.to_y, camera.at_y) * camera.perspective;
     const vfloat n_dot_v = v_fma(nx, sx, v_fma(ny, v_splat(sy), -nz));
     // The view ray is (sx, sy, -1), of length <= 1 + (sx^2 + sy^2) / 2.
-    const vfloat least = v_fma(v_fma(sx, sx, v_splat(sy * sy)), v_splat(-0.5f * TILES_FACING),
-                               v_splat(-TILES_FACING));
+    const vfloat least = v_fma(v_fma(sx, sx, v_splat(sy * sy)),
+                               v_splat(-0.5f * TILES_LEAST_N_DOT_V),
+                               v_splat(-TILES_LEAST_N_DOT_V));
     const vmask known = there & v_lt(n_dot_v, least);
     const vfloat scale = (perspective ? u : v_splat(1.0f)) /
                          v_select(v_splat(-1.0f), n_dot_v, known);
@@ -53,9 +54,9 @@ static inline vmask tiles_tangent(const SsgiCamera camera, const vfloat linear, 
     return known;
 }
 
-__kernel void tiles_facts(ssgi_plane linear, ssgi_plane normal, ssgi_plane depth,
-                          __global float *restrict summary, const int2 size, // tiles
-                          const int2 whole, const int2 start, const SsgiCamera camera)
+__kernel void tiles_summary(ssgi_plane linear, ssgi_plane normal, ssgi_plane depth,
+                            __global float *restrict summary, const int2 size, // tiles
+                            const int2 whole, const int2 start, const SsgiCamera camera)
 {
     const int tile_x = (int)get_global_id(0);
     const int tile_y = (int)get_global_id(1);

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: MIT
-// tiles_calm: which open tiles have none but open tiles round them, so that a blur leaves them
-// alone.
+// tiles_interior: open tiles all of whose neighbours are open, which a blur does not change.
 //
 // Reads:   open  [rows of tiles, columns of tiles] bits, from tiles_open
-// Writes:  calm  the same, with TILES_IS_INTERIOR where it holds; what is outside the image is no
-//                tile
+// Writes:  interior  the same, with TILES_IS_INTERIOR where it holds; no tiles lie outside the image
 // Launch:  a tile per work-item
 
 #include "common/gbuffer.clh"
 #include "tiles/open.clh"
 
-__kernel void tiles_calm(__global const int *restrict open, __global int *restrict interior,
-                         const int2 size)
+__kernel void tiles_interior(__global const int *restrict open, __global int *restrict interior,
+                             const int2 size)
 {
     const int x = (int)get_global_id(0);
     const int y = (int)get_global_id(1);

@@ -489,7 +489,7 @@ def test_devices_fit_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch, columns:
     assert [line.split()[-1] for line in lines[2:4]] == ["234", "856"]
     assert lines[5].split()[:5] == ["*", "16", "lanes,", "buffer", "3400"]
     assert lines[5].endswith("in use: widest within 15 %")
-    assert any("no form of the kernels runs on it" in line for line in lines)
+    assert any("no kernel variant runs on it" in line for line in lines)
 
 
 def test_no_device_is_an_error_that_says_what_to_install(

@@ -172,13 +172,9 @@ def _cells(environment: Environment) -> Doubles:
 
 def _resized(image: Doubles) -> Doubles:
     """Return an image whose texels suit the cells: of a mean of several, or each several times."""
-    for axis, (least, most) in enumerate(
-        ((_LEAST_ROWS, _MOST_ROWS), (_LEAST_COLUMNS, _MOST_COLUMNS))
-    ):
+    for axis, most in enumerate((_MOST_ROWS, _MOST_COLUMNS)):
         size = image.shape[axis]
-        if size < least:
-            image = np.repeat(image, math.ceil(least / size), axis)
-        elif size > most:
+        if size > most:
             # A texel is divided between the two blocks that it may belong to.
             sums = np.insert(np.cumsum(image, axis), 0, 0.0, axis)
             edges = np.linspace(0.0, size, most + 1)
@@ -187,6 +183,9 @@ def _resized(image: Doubles) -> Doubles:
             at = np.take(sums, low, axis) * (1.0 - part) + np.take(sums, low + 1, axis) * part
             image = np.diff(at, axis=axis) * (most / size)
             image = np.maximum(image, 0.0)
+    # Afterwards, so that an image of few rows and many columns stays small.
+    for axis, least in enumerate((_LEAST_ROWS, _LEAST_COLUMNS)):
+        image = np.repeat(image, max(1, math.ceil(least / image.shape[axis])), axis)
     return image
 
 

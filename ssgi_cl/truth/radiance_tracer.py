@@ -15,7 +15,7 @@ from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.mitsuba_scene import DENSITY, EMISSION
-from ssgi_cl.truth.path_tracer import OFFSET, PathTracer, Surface
+from ssgi_cl.truth.path_tracer import OFFSET, PIXELS, PathTracer, Surface
 
 Floats = NDArray[np.float32]
 
@@ -27,9 +27,6 @@ SURE_BOUNCES = 4
 
 MOST_LASTING = 0.95
 """Probability that a path goes on, at most."""
-
-_PIXELS = 1 << 20  # traced in one go
-_PATHS = 1 << 16  # of all pixels, traced in one go where an image has fewer pixels
 
 
 class RadianceTracer(PathTracer):
@@ -68,7 +65,7 @@ class RadianceTracer(PathTracer):
     def image(self, camera: Camera, paths: int, seed: int) -> Floats:
         """Return radiance [rows, columns, 3] from `paths` paths a pixel."""
         image = np.zeros((camera.height, camera.width, 3), np.float32)
-        height = max(1, _PIXELS // camera.width)
+        height = max(1, PIXELS // camera.width)
         for first in range(0, camera.height, height):
             rows = slice(first, min(first + height, camera.height))
             count = (rows.stop - rows.start) * camera.width
@@ -76,7 +73,7 @@ class RadianceTracer(PathTracer):
             labels = np.arange(first * camera.width, first * camera.width + count)
             steps = r_points(0, paths, self.numbers)
             total = np.zeros((3, count))
-            together = max(1, _PATHS // count)
+            together = self.together(count)
             for begin in range(0, paths, together):
                 numbers = np.mod(shift + steps[begin : begin + together, :, None], 1.0)
                 path = seed * paths + begin + np.arange(len(numbers))

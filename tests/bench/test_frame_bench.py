@@ -127,9 +127,12 @@ def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
     own = [DEFAULT, "multires", "direct"]  # all: in the slow tests
     rows, skipped = measure(
         view, SIZE, runtime, expected.mean, frames=1, samples=(1, 16),
-        modes={**{name: MODES[name] for name in own}, "unknown": Mode({"no_such_option": 1})},
+        modes={
+            **{name: MODES[name] for name in own}, "unknown": Mode({"no_such_option": 1}),
+            "impossible": Mode({"bounces": -1}),
+        },
     )
-    assert [line for line in skipped if line.startswith("unknown: ")]
+    assert [line.split(":")[0] for line in skipped][:2] == ["unknown", "impossible"]
     found = {row.name: row for row in rows}
     assert list(found)[: len(own)] == own
     assert all(row.first_ms > 0.0 and row.kept_ms > 0.0 for row in rows)

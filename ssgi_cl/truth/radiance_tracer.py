@@ -78,7 +78,7 @@ class RadianceTracer(PathTracer):
                 numbers = np.mod(shift + steps[begin : begin + together, :, None], 1.0)
                 path = seed * paths + begin + np.arange(len(numbers))
                 found = self._radiance(
-                    self._sights(camera, rows, numbers), np.hstack(numbers.astype(np.float32)),
+                    self._sights(camera, rows, numbers), np.hstack([*numbers.astype(np.float32)]),
                     np.tile(labels, len(path)), np.repeat(path, count).astype(np.uint32),
                 )
                 for one in np.split(found, len(path), axis=1):

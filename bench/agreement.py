@@ -52,7 +52,7 @@ class Run:
     Attributes:
         title: of its column.
         device: words of the device's label.
-        form: of the kernels.
+        form: the kernel variant.
         single: whether it has one thread.
     """
 
@@ -158,7 +158,7 @@ def fits(one: list[Array] | str, other: list[Array] | str, *, same: bool) -> tup
 
 
 def runs(infos: Sequence[DeviceInfo]) -> list[Run]:
-    """Return the runs: the first device in all forms and with one thread, then the others."""
+    """Return the runs: the first device in all variants and with one thread, then the others."""
     made: list[Run] = []
     for info in infos:
         if info.best is None:
@@ -187,8 +187,8 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
         "",
         f"Every technique on {SIZE[1]} x {SIZE[0]} pixels of the Cornell box with maps of {TEXELS} "
         f"texels a side, against {first.title}. A cell has the largest and the mean difference "
-        "over the mean of absolute values, or says that all bits are the same. Runs and forms on "
-        "one device have to be the same; other devices may differ by a mean of at most "
+        "over the mean of absolute values, or says that all bits are the same. Runs and variants "
+        "on one device have to be the same; other devices may differ by a mean of at most "
         f"{TOLERANCE:g}, since roundings decide which texel a tap falls on and which sector is "
         f"covered. **Bold** is beyond that; \"{NOT_IN_TIME}\" is what takes more than the time "
         "given, nearly all of it to compile.",

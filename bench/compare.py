@@ -18,7 +18,7 @@ from .wording import number
 TIME_CHANGE = 0.1
 """Two runs of a case agree to this share of the ratio to the reference; less is noise."""
 ERROR_CHANGE = 0.01
-"""Other compilers and forms round differently: less than this share of an RMSE is noise."""
+"""Other compilers and variants round differently: less than this share of an RMSE is noise."""
 SIGMAS = 3.0
 _NOT_OF_TRUTH = ("seconds", "repeats", "runs")
 """Options on which a truth does not depend."""

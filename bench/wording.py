@@ -17,7 +17,7 @@ _QUANTITIES = {
     "bent": "Angle between bent normals and those of rays",
     "direct": "Direct light",
     "bounce": "One bounce of light",
-    "cut": "One bounce of light, held to the same lights without a cut",
+    "cut": "One bounce of light, held to the same lights without a cutoff",
     "mirrored": "Light that glossy surfaces mirror, without walls",
     "": "Passes without a world truth",
 }

@@ -22,10 +22,10 @@ from .device_scene import BOXED, DeviceScene
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
 WIDE = 256
-"""Columns of which a window has a multiple at least; work-groups on CPUs may be wider, and none may
+"""Columns of which a region has a multiple at least; work-groups on CPUs may be wider, and none may
 go beyond."""
 WORTH = 0.75
-"""Share of an image up to which a window is one."""
+"""Share of an image up to which an active region is one."""
 LEAST_VERTICES = 1 << 20
 """Bytes that are reserved for the vertices of a scene, however few there are."""
 PEEL = 1e-5
@@ -79,7 +79,7 @@ class Rasterizer:
         size: (rows, columns) of the camera's image.
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
         shaded: whether there is more to draw than depth; without, depth is a few roundings off.
-        windows: whether it draws where anything may be seen alone, and tells the target.
+        regions: whether it draws where anything may be seen alone, and tells the target.
         keeps_world: of the target.
 
     Attributes:
@@ -144,7 +144,7 @@ class Rasterizer:
     def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
 
-        Reads 8 bytes back before pixels are drawn, and with windows 4 for each tile: if lists
+        Reads 8 bytes back before pixels are drawn, and with `regions` 4 for each tile: if lists
         were too small they grow, and it begins again. The size of the lists stays for the next
         frame, so a steady frame allocates nothing.
         """
@@ -260,7 +260,7 @@ class Rasterizer:
         return [self._region(counts > layer) for layer in layers]
 
     def _region(self, busy: NDArray[np.bool_]) -> Region | None:
-        """Return the window of these tiles, None if there is hardly anything beyond it."""
+        """Return the active region of these tiles, None if there is hardly anything beyond it."""
         rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
         if rows.size == 0:
             return Region(0, 0, 0, 0)
@@ -272,7 +272,7 @@ class Rasterizer:
         return region if region.rows * region.columns <= WORTH * whole[0] * whole[1] else None
 
     def _widened(self, region: Region) -> Region:
-        """Return a window with columns for whole work-groups, within the image."""
+        """Return a region with columns for whole work-groups, within the image."""
         group = max(WIDE, CPU_WIDTH * self.runtime.variant.lanes)
         wide = -(-region.columns // group) * group
         end = region.end[0], region.column + wide

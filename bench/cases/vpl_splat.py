@@ -1,4 +1,4 @@
-"""Virtual point lights, splatted: by their number, by the cut, interleaved, and with walls."""
+"""Virtual point lights, splatted: by their number, by the cutoff, interleaved, and with walls."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class VplsByNumber(Own):
 
 @dataclass(frozen=True)
 class VplsByCut(Own):
-    """1024 lights without parts; the setting is the cut, of the irradiance at a tenth of the scene.
+    """1024 lights without parts; the setting: the cutoff of irradiance at a tenth of the scene.
 
     That is, of the diagonal of its box: at 1 percent a light reaches across the whole scene. They
-    are held to the same lights without a cut.
+    are held to the same lights without a cutoff.
 
     Attributes:
         cull: tiles skip lights that give them nothing.
-        restore: what the cut leaves out is put back.
+        restore: what the cutoff leaves out is put back.
     """
 
     cull: bool = True

@@ -2,13 +2,13 @@
 // vpl_lists: for each tile, the virtual point lights that may give any of its pixels something.
 //
 // Method:  A light whose irradiance per flux w = cos cos / (pi d^2 + A) is nowhere in the tile
-//          above the cut is left out. Three bounds: where cos / (pi d^2) is above the cut there
-//          lies, for a diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R
-//          along its normal, R = 1 / sqrt(pi cut); the tile lies behind the light, or the light
+//          above the cutoff is left out. Three bounds: where cos / (pi d^2) is above the cutoff
+//          there lies, for a diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R
+//          along its normal, R = 1 / sqrt(pi cutoff); the tile lies behind the light, or the light
 //          behind the tile; the greatest cosines over the least distance between light and tile.
 //          Of a light with a lobe, in place of the sphere: the least angle between its axis and the
 //          ball round the tile, and a plane between the tile's box and the cone in which the lobe
-//          is above the cut. Both are tighter than an ellipsoid round the lobe where the tile is
+//          is above the cutoff. Both are tighter than an ellipsoid round the lobe where the tile is
 //          small beside it.
 //          All of them are conservative, so that a tile's pixels get bit-identical results from its
 //          list as from all lights.
@@ -190,7 +190,7 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
             v_max(nearest * v_load(lights + 11 * params.stride + i) / (sharp + 2.0f), area);
         const vfloat distance = v_sqrt(v_max(nearest, v_splat(1e-24f)));
         const vfloat most = v_min(received / distance, one) * 1.001f;
-        const vfloat least = spread * params.cut;
+        const vfloat least = spread * params.cutoff;
         kept = kept & v_gt(most * lobe, least);
         if (v_any(kept)) {
             const vfloat share = v_min(least / v_max(most, v_splat(1e-24f)), one);
@@ -203,7 +203,7 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         const vfloat nearest = squared * (1.0f - 1e-5f);
         const vfloat distance = v_sqrt(nearest);
         const vfloat most = v_min(emitted, distance) * v_min(received, distance) * (1.0f + 1e-5f);
-        const vfloat bound = v_max(nearest * 3.14159265f, area) * params.cut; // "clamped"
+        const vfloat bound = v_max(nearest * 3.14159265f, area) * params.cutoff; // "clamped"
         const vmask inside = v_eq(nearest, zero);
         kept = kept & (v_gt(most, bound * nearest) | (inside & v_gt(v_splat(1.0f), bound))) &
                v_le(from_centre, v_splat(params.lobe_squared));

@@ -4,7 +4,7 @@
 // Method:  Keller 1997, "Instant Radiosity"; Dachsbacher and Stamminger 2006, "Splatting Indirect
 //          Illumination". E = sum over lights of flux * w with the form factor of a point and a
 //          disc of the light's area A, w = cos cos / (pi d^2 + A) (Nichols and Wyman 2009).
-// Departs: the cut fades w linearly from 2 cut down to cut, so that splats have no edge.
+// Departs: the cutoff fades w linearly from 2 cutoff down to cutoff, so that splats have no edge.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]

@@ -64,8 +64,8 @@ def devices_command(as_json: bool, refresh: bool) -> None:
         click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
         return
     click.echo(wrapped(
-        "Numbers are million scattered reads a second with each form of the kernels. In use (*) is "
-        "the widest form within 15 % of the fastest.", ""
+        "Numbers are million scattered reads a second with each kernel variant. In use (*) is "
+        "the widest variant within 15 % of the fastest.", ""
     ))
 
 
@@ -88,7 +88,7 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
                 why = f"  in use: {within}"
             click.echo(f"  {mark} {variant!s:17} {speed:7.0f}{why}")
     if info.best is None:
-        click.echo("  no form of the kernels runs on it, so it is not used")
+        click.echo("  no kernel variant runs on it, so it is not used")
     if info.failures and info.driver:
         click.echo(wrapped(drivers.standing(info), "  "))
     click.echo()

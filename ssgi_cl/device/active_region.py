@@ -1,4 +1,4 @@
-"""A window: the rectangle of an image in which anything is seen, so that passes run there alone."""
+"""A region: the rectangle of an image in which anything is seen, so that passes run there alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Region:
 
     Attributes:
         row, column: first pixel.
-        rows, columns: how many; an empty window has none.
+        rows, columns: how many; an empty region has none.
     """
 
     row: int
@@ -30,7 +30,7 @@ class Region:
 
     @classmethod
     def between(cls, first: Size, end: Size) -> Self:
-        """Return the window from (row, column) `first` to before `end`, empty if that is no pixel.
+        """Return the region from (row, column) `first` to before `end`, empty if that is no pixel.
         """
         rows, columns = (max(e - f, 0) for f, e in zip(first, end, strict=True))
         return cls(*first, rows, columns) if rows and columns else cls(0, 0, 0, 0)
@@ -51,7 +51,7 @@ class Region:
         return self.rows == 0
 
     def union(self, other: Region) -> Region:
-        """Return the least window that holds both."""
+        """Return the least region that holds both."""
         if self.empty or other.empty:
             return other if self.empty else self
         first = min(self.row, other.row), min(self.column, other.column)
@@ -72,7 +72,7 @@ class Region:
         return first, (-(-self.end[0] // cell[0]) - first[0], -(-self.end[1] // cell[1]) - first[1])
 
     def reduced(self, step: int) -> Region:
-        """Return the window of every step-th pixel of the image, from the first on."""
+        """Return the region of every step-th pixel of the image, from the first on."""
         first, (rows, columns) = self.cells((step, step))
         return Region(*first, rows, columns)
 
@@ -90,7 +90,7 @@ def copy_region(
 ) -> None:
     """Copy an image [rows, columns, channels].
 
-    Where `beyond` is a pixel outside the window, it stands for all of them.
+    Where `beyond` is a pixel outside the region, it stands for all of them.
     """
     if region is None or beyond is None:
         np.copyto(target, source)
@@ -106,7 +106,7 @@ def copy_region(
 class PreviousRegion:
     """What the latest run left of a result, which the next one has to cover too.
 
-    Where a run works in a window, all pixels beyond hold the background already. So it has to work
+    Where a run works in a region, all pixels beyond hold the background already. So it has to work
     where the run before did, as well.
     """
 

@@ -1,4 +1,4 @@
-"""A G-buffer in device memory, in the form that kernels read."""
+"""A G-buffer in device memory, as kernels read it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class DeviceGBuffer:
         thickness: 1 image, scene units, or None if the contents have none.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
             those of the rasteriser are.
-        window: pixels of the planes, margin and all, outside which nothing is; None if that is not
+        region: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
         traces: of what was drawn into each layer.
         camera: the camera of the current contents; `camera_struct` is what kernels get.

@@ -22,8 +22,8 @@ class KernelVariant:
             (1, "buffer"), (1, "image"), (8, "buffer"), (16, "buffer")
         ):
             raise ValueError(
-                f"the kernels' form is {self.lanes} lanes on {self.storage!r}: expected 1, 8 or 16 "
-                "lanes on 'buffer', or 1 lane on 'image'"
+                f"the kernel variant is {self.lanes} lanes on {self.storage!r}: expected 1, 8 or "
+                "16 lanes on 'buffer', or 1 lane on 'image'"
             )
 
     def __str__(self) -> str:
@@ -36,7 +36,7 @@ KERNEL_VARIANTS = (KernelVariant(1, "image"), KernelVariant(1, "buffer"),
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """A device and how fast it runs each form of the kernels.
+    """A device and how fast it runs each variant of the kernels.
 
     Attributes:
         driver: path of the driver's .icd file.
@@ -44,7 +44,7 @@ class DeviceInfo:
         label: what names are matched against, such as "PoCL 3.1+debian: pthread-...".
         kind: "cpu", "gpu" or "accelerator".
         units: compute units.
-        speeds: form as text -> million reads per second if nothing else runs, or the reason why
+        speeds: variant as text -> million reads per second if nothing else runs, or the reason why
             it does not run.
     """
 
@@ -58,7 +58,7 @@ class DeviceInfo:
 
     @property
     def best(self) -> KernelVariant | None:
-        """The fastest form, or None if none runs; the wider of two within 15 % of each other.
+        """The fastest variant, or None if none runs; the wider of two within 15 % of each other.
 
         Kernels compute more for each read than the probe does, which favours wide vectors.
         """
@@ -71,7 +71,7 @@ class DeviceInfo:
 
     @property
     def speed(self) -> float:
-        """Million reads a second of the fastest form; 0 if none runs."""
+        """Million reads a second of the fastest variant; 0 if none runs."""
         numbers = (speed for speed in self.speeds.values() if isinstance(speed, float))
         return max(numbers, default=0.0)
 

@@ -83,9 +83,9 @@ class Kernel:
             grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
                 a row.
             local: (rows, columns) of a work-group; by default chosen for the device.
-            window: pixels of the image that are to be computed; by default all. Those of a whole
+            region: pixels of the image that are to be computed; by default all. Those of a whole
                 work-group are computed if any is.
-            cell: (rows, columns) of pixels that a work-item has, for a window with a grid; by
+            cell: (rows, columns) of pixels that a work-item has, for a region with a grid; by
                 default a lane-wide piece of a row.
             arguments: by the names of the kernel's parameters: planes and arrays, numbers, packed
                 structs; (rows, columns) for an int2 (columns, rows); None for memory that is

@@ -605,7 +605,7 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
 def _chosen(
     name: str | None, lanes: int | None, storage: str | None
 ) -> tuple[DeviceInfo, KernelVariant]:
-    """Return the device and the form of the kernels that `Runtime.open` is asked for."""
+    """Return the device and the kernel variant that `Runtime.open` is asked for."""
     info = drivers.choose(name)
     variant = info.best
     assert variant is not None  # noqa: S101  choose() returns usable devices only

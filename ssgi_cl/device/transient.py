@@ -436,7 +436,7 @@ class Target:
         runtime: the device.
         count, size, outside: of the plane.
         kept: whether the plane is this object's own: the same in every call, and what is outside
-            the window of a call keeps its background. Else it lives as long as somebody refers to
+            the region of a call keeps its background. Else it lives as long as somebody refers to
             it.
     """
 

@@ -337,7 +337,7 @@ def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
 
 
 def pixels(plane: Plane, region: Region | None = None) -> NDArray[np.float32]:
-    """Return [rows, columns, channels] of a plane, whose pixels outside a window are the same."""
+    """Return [rows, columns, channels] of a plane, whose pixels outside a region are the same."""
     found = np.empty((*plane.size, plane.count), np.float32)
     plane.download(np.moveaxis(found, -1, 0), region)
     return found

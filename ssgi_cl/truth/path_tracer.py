@@ -27,7 +27,11 @@ OFFSET = 2.0**-20
 MOST_CROSSINGS = 1000
 """Surfaces along one path that goes through walls, at most."""
 
-_PIXELS = 1 << 20  # traced in one go
+PIXELS = 1 << 20
+"""Of a block of rows, traced in one go."""
+
+PATHS = 1 << 16
+"""Of all pixels, traced in one go where an image has fewer pixels."""
 
 
 class Surface(NamedTuple):
@@ -94,7 +98,7 @@ class PathTracer(ABC):
     def image(self, camera: Camera, paths: int, seed: int) -> Floats:
         """Return irradiance [rows, columns, 3] from `paths` paths a pixel."""
         image = np.zeros((camera.height, camera.width, 3), np.float32)
-        height = max(1, _PIXELS // camera.width)
+        height = max(1, PIXELS // camera.width)
         for first in range(0, camera.height, height):
             rows = slice(first, min(first + height, camera.height))
             start, way, length = self.view_rays(camera, rows)
@@ -127,6 +131,10 @@ class PathTracer(ABC):
         start = start + near[:, None] * along
         return start.T.astype(np.float32), way.T.astype(np.float32), length.astype(np.float32)
 
+    def together(self, pixels: int) -> int:
+        """Return how many paths of each pixel are traced in one go."""
+        return max(1, PATHS // pixels) if self.dr.is_jit_v(self.mi.Float) else 1
+
     def _sum(self, rays: Sequence[Floats], paths: int) -> Floats:
         """Return the sum of the estimates of all paths of one pixel, [3], or of n, [3, n].
 
@@ -135,20 +143,36 @@ class PathTracer(ABC):
                 [count] of the pixel; or one more axis of n.
         """
         mi, dr = self.mi, self.dr
-        start, way, length, shift = rays
+        *of_view, shift = rays
+        shape, pixels = of_view[0].shape, np.size(of_view[-1])
+        total = np.zeros((3, pixels), np.float32)
+        together = self.together(pixels)
+        times = 0
+        steps = r_points(0, paths, len(shift))
+        for some in np.split(steps, range(together, paths, together)):
+            if len(some) != times:
+                times = len(some)
+                seen = self._seen(of_view, times)
+            each = [np.mod(shift.T + step, 1.0).T for step in some]
+            numbers = [mi.Float(number) for number in np.concatenate(each, axis=-1)]
+            found = dr.select(seen.there, self.estimate(seen, numbers), 0.0)
+            light = np.array(found, np.float32).reshape(3, -1)
+            for one in np.split(np.broadcast_to(light, (3, times * pixels)), times, axis=1):
+                total += one
+        return total.reshape(shape)
+
+    def _seen(self, of_view: Sequence[Floats], times: int) -> Surface:
+        """Return what view rays meet, so many times one after the other."""
+        mi, dr = self.mi, self.dr
+        start, way, length = (np.concatenate([a] * times, axis=-1) if times > 1 else a
+                              for a in of_view)  # fmt: skip
         ray = mi.Ray3f(
             mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
             mi.Float(length), 0.0, [],
         )
         seen = self.surface(ray, mi.Bool(True))
         dr.eval(*seen)
-        total = mi.Color3f(0.0)
-        for step in r_points(0, paths, len(shift)):
-            numbers = [mi.Float(number) for number in np.mod(shift.T + step, 1.0).T]
-            total += dr.select(seen.there, self.estimate(seen, numbers), 0.0)
-            dr.eval(total)
-        sums = np.array(total, np.float32).reshape(3, -1)
-        return np.broadcast_to(sums, (3, np.size(length))).reshape(start.shape)
+        return seen
 
     # ---- rays
 

@@ -15,7 +15,7 @@ from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.mitsuba_scene import DENSITY, EMISSION
-from ssgi_cl.truth.path_tracer import OFFSET, PathTracer, Surface
+from ssgi_cl.truth.path_tracer import OFFSET, PIXELS, PathTracer, Surface
 
 Floats = NDArray[np.float32]
 
@@ -27,8 +27,6 @@ SURE_BOUNCES = 4
 
 MOST_LASTING = 0.95
 """Probability that a path goes on, at most."""
-
-_PIXELS = 1 << 20  # traced in one go
 
 
 class RadianceTracer(PathTracer):
@@ -67,38 +65,54 @@ class RadianceTracer(PathTracer):
     def image(self, camera: Camera, paths: int, seed: int) -> Floats:
         """Return radiance [rows, columns, 3] from `paths` paths a pixel."""
         image = np.zeros((camera.height, camera.width, 3), np.float32)
-        height = max(1, _PIXELS // camera.width)
+        height = max(1, PIXELS // camera.width)
         for first in range(0, camera.height, height):
             rows = slice(first, min(first + height, camera.height))
             count = (rows.stop - rows.start) * camera.width
             shift = np.random.default_rng([seed, first]).random((self.numbers, count))
+            labels = np.arange(first * camera.width, first * camera.width + count)
+            steps = r_points(0, paths, self.numbers)
             total = np.zeros((3, count))
-            for path, step in enumerate(r_points(0, paths, self.numbers)):
-                numbers = np.mod(shift + step[:, None], 1.0)
-                offset = numbers[-2:] - 0.5 if self._box else None
-                rays = self.view_rays(camera, rows, offset)
-                labels = np.arange(first * camera.width, first * camera.width + count)
-                given = numbers.astype(np.float32)
-                total += self._radiance(rays, given, labels, seed * paths + path)
+            together = self.together(count)
+            for begin in range(0, paths, together):
+                numbers = np.mod(shift + steps[begin : begin + together, :, None], 1.0)
+                path = seed * paths + begin + np.arange(len(numbers))
+                rays = self._view_rays(camera, rows, numbers)
+                found = self._radiance(
+                    rays, np.hstack([*numbers.astype(np.float32)]),
+                    np.tile(labels, len(path)), np.repeat(path, count).astype(np.uint32),
+                )
+                for one in np.split(found, len(path), axis=1):
+                    total += one
             image[rows] = (total / paths).T.reshape(-1, camera.width, 3)
         return image
 
+    def _view_rays(
+        self, camera: Camera, rows: slice, numbers: NDArray[np.float64]
+    ) -> tuple[Floats, ...]:
+        """Return start, direction and length of view rays, path by path: `numbers` [paths, ...]."""
+        if self._box:
+            each = [self.view_rays(camera, rows, one[-2:] - 0.5) for one in numbers]
+        else:
+            each = [self.view_rays(camera, rows)] * len(numbers)
+        return tuple(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))
+
     def _radiance(
-        self, rays: tuple[Floats, Floats, Floats], numbers: Floats, labels: NDArray[np.int64],
-        path: int,
+        self, rays: Sequence[Floats], numbers: Floats, labels: NDArray[np.int64],
+        path: NDArray[np.uint32],
     ) -> Floats:
-        """Return what one path of each pixel finds, [3, n].
+        """Return what each of n paths finds, [3, n].
 
         Args:
             rays: start, direction and length of view rays.
             numbers: [count, n] in [0, 1): of the first vertex.
-            labels: [n] of the pixels, with `path` the seed of all further random numbers.
+            labels: [n] of the pixels, with `path` [n] the seed of all further random numbers.
         """
         if self.dr.is_jit_v(self.mi.Float):
             found, there = self._traced(rays, numbers, labels, path)
         else:
             each = [
-                self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), path)
+                self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), int(path[i]))
                 for i in range(len(labels))
             ]
             found = np.concatenate([one[0] for one in each], axis=1)
@@ -106,7 +120,7 @@ class RadianceTracer(PathTracer):
         return np.where(there, found, environment_radiance(self._environments, rays[1]))
 
     def _traced(
-        self, rays: Sequence[Floats], numbers: Floats, label: Any, path: int
+        self, rays: Sequence[Floats], numbers: Floats, label: Any, path: Any
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Return radiance of surfaces [3, n] and where there are any [n]."""
         mi, dr = self.mi, self.dr
@@ -116,10 +130,8 @@ class RadianceTracer(PathTracer):
             mi.Float(length), 0.0, [],
         )
         seen, si = self.hit(ray, mi.Bool(length > 0.0))
-        # Not a constant of the code, which would be another for each path.
-        number = dr.opaque(mi.UInt32, path)
         rng = mi.PCG32()
-        rng.seed(*mi.sample_tea_32(mi.UInt32(label), number))
+        rng.seed(*mi.sample_tea_32(mi.UInt32(label), mi.UInt32(path)))
         light = self._path(seen, [mi.Float(row) for row in numbers], rng)
         light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0)
         there = mi.Bool(seen.there)

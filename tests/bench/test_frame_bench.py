@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +12,12 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from ssgi_cl.bench.frame import report
+from ssgi_cl.bench.frame import command, report
 from ssgi_cl.bench.frame.ablation import DIRECT, EDGES, EMISSION, FIRST, LATER, NOTHING, ablation
 from ssgi_cl.bench.frame.command import mesh_names
 from ssgi_cl.bench.frame.error import FrameError, encoded, frame_error
 from ssgi_cl.bench.frame.measure import Row, measure, reference, variants, without_emission
-from ssgi_cl.bench.frame.modes import MODES, Mode
+from ssgi_cl.bench.frame.modes import DEFAULT, MODES, Mode
 from ssgi_cl.bench.frame.verdict import verdict
 from ssgi_cl.bench.peers import mitsuba_frame
 from ssgi_cl.cli.command import main
@@ -123,13 +124,17 @@ def test_meshes_of_a_folder_are_found_once(tmp_path: Path) -> None:
 def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
     _, view = variants(make_scene("cornell_box"))
     expected = reference(view, SIZE, 64)
+    own = [DEFAULT, "multires", "direct"]  # all: in the slow tests
     rows, skipped = measure(
         view, SIZE, runtime, expected.mean, frames=1, samples=(1, 16),
-        modes={**MODES, "unknown": Mode({"no_such_option": 1})},
+        modes={
+            **{name: MODES[name] for name in own}, "unknown": Mode({"no_such_option": 1}),
+            "impossible": Mode({"bounces": -1}),
+        },
     )
-    assert [line for line in skipped if line.startswith("unknown: ")]
+    assert [line.split(":")[0] for line in skipped][:2] == ["unknown", "impossible"]
     found = {row.name: row for row in rows}
-    assert found.keys() >= set(MODES)
+    assert list(found)[: len(own)] == own
     assert all(row.first_ms > 0.0 and row.kept_ms > 0.0 for row in rows)
     assert all(row.radiance.shape == (*SIZE, 3) for row in rows)
     # One bounce is nearer to all of them than none.
@@ -159,7 +164,7 @@ def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> No
 
 def test_terms_add_up_and_dark_parts_are_left_out(runtime: Runtime) -> None:
     view = replace(make_scene("cornell_box"), lights=())
-    terms = [one.term for one in ablation(view, SIZE, runtime, Mode(), paths=4)]
+    terms = [one.term for one in ablation(view, SIZE, runtime, MODES["low"], paths=4)]
     assert terms == [NOTHING, EMISSION, FIRST, LATER, EDGES, "all bounces"]
     assert without_emission(view.scene).materials[3].emission == (0.0, 0.0, 0.0)
 
@@ -177,28 +182,34 @@ def test_the_command_writes_tables_and_strips(tmp_path: Path) -> None:
     paths = tmp_path / "found.json", tmp_path / "found.md"
     shown = ssgi(
         "--scene", "cornell_box", "--size", "40x30", "--truth-paths", "4", "--frames", "1",
-        "--own", "--mode", "default", "--strips", str(tmp_path / "strips"),
+        "--own", "--mode", "low", "--ablation", "--strips", str(tmp_path / "strips"),
         "-o", str(paths[0]), "--markdown", str(paths[1]),
     ).output
     assert "## cornell_box-spot, 40 x 30" in shown
-    assert "not judged: path 1 + OIDN was not measured" in shown
+    assert "not judged: default was not measured" in shown
+    assert "Terms of `low`:" in shown
+    assert "later bounces" in shown
     document = json.loads(paths[0].read_text())
     assert document["format"] == report.FORMAT
     assert [scene["scene"] for scene in document["scenes"]] == ["cornell_box", "cornell_box-spot"]
-    assert document["scenes"][0]["frames"][0]["name"] == "default"
+    assert [frame["name"] for frame in document["scenes"][0]["frames"]] == ["low"]
     assert document["scenes"][0]["goal"] is None
-    assert "| default |" in paths[1].read_text(encoding="utf-8")
-    strip = np.asarray(Image.open(tmp_path / "strips" / "frame-cornell_box-spot-default.png"))
+    assert "| low |" in re.sub(" +", " ", paths[1].read_text(encoding="utf-8"))
+    strip = np.asarray(Image.open(tmp_path / "strips" / "frame-cornell_box-spot-low.png"))
     assert strip.shape == (30, 3 * 40, 3)
 
 
-def test_ablation_is_a_table_of_its_own() -> None:
-    shown = ssgi(
-        "--scene", "cornell_box", "--size", "24x18", "--truth-paths", "2", "--frames", "1",
-        "--own", "--mode", "default", "--ablation",
-    ).output
+def test_ablation_is_of_the_default_frame_unless_others_are_chosen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+    monkeypatch.setattr(command, "measure", lambda *given, **more: ([], []))
+    monkeypatch.setattr(
+        command, "ablation", lambda view, size, runtime, mode, **more: asked.append(mode) or []
+    )
+    shown = ssgi("--scene", "parlour", "--size", "24x18", "--truth-paths", "2", "--ablation").output
     assert "Terms of `default`:" in shown
-    assert "later bounces" in shown
+    assert asked == [MODES[DEFAULT]]
 
 
 @pytest.mark.parametrize(

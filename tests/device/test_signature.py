@@ -394,3 +394,80 @@ def test_a_type_that_the_host_cannot_pass_is_an_error(runtime: Runtime) -> None:
     text = "__kernel void k(__global float *restrict a, const Pair b) {}"
     with pytest.raises(Exception, match="Pair"):
         runtime.kernel_from_text("k", text)
+
+
+# ---- structs of every technique
+
+
+@pytest.fixture(scope="module")
+def structs(runtime: Runtime) -> list[Struct]:
+    """All structs that the library passes to kernels."""
+    found = {struct.name: struct for build in builds(runtime) for struct in build.structs}
+    return list(found.values())
+
+
+def test_no_two_structs_have_one_name(runtime: Runtime) -> None:
+    found = {struct for build in builds(runtime) for struct in build.structs}
+    assert len({struct.name for struct in found}) == len(found)
+
+
+def test_the_compilers_layout_is_that_of_numpy(
+    variant_runtime: Runtime, structs: list[Struct]
+) -> None:
+    expected: list[int] = []
+    lines = []
+    for struct in structs:
+        fields = struct.dtype.fields
+        assert fields is not None
+        lines.append(f"result[{len(expected)}] = (int)sizeof({struct.name});")
+        expected.append(struct.dtype.itemsize)
+        for name, _ in struct.members:
+            lines.append(
+                f"result[{len(expected)}] = (int)((__private const char *)&of_{struct.name}.{name}"
+                f" - (__private const char *)&of_{struct.name});"
+            )
+            expected.append(fields[name][1])
+    declared = "\n".join(f"{struct.name} of_{struct.name};" for struct in structs)
+    body = "\n".join(lines)
+    kernel = variant_runtime.kernel_from_text(
+        "layout",
+        f"""__kernel void layout(__global int *restrict result, const int2 size)
+        {{
+            {declared}
+            {body}
+        }}
+        """,
+        structs=structs,
+    )
+    result = variant_runtime.empty(len(expected), np.int32)
+    kernel.run("layout", (1, 1), grid=(1, 1), local=(1, 1), result=result)
+    assert result.download().tolist() == expected
+
+
+def test_every_member_arrives_in_the_kernel(
+    variant_runtime: Runtime, structs: list[Struct]
+) -> None:
+    expected: list[float] = []
+    lines, packed = [], {}
+    for struct in structs:
+        values = {}
+        for name, _ in struct.members:
+            lines.append(f"result[{len(expected)}] = (float)of_{struct.name}.{name};")
+            values[name] = float(3 + 2 * len(expected))
+            expected.append(values[name])
+        packed[f"of_{struct.name}"] = struct.pack(values)
+    arguments = ", ".join(f"const {struct.name} of_{struct.name}" for struct in structs)
+    body = "\n".join(lines)
+    kernel = variant_runtime.kernel_from_text(
+        "members",
+        f"""__kernel void members(__global float *restrict result, const int2 size,
+                                  {arguments})
+        {{
+            {body}
+        }}
+        """,
+        structs=structs,
+    )
+    result = variant_runtime.empty(len(expected), np.float32)
+    kernel.run("members", (1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)
+    assert result.download().tolist() == expected

@@ -103,7 +103,7 @@ def test_every_kernel_variant_gives_the_same_result(
     image = rng.random(gbuffer.size).astype(np.float32)
     a = bilateral_blur(image, gbuffer, runtime=runtime)
     b = bilateral_blur(image, gbuffer, runtime=every_variant)
-    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 
 

@@ -104,7 +104,7 @@ def test_every_kernel_variant_gives_the_same_normals(
     if not normals:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
     a, b = derived(runtime, gbuffer), derived(every_variant, gbuffer)
-    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
 
 

@@ -113,7 +113,7 @@ def test_every_kernel_variant_gives_the_same_result(
 ) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng)
     one, other = (splatted(r, gbuffer, vpls)[0] for r in (runtime, variant_runtime))
-    # Contraction is off, so forms differ only where a device's division is not exact.
+    # Contraction is off, so variants differ only where a device's division is not exact.
     np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * one.mean())
 
 

@@ -121,7 +121,7 @@ def test_every_kernel_variant_gives_bit_identical_results(
     gbuffer = painted(scene("corner", camera(size=size), rng), rng)
     a = shade(gbuffer, LIGHTS["all"], runtime=runtime)
     b = shade(gbuffer, LIGHTS["all"], runtime=every_variant)
-    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    # Contraction is off, so variants differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-7)
 
 

@@ -199,7 +199,7 @@ def test_every_kernel_variant_gives_the_same_result(
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = subject.function(gbuffer, RADIUS, runtime=runtime)
     b = subject.function(gbuffer, RADIUS, runtime=every_variant)
-    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 
 

@@ -95,7 +95,7 @@ def test_every_kernel_variant_gives_the_same_result(
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     a = upsample(image, gbuffer, runtime=runtime)
     b = upsample(image, gbuffer, runtime=every_variant)
-    # Contraction is off, so forms differ only where a device's division or root is not exact.
+    # Contraction is off, so variants differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
 
 

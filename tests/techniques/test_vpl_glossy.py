@@ -36,7 +36,7 @@ from .analytic import Plane, camera, scene, trace
 
 ROUNDING = 2e-4
 """Relative to a pixel's irradiance and to a tenth of the mean: the 1000th power of a cosine that is
-2^-24 off is 6e-5 off, and where the cut fades in, that counts for more than what is left."""
+2^-24 off is 6e-5 off, and where the cutoff fades in, that counts for more than what is left."""
 NONE = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
@@ -62,7 +62,7 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
 def mirrored_light(
     runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
 ) -> NDArray[np.float32]:
-    """Irradiance by lights with lobes alone, without what the cut leaves out."""
+    """Irradiance by lights with lobes alone, without what the cutoff leaves out."""
     params = {"vpls": 1, "glossy_vpls": max(len(vpls), 1), "restore": False, **params}
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(**params))
     result = technique.run(uploaded(runtime, gbuffer), NONE, glossy=vpls)
@@ -174,8 +174,8 @@ def test_forms_give_the_same_result(
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(45, 61)), rng), lobes(rng)
     one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, other_variant))
-    # Contraction is off, so forms differ only where a device's division is not exact; powers of up
-    # to 1000 make more of that.
+    # Contraction is off, so variants differ only where a device's division is not exact; powers of
+    # up to 1000 make more of that.
     np.testing.assert_allclose(one, other, rtol=1e-4)
 
 

@@ -62,7 +62,7 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
 def irradiance(
     runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
 ) -> NDArray[np.float32]:
-    """Without what the cut leaves out, unless asked for, as the references have it."""
+    """Without what the cutoff leaves out, unless asked for, as the references have it."""
     params = {"vpls": max(len(vpls), 1), "restore": False, **params}
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(**params))
     return np.moveaxis(technique.run(uploaded(runtime, gbuffer), vpls).download(), 0, -1)
@@ -134,7 +134,7 @@ def test_every_kernel_variant_gives_the_same_result(
             irradiance(r, gbuffer, vpls, cutoff=0.02, interleave=interleave, blur_radius=0)
             for r in (runtime, every_variant)
         )
-        # Contraction is off, so forms differ only where a device's division is not exact.
+        # Contraction is off, so variants differ only where a device's division is not exact.
         np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
@@ -166,9 +166,9 @@ def test_tiles_leave_out_only_lights_that_give_them_nothing(
 
 
 def test_cut_stays_within_what_float32_holds() -> None:
-    assert VplSplatParams().cut(unit=1e26) == 1e30
-    assert VplSplatParams(unit_distance=1e30).cut(unit=1.0) == 1e-30
-    assert VplSplatParams(cutoff=0.0).cut(unit=1e26) == 0.0
+    assert VplSplatParams().scaled_cutoff(unit=1e26) == 1e30
+    assert VplSplatParams(unit_distance=1e30).scaled_cutoff(unit=1.0) == 1e-30
+    assert VplSplatParams(cutoff=0.0).scaled_cutoff(unit=1e26) == 0.0
 
 
 def test_a_greater_cutoff_leaves_tiles_shorter_lists(
@@ -181,7 +181,7 @@ def test_a_greater_cutoff_leaves_tiles_shorter_lists(
         technique = VplSplat(runtime, gbuffer.size, params)
         technique.run(uploaded(runtime, gbuffer), vpls)
         lengths.append(np.mean([len(numbers) for numbers in technique.lists().flat]))
-    assert lengths[0] < 800.0  # those behind a tile are left out without a cut
+    assert lengths[0] < 800.0  # those behind a tile are left out without a cutoff
     assert lengths[0] > 1.05 * lengths[1] > 1.5 * lengths[2] > 3.0 * lengths[3]
 
 
@@ -322,7 +322,7 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime) -> N
     assert_close(found[1], found[0], 1e-3)
 
 
-# ---- what the cut leaves out
+# ---- what the cutoff leaves out
 
 
 def test_what_the_cut_leaves_out_is_told_and_can_be_put_back(runtime: Runtime) -> None:
@@ -672,8 +672,8 @@ def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
     vpls = choose_vpls(maps, 512, parts=technique.params.parted, runtime=variant_runtime)
     chosen = technique.run(device, rsms=maps).download()
     given = technique.run(device, vpls, rsms=maps).download()
-    # Lights may be on either side of a rounded edge; of the coarse ones for what a cut leaves out,
-    # the given are merged from lights, not from texels.
+    # Lights may be on either side of a rounded edge; of the coarse ones for what a cutoff leaves
+    # out, the given are merged from lights, not from texels.
     assert_close(chosen, given, 0.02 if technique.params.cutoff > 0.0 else ROUNDING)
 
 

@@ -65,7 +65,7 @@ class Lit:
         self.seen, self.point, self.normal = receivers(gbuffer)
         device = DeviceVpls(runtime, max(len(vpls), 1), parts=vpls.parts is not None)
         device.upload(vpls, gbuffer.camera)
-        self.tree = VplTree(runtime, device, 0, int("cut" in values))
+        self.tree = VplTree(runtime, device, 0, int("cutoff" in values))
         source, samples = uploaded(runtime, gbuffer), every_pixel(runtime, self.seen)
         result, shares = runtime.plane(3, gbuffer.size), runtime.plane(1, gbuffer.size)
         shares.upload(np.full((1, *gbuffer.size), SHARE, np.float32))
@@ -165,7 +165,7 @@ def test_every_kernel_variant_gives_the_same_result(
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(33, 41)), rng, margin=(3, 5)), lights(rng)
     one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, variant_runtime))
-    # Contraction is off, so forms differ only where a device's division is not exact.
+    # Contraction is off, so variants differ only where a device's division is not exact.
     np.testing.assert_allclose(one.irradiance, other.irradiance, rtol=1e-6)
     groups = -(-int(one.seen.sum()) // GROUP)
     for a, b in zip(one.tree.cuts(groups), other.tree.cuts(groups), strict=True):
@@ -262,7 +262,7 @@ def test_a_cutoff_is_that_of_splatting(runtime: Runtime, rng: np.random.Generato
     device = DeviceVpls(runtime, len(vpls))
     device.upload(vpls, gbuffer.camera)
     cut = 0.2 / math.pi * device.unit**2
-    e = Lit(runtime, gbuffer, vpls, 0.0, cut=cut).irradiance
+    e = Lit(runtime, gbuffer, vpls, 0.0, cutoff=cut).irradiance
     wanted = vpl_splat_reference(gbuffer, vpls, VplSplatParams(cutoff=0.2))
     np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-4 * wanted.mean())
 

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from ssgi_cl.truth import metrics, mitsuba_scene, path_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.path_tracer import DirectLight
+from ssgi_cl.truth.radiance import radiance
 from ssgi_cl.truth.store import Truth
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
@@ -528,10 +530,23 @@ def test_an_image_in_blocks_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch)
     view = BUILTIN_SCENES["cornell_box"]()
     camera = view.camera(40, 30)
     whole = direct_light(view.scene, camera, view.lights)
-    monkeypatch.setattr(path_tracer, "_PIXELS", 300)
+    monkeypatch.setattr(path_tracer, "PIXELS", 300)
     blocks = direct_light(view.scene, camera, view.lights, rebuild=True)
     np.testing.assert_array_equal(blocks.mean, whole.mean)
     assert whole.mean.any()
+
+
+def test_paths_in_parts_give_the_bits_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = BUILTIN_SCENES["cornell_box"]()
+    lights = [*view.lights, Environment((0.2, 0.4, 0.3))]
+    given: Any = (view.scene, view.camera(12, 9), lights, 24)
+    makers = (one_bounce, partial(radiance, box_filter=True))
+    together = [make(*given, rebuild=True) for make in makers]
+    monkeypatch.setattr(path_tracer, "PATHS", 2 * 12 * 9)  # of 3 paths a pass: 2 and 1
+    for make, expected in zip(makers, together, strict=True):
+        found = make(*given, rebuild=True)
+        np.testing.assert_array_equal(found.mean, expected.mean)
+        np.testing.assert_array_equal(found.error, expected.error)
 
 
 def test_a_camera_that_looks_past_the_scene_sees_no_light() -> None:

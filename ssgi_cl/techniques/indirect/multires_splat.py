@@ -198,7 +198,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                     rsms, camera, kinds=1, importance=importance, more=surfels
                 )
         tree.update()
-        values = {"cut": params.cut(self._lights.unit), "refine": params.refine}
+        values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
         for level in chain([coarsest], levels):
             tree.shine(

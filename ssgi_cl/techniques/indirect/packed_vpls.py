@@ -24,7 +24,7 @@ Doubles = NDArray[np.float64]
 VPL = Struct(
     "VplParams",
     (
-        *floats("per_unit", "gain", "cut", "lobe_centre", "lobe_squared", "lift", "refine"),
+        *floats("per_unit", "gain", "cutoff", "lobe_centre", "lobe_squared", "lift", "refine"),
         *((n, "int") for n in ("segment", "count", "stride", "span", "capacity", "near_capacity")),
         *((n, "int") for n in ("margin_columns", "margin_rows")),
     ),

@@ -25,7 +25,7 @@ from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
 
 NEARS = ("disk", "clamped")
 LEAST_CUT, MOST_CUT = 1e-30, 1e30
-"""Between these float32 holds what is made of a cut; all lights exceed the one, none the other."""
+"""Between these float32 holds what is made of a cutoff; all lights exceed one, none the other."""
 
 
 def cutoff_param(default: float) -> Any:
@@ -67,7 +67,7 @@ class VplParams(Params):
         "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
     )
 
-    def cut(self, unit: float) -> float:
+    def scaled_cutoff(self, unit: float) -> float:
         """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
         own = self.cutoff / (math.pi * self.unit_distance**2) * unit**2
         return min(max(own, LEAST_CUT), MOST_CUT) if own > 0.0 else 0.0

@@ -47,9 +47,9 @@ TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
 ALL, KEPT, LOST = range(3)
-"""VPL_CUT in kernels/vpl/light.clh: all light, what the cut keeps, and what it leaves out."""
+"""VPL_CUT in kernels/vpl/light.clh: all light, what the cutoff keeps, and what it leaves out."""
 COARSER = 16
-"""Lights that one stands for where what the cut leaves out is computed: it is smooth."""
+"""Lights that one stands for where what the cutoff leaves out is computed: it is smooth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,11 +302,11 @@ class VplSplat(Prepared[VplSplatParams]):
 
     def _cut_values(self, lights: DeviceVpls) -> dict[str, float]:
         """Return the members of the struct that say where light of a kind counts."""
-        cut = self.params.cut(lights.unit)
-        # Where cos / (pi d^2) of a diffuse light exceeds the cut: within a sphere.
-        reach = 1.0 / math.sqrt(math.pi * cut) if cut > 0.0 else 0.0
+        cutoff = self.params.scaled_cutoff(lights.unit)
+        # Where cos / (pi d^2) of a diffuse light exceeds the cutoff: within a sphere.
+        reach = 1.0 / math.sqrt(math.pi * cutoff) if cutoff > 0.0 else 0.0
         return {
-            "cut": cut,
+            "cutoff": cutoff,
             "lobe_centre": 3.0**-0.75 * reach,
             "lobe_squared": math.sqrt(4.0 / 27.0) * reach * reach * (1.0 + 1e-4),
         }

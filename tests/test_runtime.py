@@ -58,8 +58,8 @@ def test_the_variable_names_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
         Runtime.open()
 
 
-def test_a_form_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
-    with pytest.raises(ValueError, match="form is 4 lanes on 'buffer': expected 1, 8 or 16"):
+def test_a_variant_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
+    with pytest.raises(ValueError, match="variant is 4 lanes on 'buffer': expected 1, 8 or 16"):
         Runtime.open(lanes=4)
     with pytest.raises(ValueError, match="form is 8 lanes on 'image'"):
         Runtime.open(lanes=8, storage="image")

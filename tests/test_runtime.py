@@ -61,11 +61,11 @@ def test_the_variable_names_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_variant_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
     with pytest.raises(ValueError, match="variant is 4 lanes on 'buffer': expected 1, 8 or 16"):
         Runtime.open(lanes=4)
-    with pytest.raises(ValueError, match="form is 8 lanes on 'image'"):
+    with pytest.raises(ValueError, match="variant is 8 lanes on 'image'"):
         Runtime.open(lanes=8, storage="image")
 
 
-def test_a_form_that_the_device_cannot_run_is_refused(
+def test_a_variant_that_the_device_cannot_run_is_refused(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = drivers.DeviceInfo(

@@ -60,7 +60,7 @@ class DeviceScene:
         self.lobes = runtime.array(
             np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32)
         )
-        cut = np.array([m.alpha_cutoff > 0 and m.texture >= 0 for m in scene.materials])
+        cut = np.array([m.has_holes for m in scene.materials])
         ids = scene.material_ids
         self.cutouts = runtime.array(np.where(cut[ids], ids, -1).astype(np.int32))
         table, texels = _mip_mapped(scene.textures)
@@ -70,7 +70,7 @@ class DeviceScene:
         used = [scene.materials[i] for i in np.unique(ids)]
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
-        self.emits = any(any(m.emission) for m in used)
+        self.emits = any(m.emits for m in used)
         self.glossy = any(any(m.specular) for m in used)
         self.has_cutouts = bool(cut[ids].any())
 

@@ -90,7 +90,7 @@ def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
     punctual_lights = tuple(light for light in view.lights if not isinstance(light, Environment))
     parts = {DIRECT: (dark, punctual_lights), SKY: (dark, skies)}
     found = {term: part for term, part in parts.items() if part[1]}
-    if any(any(material.emission) for material in view.scene.materials):
+    if any(material.emits for material in view.scene.materials):
         found[EMISSION] = (view.scene, ())
     return found
 

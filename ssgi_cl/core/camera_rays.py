@@ -1,4 +1,4 @@
-"""View rays through pixels, in float64: where rays of truths start and end."""
+"""View rays through pixels, in float64: where rays of references start and end."""
 
 from __future__ import annotations
 

@@ -60,20 +60,26 @@ def sample_environments(
     return towards, flux[:, 1:4]
 
 
+def solid_angles(rows: int, columns: int) -> Doubles:
+    """Return the solid angle of a texel in each row of an image, [rows] in sr."""
+    edges = np.cos(np.linspace(0.0, math.pi, rows + 1))
+    angles: Doubles = (edges[:-1] - edges[1:]) * (2.0 * math.pi / columns)
+    return angles
+
+
 def texels(
     rows: int, columns: int, some: slice = slice(None)
 ) -> tuple[Doubles, Doubles]:
     """Return direction [rows, columns, 3] and solid angle [rows, columns] of an image's texels, or
     of some of its rows."""
-    edges = np.linspace(0.0, math.pi, rows + 1)
-    height = (np.cos(edges[:-1]) - np.cos(edges[1:]))[some]
+    edges = np.cos(np.linspace(0.0, math.pi, rows + 1))
     # The cosine in the middle of a row's solid angle, not of its angle.
-    cosine = 0.5 * (np.cos(edges[:-1]) + np.cos(edges[1:]))[some, None]
+    cosine = 0.5 * (edges[:-1] + edges[1:])[some, None]
     sine = np.sqrt(1.0 - cosine**2)
     azimuth = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * math.pi
     upward = np.broadcast_to(cosine, (len(cosine), columns))
     towards = np.stack([sine * np.sin(azimuth), upward, -sine * np.cos(azimuth)], axis=-1)
-    return towards, np.repeat(height[:, None], columns, 1) * (2.0 * math.pi / columns)
+    return towards, np.repeat(solid_angles(rows, columns)[some, None], columns, 1)
 
 
 def cell_directions() -> Doubles:

@@ -51,6 +51,16 @@ class Material:
         checks.number("alpha", self.alpha, low=0, high=1)
         checks.number("gloss", self.gloss, low=1, high=1e6)
 
+    @property
+    def has_holes(self) -> bool:
+        """Whether the alpha of its texture cuts out holes."""
+        return self.texture >= 0 and self.alpha_cutoff > 0.0
+
+    @property
+    def emits(self) -> bool:
+        """Whether it emits light."""
+        return any(self.emission)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene(Immutable):

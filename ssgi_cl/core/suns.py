@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.environment_samples import BRIGHTEST, LUMINANCE, texels
+from ssgi_cl.core.environment_samples import BRIGHTEST, LUMINANCE, solid_angles, texels
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 
@@ -82,8 +82,7 @@ def _found(environment: Environment) -> tuple[tuple[DirectionalLight, ...], Envi
     if image.ndim == 1 or max(math.pi / image.shape[0], 2 * math.pi / image.shape[1]) > SUN_RADIUS:
         return (), environment
     image = np.minimum(image, BRIGHTEST)
-    edges = np.cos(np.linspace(0.0, math.pi, len(image) + 1))
-    solid = (edges[:-1] - edges[1:]) * (2.0 * math.pi / image.shape[1])
+    solid = solid_angles(*image.shape[:2])
     suns: list[DirectionalLight] = []
     while len(suns) < MOST_SUNS:
         total = float((image @ LUMINANCE).sum(axis=1) @ solid)

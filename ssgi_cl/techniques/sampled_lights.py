@@ -160,8 +160,8 @@ class SampledLights(Prepared[SampledLightsParams]):
         stride = -(-triangles // 16) * 16
         planar = np.zeros((9, stride), np.float32)
         corners = scene.positions[scene.triangles]
-        materials = np.array([m.texture >= 0 and m.alpha_cutoff > 0.0 for m in scene.materials])
-        holes = np.flatnonzero(materials[scene.material_ids])
+        has_holes = np.array([m.has_holes for m in scene.materials])
+        holes = np.flatnonzero(has_holes[scene.material_ids])
         corners[holes] = corners[holes, :1]  # these are drawn by themselves
         planar[:, :triangles] = corners.reshape(triangles, 9).T
         uploaded = runtime.transient.array(planar.size, np.float32)

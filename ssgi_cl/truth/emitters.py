@@ -43,7 +43,7 @@ class Emitters:
         """Collect those of a scene; none may be there."""
         emission = np.array([m.emission for m in scene.materials])
         brightness = emission.mean(axis=1)
-        sampled = [m.texture < 0 or m.alpha_cutoff <= 0.0 for m in scene.materials]
+        sampled = [not m.has_holes for m in scene.materials]
         brightness = np.where(sampled, brightness, 0.0)
         chosen = np.flatnonzero(brightness[scene.material_ids] > 0.0)
         corners = scene.positions[scene.triangles[chosen]].astype(np.float64)

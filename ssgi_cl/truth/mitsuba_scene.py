@@ -107,7 +107,7 @@ class MitsubaScene:
                 parts["environment"] = _environment(mi, skies)
             return cls(
                 variant, scene.origin, mi.load_dict(parts),
-                any(_is_cut_out(scene.materials[i]) for i in np.unique(scene.material_ids)),
+                any(scene.materials[i].has_holes for i in np.unique(scene.material_ids)),
                 any(sky.ndim == 3 for sky in skies),
             )
 
@@ -276,15 +276,11 @@ def _surface(mi: Any, scene: Scene, material: Material, color: Floats | None) ->
             }  # fmt: skip
     diffuse = {"type": "diffuse", "reflectance": reflectance}
     surface: dict[str, Any] = {"type": "twosided", "material": diffuse}
-    if _is_cut_out(material):
+    if material.has_holes:
         alpha = scene.textures[material.texture][..., 3:] / 255.0
         opacity = alpha * (material.alpha * HOLE / material.alpha_cutoff)
         surface = {"type": "mask", "opacity": _bitmap(mi, opacity), "material": surface}
     return surface
-
-
-def _is_cut_out(material: Material) -> bool:
-    return bool(material.alpha_cutoff > 0.0 and material.texture >= 0)
 
 
 def _bitmap(mi: Any, values: Doubles) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def radiance(
     checks.switch("box_filter", box_filter)
     passes, per_pass = passes_of(paths)
     most = _most_bounces(bounces)
-    emits = any(any(scene.materials[index].emission) for index in np.unique(scene.material_ids))
+    emits = any(scene.materials[index].emits for index in np.unique(scene.material_ids))
     sampled = box_filter or emits or any(isinstance(light, Environment) for light in lights)
     exact = most == 0 and not sampled
     if exact:

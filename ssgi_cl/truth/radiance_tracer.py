@@ -41,7 +41,7 @@ class RadianceTracer(PathTracer):
         self, scene: Scene, lights: Sequence[Light], variant: str, *,
         bounces: int = MOST_BOUNCES, box_filter: bool = False,
     ) -> None:
-        self._emits = any(any(scene.materials[i].emission) for i in np.unique(scene.material_ids))
+        self._emits = any(scene.materials[i].emits for i in np.unique(scene.material_ids))
         super().__init__(scene, lights, variant, emission=self._emits)
         self._bounces = bounces
         self._box = box_filter

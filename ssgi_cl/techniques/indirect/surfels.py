@@ -87,11 +87,13 @@ class TriangleShares:
     Attributes:
         ends: [n] float64: parts of each triangle and all before it, up to 1; 0 if none has area.
         area, density: [n] float64: its area, and its part over that.
+        emits: [n] whether it emits light.
     """
 
     ends: Doubles
     area: Doubles
     density: Doubles
+    emits: NDArray[np.bool_]
 
     @classmethod
     def of(cls, scene: Scene) -> TriangleShares:
@@ -103,7 +105,8 @@ class TriangleShares:
         parts = (np.ones(len(area)), 1.0 - EMITTERS), (shine, EMITTERS)
         for weight, part in parts if shine.any() else [(np.ones(len(area)), 1.0)]:
             density += part * weight / max(float((weight * area).sum()), 1e-300)
-        return cls(np.cumsum(density * area), area, density)
+        emits = np.array([m.emits for m in scene.materials], np.bool_)[scene.material_ids]
+        return cls(np.cumsum(density * area), area, density, emits)
 
 
 def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Doubles, Doubles]:
@@ -183,18 +186,15 @@ def _points(
         if material.texture >= 0:
             texels = _nearest(scene.textures[material.texture], uvs[own])
             albedo[own] *= _DECODE[texels[:, :3]]
-            if material.alpha_cutoff > 0.0:
+            if material.has_holes:
                 there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
     emission = np.array([m.emission for m in scene.materials])[ids]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]
-    shines = np.array([any(m.emission) for m in scene.materials])
     for kind in (False, True):  # triangles get whole points: what that loses or adds, all share
-        own = shines[ids] == kind
-        area[own] *= shares.area[shines[scene.material_ids] == kind].sum() / max(
-            float(area[own].sum()), 1e-300
-        )
+        own = shares.emits[triangle] == kind
+        area[own] *= shares.area[shares.emits == kind].sum() / max(float(area[own].sum()), 1e-300)
     values = (
         mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
         area, np.clip(albedo, 0.0, 1.0), emission,

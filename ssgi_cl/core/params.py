@@ -79,13 +79,8 @@ class Params:
 
         Objects prepared for parameters of one shape take all of that shape, see `Prepared`.
         """
-        own: Any = type(self)
-        kinds = _kinds(own)
-        parts = []
-        for field in dataclasses.fields(self):  # type: ignore[arg-type]
-            part = field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all)
-            parts.append(part(getattr(self, field.name)))
-        return own, *parts
+        own = type(self)
+        return own, *[part(getattr(self, name)) for name, part in _shape_parts(own)]
 
 
 def _nothing(_: float) -> None:
@@ -94,6 +89,19 @@ def _nothing(_: float) -> None:
 
 def _all(value: Hashable) -> Hashable:
     return value
+
+
+@cache
+def _shape_parts(params: Any) -> tuple[tuple[str, Callable[[Any], Hashable]], ...]:
+    """Return of each parameter its name and what of its value is part of the shape."""
+    kinds = _kinds(params)
+    return tuple(
+        (
+            field.name,
+            field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all),
+        )
+        for field in dataclasses.fields(params)
+    )
 
 
 Q = TypeVar("Q", bound=Params)

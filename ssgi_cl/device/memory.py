@@ -48,6 +48,7 @@ class DeviceMemory:
         self._keeping = False
         self._counted: int | None = None
         self.reserved = 0  # of transient memory, of what is counted
+        self.taken = 0  # how often something was
 
     @property
     def used(self) -> int:
@@ -88,6 +89,7 @@ class DeviceMemory:
         self.require(size)
         held = self._held.get(owner)
         self._held[owner] = _Held(size + (held.size if held else 0), self._keeping)
+        self.taken += 1
         self.peak = max(self.peak, self.used)
 
     def require(self, size: int, what: str = "") -> None:

@@ -128,6 +128,7 @@ class Runtime:
         self._programs: dict[str, Any] = {}
         self._kernels: dict[tuple[Any, ...], Kernel] = {}
         self._prepared: dict[object, _Prepared] = {}
+        self._within_bounds: tuple[int, int, int] | None = None  # state in which nothing must go
         self._following: set[object] = set()
         self._log = _FrameLog()
         self.lock = threading.RLock()
@@ -387,10 +388,13 @@ class Runtime:
 
     def _bound_kept(self) -> None:
         """Let go what was not used for the longest time while more is kept than may be."""
-        while (
-            self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED
-        ) and self._let_go():
-            pass
+        state = self.memory.taken, self.memory.keep, len(self._prepared)
+        if state == self._within_bounds:
+            return
+        while self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED:
+            if not self._let_go():
+                return
+        self._within_bounds = self.memory.taken, self.memory.keep, len(self._prepared)
 
     def _follow(self, key: object) -> None:
         self._following.discard(key)

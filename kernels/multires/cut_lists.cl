@@ -11,9 +11,10 @@
 //          limits   [1] is the tolerance, W/m^2
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
 //          lists    [groups][params.capacity] numbers of records, in an order that depends on no
-//                   lane
+//                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray
 //          counts   [groups]
-// Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit
+// Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit;
+//          share of the tolerance below which the light of a run of 64 is faint
 // Launch:  any number of work-items, each of which takes every so-many-th group
 // Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
 //          and 90 for each run of 4 in those that are open
@@ -79,7 +80,7 @@ static inline vint cut_state(const CutTest test)
 // Appends what is listed of a run of 16, given the states of its four parts; returns the new count.
 static inline int cut_append(__global const float *restrict bounds, const int stride, const int run,
                              const int *parts, const CutGroup *group, const int lights,
-                             __global int *restrict to, int count)
+                             const int shared, __global int *restrict to, int count)
 {
     // Of each light, or of its part at the first of four: the record, and -1 where it is listed.
     int record[16], listed[16];
@@ -104,7 +105,7 @@ static inline int cut_append(__global const float *restrict bounds, const int st
     // What is not listed is written over; branches would be guessed wrong too often.
 #pragma unroll
     for (int i = 0; i < 16; ++i) {
-        to[count] = record[i];
+        to[count] = record[i] | shared;
         count -= listed[i];
     }
     return count;
@@ -122,6 +123,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const int width = tree_width(stride);
     const int fours_width = 4 * width;
     const float tolerance = limits[1] * cut.scale;
+    const float faint = tolerance * cut.faint;
     bounds += params.segment * tree_first_bound(stride, 4);
     __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
@@ -133,13 +135,15 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         __global int *restrict to = lists + own * params.capacity;
         // Of runs of 64 and 16.
         int states[TREE_MOST_RUNS];
+        int shared[TREE_MOST_RUNS]; // CUT_SHARED or 0
         for (int run = 0; run < runs; run += SSGI_LANES) {
-            const CutTest whole = cut_test(most, width, run, &group, tolerance);
-            const CutTest part = cut_test(sixteens, width, run, &group, tolerance);
+            const CutTest whole = cut_test(most, width, run, &group, tolerance, faint);
+            const CutTest part = cut_test(sixteens, width, run, &group, tolerance, faint);
             // A run of 64 is listed at the first of its four parts.
             const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
             const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
             v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
+            v_ikeep(v_iselect(v_splat_int(0), v_splat_int(CUT_SHARED), whole.faint), shared + run);
         }
         int count = 0;
         const int next = (cut.first + cut_own(turn + 1, end)) * CUT_GROUP;
@@ -155,15 +159,17 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
             int parts[16]; // of 4
             for (int i = 0; i < 16 && open; i += SSGI_LANES) {
                 const int at = 4 * first + i;
-                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance)), parts + i);
+                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance, faint)),
+                        parts + i);
             }
             for (int run = first; run < last; ++run) {
                 if (states[run] == CUT_OPEN) {
                     count = cut_append(bounds, stride, run, parts + 4 * (run - first), &group,
-                                       params.count, to, count);
+                                       params.count, shared[run], to, count);
                 } else if (states[run] != CUT_DARK) {
-                    to[count] = states[run] == CUT_FITS ? tree_first(stride, 2) + run
-                                                        : tree_first(stride, 3) + run / 4;
+                    to[count] = shared[run] | (states[run] == CUT_FITS
+                                                   ? tree_first(stride, 2) + run
+                                                   : tree_first(stride, 3) + run / 4);
                     count += 1;
                 }
             }

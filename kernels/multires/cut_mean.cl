@@ -34,9 +34,7 @@ __kernel void cut_mean(ssgi_plane depth, ssgi_plane normal, __global const int *
         v_store(v_splat(0.0f), found + start);
         return;
     }
-    const float spacing = (float)samples / (float)wanted;
-    const vint n = v_to_int(v_to_float(v_iota() + start) * spacing);
-    const vint pixel = v_igather(list + 1, v_imin(n, v_splat_int(samples - 1)));
+    const vint pixel = cut_sample(list, samples, start, wanted);
     const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
     const int stride = params.stride;
     const int level = total >= 1024 ? 2 : total >= 256 ? 1 : 0;

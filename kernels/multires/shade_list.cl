@@ -13,7 +13,8 @@
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
 //          VPL_VISIBILITY (1: walls block light), VPL_GRID (32..256 cells along a side),
-//          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3),
+//          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
+//          that are listed with CUT_SHARED: of 64),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
@@ -36,18 +37,17 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_VISIBILITY
-// Record whose target a record's shadow ray goes to: the run of 4^SHADE_LINE lights that it belongs
-// to, or itself where it is a longer one.
-static inline int shade_run(const int record, const int stride)
+// Record whose target a record's shadow ray goes to: the run of 4^line lights that it belongs to, or
+// itself where it is a longer one.
+static inline int shade_run(const int record, const int stride, const int line)
 {
     int level = 0;
-    while (level < SHADE_LINE && record >= tree_first(stride, level + 1)) {
+    while (level < line && record >= tree_first(stride, level + 1)) {
         ++level;
     }
-    return level == SHADE_LINE ? record
-                               : tree_first(stride, SHADE_LINE) +
-                                     ((record - tree_first(stride, level)) >>
-                                      2 * (SHADE_LINE - level));
+    return level == line ? record
+                         : tree_first(stride, line) +
+                               ((record - tree_first(stride, level)) >> 2 * (line - level));
 }
 
 // Where a shadow ray to a run ends: at one of its lights, lifted off its surface. The mean of them
@@ -133,9 +133,11 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 part[r][0] = part[r][1] = part[r][2] = zero;
             }
             for (int i = block; i < end; ++i) {
-                __global const float *restrict light = records + chosen[i] * TREE_RECORD;
+                const int record = chosen[i] & (CUT_SHARED - 1);
+                __global const float *restrict light = records + record * TREE_RECORD;
 #if VPL_VISIBILITY
-                const int run = shade_run(chosen[i], params.stride);
+                const int line = chosen[i] == record ? SHADE_LINE : 3;
+                const int run = shade_run(record, params.stride, line);
                 if (run != latest) {
                     latest = run;
                     const VplCell end_cell = shade_end(records, run, grid_box, params);
@@ -153,7 +155,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                     vfloat w = vpl_weight(light, at[r], params);
 #endif
 #if SHADE_PARTS
-                    if (chosen[i] < params.stride) {
+                    if (record < params.stride) {
                         vfloat near = vpl_parts_share(light, at[r], params);
 #if VPL_VISIBILITY
                         near = v_select(zero, near, open[r]);

@@ -99,6 +99,8 @@ CUT_GROUP = 64
 """Consecutive samples that share a light cut: a multiple of every number of lanes."""
 CUT_SAMPLE = 6
 """Floats of a sample: position and normal."""
+CUT_SHARED = 1 << 16
+"""Is added to the number of a listed record whose run of 64 lights has one shadow ray."""
 
 VPL_TILE = 16
 """Pixels along the side of a tile with lists of lights: a multiple of every number of lanes."""

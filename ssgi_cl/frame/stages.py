@@ -239,13 +239,15 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
     virtual point lights of their maps, all else by surfels."""
     def run(r: Values) -> Plane:
         maps = r.get(RSM)
+        other = [r.get(name) for name in (SKY_LIGHT, DIRECT)]
         return splat.run(
             r[GBUFFER], rsms=[] if maps is None else [maps],
             scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT],
+            other_light=[plane for plane in other if plane is not None],
         )
 
     return Stage(
-        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT), hints=(RSM,),
+        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT), hints=(RSM, SKY_LIGHT, DIRECT),
         writes=(INDIRECT,), run=run, label=splat.name,
     )
 

@@ -19,6 +19,8 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
+FAINT = 0.5
+"""Of the error of runs: 64 lights that send less share a shadow ray."""
 PARTS = 16
 GOLDEN = 0.618034
 AXES = (1.0, 0.94, 1.13)
@@ -122,6 +124,18 @@ class VplTreeReference:
         spread = squared * (math.pi * squared + self.area[records])
         return self.flux[records].max(axis=1) * error / spread, dark
 
+    def faint(self, records: Numbers, group: Group, tolerance: float) -> NDArray[np.bool_]:
+        """Return whether the runs of 64 lights that records belong to send less than `FAINT` of the
+        tolerance in W/m^2, unhidden and face to face at the centre of a group.
+        """
+        level = np.searchsorted(self.first, records, side="right") - 1
+        runs = self.first[3] + (records - np.array(self.first)[level]) // 4 ** (3 - level)
+        centres = self._low[runs] + self._high[runs] - group.low - group.high
+        squared = np.sum((0.5 * centres) ** 2, axis=1) + self.deviation[runs] ** 2
+        spread = math.pi * squared + self.area[runs]
+        result: NDArray[np.bool_] = self.flux[runs].max(axis=1) <= FAINT * tolerance * spread
+        return result
+
     def cut(self, group: Group, tolerance: float) -> Numbers:
         """Return the records that shine on a group, in no particular order.
 
@@ -146,6 +160,7 @@ class VplTreeReference:
     def irradiance(
         self, records: Numbers, point: Doubles, normal: Doubles,
         occupancy: OccupancyGridReference | None = None, share: int = 16, refine: float = 0.0,
+        shared: NDArray[np.bool_] | None = None,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
@@ -153,7 +168,7 @@ class VplTreeReference:
         of lights don't.
         What belongs to a run of `share` lights, 4, 16 or 64, shares a shadow ray to its light
         before which a fraction of its flux lies, of a golden-ratio sequence over the runs. A longer
-        run has its own.
+        run has its own. Records that are `shared` have that of their run of 64.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -164,6 +179,7 @@ class VplTreeReference:
         if occupancy is not None:
             level = np.searchsorted(self.first, records, side="right") - 1
             line = np.maximum(level, round(math.log(share, 4)))
+            line = line if shared is None else np.where(shared, 3, line)
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):

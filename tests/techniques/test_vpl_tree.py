@@ -133,6 +133,26 @@ def test_cuts_and_their_light_are_those_of_the_reference(
     assert other < 0.01 * total
 
 
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
+    runtime: Runtime, rng: np.random.Generator, kind: str
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, 2.0)
+    tree = VplTreeReference(vpls, gbuffer.camera)
+    point, normal = lit.in_view(gbuffer)
+    starts = range(0, len(point), GROUP)
+    listed = zip(lit.tree.cuts(len(starts)), lit.tree.shared(len(starts)), strict=True)
+    found, wanted = [], []
+    for start, (records, shared) in zip(starts, listed, strict=True):
+        group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
+        found.append(shared)
+        wanted.append(tree.faint(records, group, lit.tolerance))
+    # What is next to the tolerance may round to either side.
+    assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
+    assert 0.1 < np.mean(np.concatenate(wanted)) < 0.9
+
+
 @pytest.mark.parametrize("light_error", [0.0, 3e-3])
 def test_near_lights_give_way_to_their_parts_as_in_the_reference(
     variant_runtime: Runtime, rng: np.random.Generator, light_error: float
@@ -224,7 +244,18 @@ def test_the_mean_is_close_to_that_of_the_image(runtime: Runtime, rng: np.random
     assert lit.tolerance == pytest.approx(0.5 * wanted, rel=0.25)
 
 
-# ---- limits
+def test_other_light_adds_to_the_mean(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer, vpls = scene("bumpy", camera(size=(24, 32)), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, 0.5)
+    image = rng.uniform(0.0, 4.0, (3, 48, 64)).astype(np.float32)
+    plane = runtime.plane(3, (48, 64))
+    plane.upload(image)
+    source, samples = uploaded(runtime, gbuffer), every_pixel(runtime, lit.seen)
+    lit.tree.measure(source, samples, {}, 0.01, 0.5, [plane, plane])
+    # Twice the plane's own mean, where something is: 768 or fewer of 1024 samples, each of a pixel.
+    own = image.mean(axis=0)[1::2, 1::2][lit.seen].mean()
+    added = float(lit.tree.limits.download()[1]) - lit.tolerance
+    assert added == pytest.approx(0.5 * 2.0 * own, rel=0.01)
 
 
 def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime,

@@ -158,7 +158,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def run(
         self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
         rsms: Sequence[DeviceRsm] = (), scene: DeviceScene | None = None,
-        surfels: WorldVpls | None = None,
+        surfels: WorldVpls | None = None, other_light: Sequence[Plane] = (),
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -171,6 +171,8 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             scene: with `visibility`, the triangles that block light in place of what is seen.
             surfels: lights besides those that are chosen from `rsms`, such as `Radiosity` returns;
                 at most as many as this was prepared for, and `vpls` is None.
+            other_light: planes of irradiance in W/m^2 that the result is added to: errors are
+                shares of the mean of all light.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
@@ -199,7 +201,10 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 )
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
-        tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error)
+        tree.measure(
+            coarsest.source, coarsest.list, values, params.error, params.light_error,
+            other_light,
+        )
         for level in chain([coarsest], levels):
             tree.shine(
                 level.source, level.list, level.most, level.fractions, level.values, values
@@ -315,6 +320,7 @@ DESCRIPTOR = Technique(
         "multires/cut_limits.cl": (),
         "multires/cut_lists.cl": (),
         "multires/cut_mean.cl": ("VPL_CUT", "VPL_NEAR"),
+        "multires/cut_other.cl": (),
         "multires/multires_count.cl": (),
         "multires/multires_interpolate.cl": ("MULTIRES_CHANNELS",),
         "multires/multires_list.cl": (),

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.constants import CUT_GROUP, CUT_SAMPLE, TREE_BOUNDS, TREE_LEAF, TREE_RECORD
+from ssgi_cl.device.constants import (
+    CUT_GROUP,
+    CUT_SAMPLE,
+    CUT_SHARED,
+    TREE_BOUNDS,
+    TREE_LEAF,
+    TREE_RECORD,
+)
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
-CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale")))
+CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint")))
 
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
@@ -27,6 +35,9 @@ ROWS = 4
 With walls half of them, as view rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
+FAINT = 0.5
+"""Of the error that is allowed of runs: 64 lights that send less have one shadow ray. With twice as
+much the FLIP of the hall rises from .158 to .165."""
 CPU_ITEMS = 8
 """Work-items for each core that take pieces in turn, since the host doesn't know how many there
 are. With 128 a core, starting them takes as long as what they do."""
@@ -79,6 +90,7 @@ class VplTree:
         self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
         self._make_runs = runtime.kernel("multires/cluster_runs.cl", {}, (CAMERA, VPL))
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
+        self._other = runtime.kernel("multires/cut_other.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
         self._occupancy = occupancy
@@ -115,11 +127,12 @@ class VplTree:
 
     def measure(
         self, source: Samples, samples: DeviceArray, values: dict[str, float],
-        interpolation: float, runs: float,
+        interpolation: float, runs: float, other_light: Sequence[Plane] = (),
     ) -> None:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
-        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many.
+        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many, and
+        by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
         """
         self._mean.run(
             "mean", source.size, grid=(1, SAMPLES // self.runtime.variant.lanes), local=(1, 4),
@@ -127,6 +140,12 @@ class VplTree:
             found=self._found, camera=source.camera_struct,
             params=self._packed(values, source.margin), total=self.lights.count, wanted=SAMPLES,
         )
+        for plane in other_light:
+            self._other.run(
+                "mean", source.size, grid=(1, SAMPLES // self.runtime.variant.lanes), local=(1, 4),
+                light=plane, list=samples, found=self._found, plane=plane.size, wanted=SAMPLES,
+                side=max(-(-plane.size[i] // source.size[i]) for i in (0, 1)),
+            )
         self._limits.run(
             "mean", source.size, grid=(1, 1),
             found=self._found, limits=self.limits, count=SAMPLES, interpolation=interpolation,
@@ -162,7 +181,7 @@ class VplTree:
         occupancy = self._occupancy
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
-            cut = CUT.pack({"first": first, "groups": here, "scale": scale})
+            cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT})
             for batch in self.lights.batches():
                 shared = {
                     "list": samples, "lists": self._lists, "counts": self._counts, "cut": cut,
@@ -184,6 +203,13 @@ class VplTree:
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:
         """Return which records the first groups of the latest pass listed. Waits for the device."""
+        return [row & (CUT_SHARED - 1) for row in self._listed(count)]
+
+    def shared(self, count: int) -> list[NDArray[np.bool_]]:
+        """Return of each of these records whether its 64 lights have one shadow ray."""
+        return [row >= CUT_SHARED for row in self._listed(count)]
+
+    def _listed(self, count: int) -> list[NDArray[np.int32]]:
         counts = self._counts.download()[:count]
         lists = self._lists.download().reshape(-1, self.lights.capacity)
         return [row[:length] for row, length in zip(lists, counts, strict=False)]

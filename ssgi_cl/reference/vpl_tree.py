@@ -19,7 +19,7 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
-FAINT = 0.5
+FAINT = 0.25
 """Of the error of runs: 64 lights that send less share a shadow ray."""
 PARTS = 16
 GOLDEN = 0.618034

@@ -138,7 +138,7 @@ def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
     runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
-    lit = Lit(runtime, gbuffer, vpls, 2.0)
+    lit = Lit(runtime, gbuffer, vpls, 6.0)
     tree = VplTreeReference(vpls, gbuffer.camera)
     point, normal = lit.in_view(gbuffer)
     starts = range(0, len(point), GROUP)

@@ -24,6 +24,9 @@ CONTACT = 2.0
 """Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
 of that radius stands in for them, of the sky's light, and in gaps of the bounces too."""
 
+LEAST_VPLS = 1024
+"""Virtual point lights that light surfels, at least; else two for each surfel."""
+
 SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
 
@@ -45,13 +48,16 @@ class WholeParams:
     vpls: int = 4096
     surfels: int = 2048
     directions: int = 128
-    map_size: int = 256
-    error: float = 0.1
+    map_size: int = 128
+    error: float = 0.15
 
     def stages(self, runtime: Runtime, size: Size) -> list[Stage]:
         """Return the stages of a frame that compute it, prepared for pictures of one size."""
         radiosity = Radiosity(
-            runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces)
+            runtime,
+            RadiosityParams(
+                surfels=self.surfels, bounces=self.bounces, vpls=max(2 * self.surfels, LEAST_VPLS)
+            ),
         )
         splat = MultiresSplat(runtime, size, MultiresSplatParams(
             vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error,
@@ -67,10 +73,10 @@ class WholeParams:
 
 
 PRESETS = {
-    "low": WholeParams(vpls=1024, surfels=512, directions=64, map_size=128, error=0.2),
-    "medium": WholeParams(vpls=2048, surfels=1024, map_size=128),
+    "low": WholeParams(vpls=1024, surfels=512, directions=64, error=0.2),
+    "medium": WholeParams(vpls=2048, surfels=1024),
     "high": WholeParams(),
-    "ultra": WholeParams(vpls=16384, surfels=8192, directions=256, error=0.02),
+    "ultra": WholeParams(vpls=16384, surfels=8192, directions=256, map_size=256, error=0.02),
 }
 """By name, from the fastest to the most exact; "high" is the default."""
 

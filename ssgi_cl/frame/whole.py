@@ -24,9 +24,6 @@ CONTACT = 2.0
 """Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
 of that radius stands in for them, of the sky's light, and in gaps of the bounces too."""
 
-LEAST_VPLS = 1024
-"""Virtual point lights that light surfels, at least; else two for each surfel."""
-
 SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
 
@@ -54,10 +51,7 @@ class WholeParams:
     def stages(self, runtime: Runtime, size: Size) -> list[Stage]:
         """Return the stages of a frame that compute it, prepared for pictures of one size."""
         radiosity = Radiosity(
-            runtime,
-            RadiosityParams(
-                surfels=self.surfels, bounces=self.bounces, vpls=max(2 * self.surfels, LEAST_VPLS)
-            ),
+            runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces)
         )
         splat = MultiresSplat(runtime, size, MultiresSplatParams(
             vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error,

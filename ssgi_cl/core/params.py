@@ -79,7 +79,7 @@ class Params:
 
         Objects prepared for parameters of one shape take all of that shape, see `Prepared`.
         """
-        own = type(self)
+        own: Any = type(self)
         return own, *[part(getattr(self, name)) for name, part in _shape_parts(own)]
 
 

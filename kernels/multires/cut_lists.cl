@@ -137,13 +137,14 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         int states[TREE_MOST_RUNS];
         int shared[TREE_MOST_RUNS]; // CUT_SHARED or 0
         for (int run = 0; run < runs; run += SSGI_LANES) {
-            const CutTest whole = cut_test(most, width, run, &group, tolerance, faint);
-            const CutTest part = cut_test(sixteens, width, run, &group, tolerance, faint);
+            const CutTest whole = cut_test(most, width, run, &group, tolerance);
+            const CutTest part = cut_test(sixteens, width, run, &group, tolerance);
             // A run of 64 is listed at the first of its four parts.
             const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
             const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
             v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
-            v_ikeep(v_iselect(v_splat_int(0), v_splat_int(CUT_SHARED), whole.faint), shared + run);
+            const vmask weak = cut_faint(most, width, run, &group, faint);
+            v_ikeep(v_iselect(v_splat_int(0), v_splat_int(CUT_SHARED), weak), shared + run);
         }
         int count = 0;
         const int next = (cut.first + cut_own(turn + 1, end)) * CUT_GROUP;
@@ -159,8 +160,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
             int parts[16]; // of 4
             for (int i = 0; i < 16 && open; i += SSGI_LANES) {
                 const int at = 4 * first + i;
-                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance, faint)),
-                        parts + i);
+                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance)), parts + i);
             }
             for (int run = first; run < last; ++run) {
                 if (states[run] == CUT_OPEN) {

@@ -8,8 +8,8 @@
 //          the side of a sample's
 // Launch:  a work-item for SSGI_LANES of the samples that cut_mean takes
 
-#include "common/gbuffer.clh"
 #include "common/camera.clh"
+#include "common/gbuffer.clh"
 #include "multires/cut.clh"
 
 __kernel void cut_other(ssgi_plane light, __global const int *restrict list,
@@ -28,7 +28,7 @@ __kernel void cut_other(ssgi_plane light, __global const int *restrict list,
 #pragma unroll
     for (int j = 0; j < 3; ++j) {
         const vfloat value = ssgi_gather(light, plane, j, column, row);
-        sum = v_fma(v_clamp(value, 0.0f, CUT_BRIGHTEST), v_splat(1.0f / 3.0f), sum);
+        sum = v_fma(v_clamp(value, 0.0f, VPL_BRIGHTEST), v_splat(1.0f / 3.0f), sum);
     }
-    v_store(v_min(sum, v_splat(CUT_BRIGHTEST)), found + start);
+    v_store(v_min(sum, v_splat(VPL_BRIGHTEST)), found + start);
 }

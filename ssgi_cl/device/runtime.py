@@ -388,13 +388,12 @@ class Runtime:
 
     def _bound_kept(self) -> None:
         """Let go what was not used for the longest time while more is kept than may be."""
-        state = self.memory.taken, self.memory.keep, len(self._prepared)
-        if state == self._within_bounds:
-            return
-        while self.memory.kept > self.memory.keep or len(self._prepared) > MOST_PREPARED:
-            if not self._let_go():
+        memory = self.memory
+        while self._within_bounds != (state := (memory.taken, memory.keep, len(self._prepared))):
+            if memory.kept <= memory.keep and len(self._prepared) <= MOST_PREPARED:
+                self._within_bounds = state
+            elif not self._let_go():
                 return
-        self._within_bounds = self.memory.taken, self.memory.keep, len(self._prepared)
 
     def _follow(self, key: object) -> None:
         self._following.discard(key)

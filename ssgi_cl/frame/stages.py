@@ -247,7 +247,7 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
         )
 
     return Stage(
-        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT), hints=(RSM, SKY_LIGHT, DIRECT),
+        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT), hints=(RSM,),
         writes=(INDIRECT,), run=run, label=splat.name,
     )
 

@@ -38,7 +38,8 @@ class WholeParams:
         surfels: pieces of surfaces that carry all other light.
         directions: that stand for environments.
         map_size: texels along the side of the depth map of each.
-        error: of the final gather's interpolation and light tree, of the mean irradiance.
+        error: of the final gather's interpolation and light tree, of the mean irradiance by all
+            light, direct and sky light included.
     """
 
     bounces: int | str = "all"

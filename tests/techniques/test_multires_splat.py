@@ -301,6 +301,22 @@ def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
     return gbuffer, seen, choose_vpls(seen, 500, runtime=runtime)
 
 
+def receivers_and_walls(
+    walled: tuple[GBuffer, Any, Vpls], cells: int
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], OccupancyGridReference]:
+    """Return which pixels show a surface, position and normal of each in view space, and walls."""
+    gbuffer, seen, vpls = walled
+    view = gbuffer.camera.view
+    there, point, normal = receivers(gbuffer)
+    point, lights_at = (
+        points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
+    )
+    walls = OccupancyGridReference(
+        np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), cells
+    )
+    return there, point, normal @ view[:3, :3].T, walls
+
+
 # Of 4 lights in a square all are as near to the mean, and rounding decides which one is taken.
 @pytest.mark.parametrize("share", SHARES[1:])
 def test_lines_of_sight_agree_with_numpy_reference(
@@ -313,18 +329,11 @@ def test_lines_of_sight_agree_with_numpy_reference(
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
-    view = gbuffer.camera.view
-    there, point, normal = receivers(gbuffer)
-    point, lights_at = (
-        points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
-    )
-    walls = OccupancyGridReference(
-        np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), params.grid
-    )
+    there, point, normal, walls = receivers_and_walls(walled, params.grid)
     tree = VplTreeReference(vpls, gbuffer.camera)
     every = np.arange(tree.count)
     wanted = np.zeros_like(e, np.float64)
-    wanted[there] = tree.irradiance(every, point, normal @ view[:3, :3].T, walls, share)
+    wanted[there] = tree.irradiance(every, point, normal, walls, share)
     # A point on the side of a cell may be in either: 1 of some 30 lines of a pixel then differs.
     assert np.mean(np.abs(e - wanted).max(axis=-1) > 1e-3 * wanted.mean()) < 0.03
     assert e.mean() == pytest.approx(wanted.mean(), rel=1e-3)
@@ -341,17 +350,9 @@ def test_lights_of_little_light_share_the_ray_of_64(
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
-    view = gbuffer.camera.view
-    there, point, normal = receivers(gbuffer)
-    point, lights_at = (
-        points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
-    )
-    normal = normal @ view[:3, :3].T
+    there, point, normal, walls = receivers_and_walls(walled, params.grid)
     (rows, columns), = (level.listed().T for level in technique.grid._levels)
     order = (np.cumsum(there.ravel()) - 1).reshape(there.shape)[rows, columns]
-    walls = OccupancyGridReference(
-        np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), params.grid
-    )
     point, normal = point[order], normal[order]
     tree = VplTreeReference(vpls, gbuffer.camera)
     groups = -(-len(point) // GROUP)

@@ -258,6 +258,9 @@ def test_other_light_adds_to_the_mean(runtime: Runtime, rng: np.random.Generator
     assert added == pytest.approx(0.5 * 2.0 * own, rel=0.01)
 
 
+# ---- limits
+
+
 def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime,
     rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)

@@ -12,10 +12,11 @@ from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
-from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer, WorldNormals
 from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.device.transient import ALIGNMENT
 
 from .device_scene import BOXED, DeviceScene
 
@@ -50,6 +51,22 @@ VIEW = Struct(
 STRUCTS = (CAMERA, VIEW)
 
 
+@dataclass(frozen=True, eq=False)
+class _Visible:
+    """What each pixel of an image shows.
+
+    Attributes:
+        triangles: their numbers.
+        depths: what the depth test compares.
+        camera, view: that it was drawn with.
+    """
+
+    triangles: DeviceArray
+    depths: DeviceArray
+    camera: Any
+    view: dict[str, Any]
+
+
 @dataclass(eq=False)
 class _Lists:
     """What a frame needs until its pixels are drawn.
@@ -78,9 +95,10 @@ class Rasterizer:
         runtime: the device.
         size: (rows, columns) of the camera's image.
         layers, margin, attributes: of the target, see `DeviceGBuffer`.
-        shaded: whether there is more to draw than depth; without, depth is a few roundings off.
+        shaded: whether the target gets what is seen; without, nothing does but what the `write_`
+            methods write of the image drawn last.
         regions: whether it draws where anything may be seen alone, and tells the target.
-        keeps_world: of the target.
+        world: of the target.
 
     Attributes:
         target: the device G-buffer that it draws into.
@@ -96,7 +114,7 @@ class Rasterizer:
         shaded: bool = True,
         attributes: int = 1,
         regions: bool = False,
-        keeps_world: bool = True,
+        world: WorldNormals = "kept",
     ) -> None:
         self.runtime = runtime
         self.shaded = shaded
@@ -108,7 +126,7 @@ class Rasterizer:
             )
         self.target = DeviceGBuffer(
             runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0,
-            keeps_world=keeps_world,
+            world=world,
         )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -118,15 +136,10 @@ class Rasterizer:
         self._cursors = runtime.empty(2 * count, np.int32)
         self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
         self._pixels = count * TILE * TILE
-        self._seen: DeviceArray | None = None
+        self._visible: _Visible | None = None
         self._capacity = 1 << 15
         self._pair_capacity = 1 << 16
-        buffers = 4 * self._pixels * (1 + min(layers, 2))
-        passing = shaded and not keeps_world
-        runtime.transient.reserve(
-            buffers + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity) + LEAST_VERTICES
-            + (plane_bytes(3 * attributes, self.target.whole) if passing else 0)
-        )
+        self._reserve(LEAST_VERTICES)
         parallel = runtime.info.kind == "gpu"
         # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
         self._rectangle = (1, min(runtime.variant.lanes, 8)) if parallel else (TILE, TILE)
@@ -167,14 +180,26 @@ class Rasterizer:
             self._capacity = max(self._capacity, records + records // 4)
             self._pair_capacity = max(self._pair_capacity, int(pairs * share) + pairs // 4)
             del lists
-        seen = self._draw(scene, camera, lists)
-        if not self.shaded:
-            self._seen = seen
+        self._visible = self._draw(scene, camera, lists)
         return self.target
 
     def release(self) -> None:
-        """Give the memory of what `write_every` and `write_gloss` read to others."""
-        self._seen = None
+        """Give the memory of what the `write_` methods read to others."""
+        self._visible = None
+
+    def write_depth(self, depth: Plane, image: int = 0) -> None:
+        """Queue the pass that writes the depth of the image drawn last, a few roundings off.
+
+        Args:
+            depth: images of its size, scene units; INFINITY where nothing is.
+            image: number of the one to write.
+        """
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
+            "raster depth", self.target.whole,
+            depths=visible.depths, depth=depth, camera=visible.camera,
+            view=VIEW.pack({**visible.view, "layer": image}),
+        )
 
     def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
         """Queue the pass that fills `target` from the last layer of the image drawn last.
@@ -192,7 +217,7 @@ class Rasterizer:
             "raster attributes", target.size,
             camera=CAMERA.pack(camera_values(camera)),
             view=VIEW.pack(self._view_values(scene, camera)),
-            **self._attribute_arguments(scene, target, self._last_seen),
+            **self._attribute_arguments(scene, target, self._last_visible.triangles),
         )
 
     def write_gloss(
@@ -207,12 +232,25 @@ class Rasterizer:
         """
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             "raster gloss", gloss.size,
-            triangles=self._last_seen, faces=scene.faces, lobes=scene.lobes, specular=specular,
-            gloss=gloss, tiles=self._tiles,
+            triangles=self._last_visible.triangles, faces=scene.faces, lobes=scene.lobes,
+            specular=specular, gloss=gloss, tiles=self._tiles,
+        )
+
+    def _reserve(self, vertices: int) -> None:
+        """Reserve what a frame needs until its pixels are drawn, for so many bytes of vertices."""
+        target = self.target
+        passing = self.shaded and target.world == "until released"
+        self.runtime.transient.reserve(
+            4 * self._pixels * (1 + min(target.layers, 2)) + vertices
+            + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity)
+            + (plane_bytes(3 * target.attributes, target.whole) if passing else 0)
+            + 7 * ALIGNMENT
         )
 
     def _lists(self, scene: DeviceScene) -> _Lists:
         """Return the memory that a frame needs until its pixels are drawn."""
+        # In one piece with the rest, of which parts are of use to others afterwards.
+        self._reserve(7 * 4 * scene.vertex_stride)
         array = self.runtime.transient.array
         return _Lists(
             view=array(3 * scene.vertex_stride, np.float32),
@@ -278,14 +316,14 @@ class Rasterizer:
         end = region.end[0], region.column + wide
         return Region.between(region.first, end).inside(self.target.whole)
 
-    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> DeviceArray:
-        """Queue the passes that draw pixels; return which triangle each shows in the last layer."""
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> _Visible | None:
+        """Queue the passes that draw pixels; return what they show unless they are shaded."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
         packed_camera = CAMERA.pack(camera_values(camera))
         regions = self._regions()
         target.region = regions[0]
-        late = target.layers == 1 and not target.keeps_world
+        late = target.layers == 1 and target.world != "kept"
         if self.shaded and not late:
             target.take_world()
         array = self.runtime.transient.array
@@ -328,16 +366,12 @@ class Rasterizer:
                         del now, before, depths
                         target.take_world()
                 if not self.shaded:
-                    self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-                        "raster depth", whole, region=over,
-                        depths=now, depth=target.depth, camera=packed_camera, view=view,
-                    )
-                    continue
+                    return _Visible(seen, now, packed_camera, values)
                 self._attributes(scene, shaded, 1, emission=scene.emits).run(
                     f"raster attributes{suffix}", whole, region=over, camera=packed_camera,
                     view=view, **self._attribute_arguments(scene, target, seen),
                 )
-        return seen
+        return None
 
     def _attributes(
         self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool
@@ -364,10 +398,9 @@ class Rasterizer:
         }
 
     @property
-    def _last_seen(self) -> DeviceArray:
-        """The triangle that each pixel of the image drawn last shows."""
-        assert self._seen is not None  # noqa: S101  an image of depth was drawn
-        return self._seen
+    def _last_visible(self) -> _Visible:
+        assert self._visible is not None  # noqa: S101  an image was drawn that is not shaded
+        return self._visible
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
         turn = camera.view[:3, :3]

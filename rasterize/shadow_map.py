@@ -39,7 +39,6 @@ class RsmRenderer:
         flux: whether it is ever asked for.
 
     Attributes:
-        depth: 1 image, of the face drawn last, for shadows.
         target: the device G-buffer of what has flux; `normal_world` has what the depth shows where
             the mesh has no normals.
         flux: 3 images, W.
@@ -56,7 +55,6 @@ class RsmRenderer:
         self.runtime = runtime
         self.step = step
         self._rasterizer = Rasterizer(runtime, (size, size), shaded=False)
-        self.depth = self._rasterizer.target.depth
         if flux:
             self.target = DeviceGBuffer(runtime, (-(-size // step),) * 2)
             self.flux = runtime.plane(3, self.target.size)
@@ -88,6 +86,10 @@ class RsmRenderer:
                 seen=self.target.normal, normal=self.target.normal_world, rotation=turn,
             )
         return self.flux
+
+    def write_depth(self, depth: Plane, image: int = 0) -> None:
+        """Queue the pass that writes the depth of the face drawn last, see `Rasterizer`."""
+        self._rasterizer.write_depth(depth, image)
 
     def render_lobes(
         self,

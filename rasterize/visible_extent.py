@@ -82,6 +82,10 @@ def _depths(scene: Scene, camera: Camera, runtime: Runtime) -> np.ndarray:
     rasterizer: Rasterizer = runtime.prepared(
         (Rasterizer, visible_extent), lambda: Rasterizer(runtime, small.size, shaded=False)
     )
+    plane = runtime.transient.plane(1, small.size, math.inf)
     with runtime.frame():
-        depth = rasterizer.render(drawn, small).depth.download().ravel().astype(np.float64)
+        rasterizer.render(drawn, small)
+        rasterizer.write_depth(plane)
+        rasterizer.release()
+        depth = plane.download().ravel().astype(np.float64)
     return depth[np.isfinite(depth)]

@@ -299,9 +299,13 @@ def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
     renderer = RsmRenderer(runtime, 64)
     with runtime.frame():
         renderer.render(kept, light, camera)
-        depth, exact = renderer.depth.download(), renderer.target.depth.download()
+        plane = runtime.plane(3, (64, 64), math.inf)
+        renderer.write_depth(plane, 1)
+        (before, depth, behind), (exact,) = plane.download(), renderer.target.depth.download()
     # Rounding of a plane seen at a cosine of .05.
     np.testing.assert_allclose(depth, exact, rtol=2e-6)
+    for other in (before, behind):
+        assert not np.isfinite(other).any()
 
 
 @pytest.mark.parametrize("step", [2, 3])

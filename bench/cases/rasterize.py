@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from ssgi_cl.rasterize.rasterizer import Rasterizer
@@ -43,10 +44,12 @@ class ShadowMaps(Own):
         scene = device_scene(context.view.scene, context.runtime)
         cameras = light_cameras(punctual_light, context.view.scene.bounds, size)
         renderer = RsmRenderer(context.runtime, size)
+        depth = context.runtime.plane(len(cameras), (size, size), math.inf)
 
         def run() -> None:
-            for camera in cameras:
+            for image, camera in enumerate(cameras):
                 renderer.render(scene, punctual_light, camera)
+                renderer.write_depth(depth, image)
 
         return Subject(run=run, note=f"{type(punctual_light).__name__}, {len(cameras)} face(s)")
 

@@ -9,11 +9,13 @@
 // from one of these; a pixel without any is taken to lie across the view ray.
 //
 // Reads:   depth   image `layer`: scene units, > 0; INFINITY where nothing is
-//          normal  images 3 layer + c: world space, unit length or 0 (GBUFFER_GIVEN 1)
+//          normal  images 3 layer + c: world space, unit length or 0 (GBUFFER_GIVEN 1; with 2
+//                  `normal_view` holds them, and is written over)
 // Writes:  linear  1 / depth (orthographic: depth) of layer 0; INFINITY where nothing is
 //          normal_view  images 3 layer + c: view space, unit length; 0 where nothing is
 // Params:  rotation  world to view, row by row; layer  of depth
-// Macros:  GBUFFER_GIVEN  1 if `normal` holds normals, 0 to take all from depth
+// Macros:  GBUFFER_GIVEN  1 if `normal` holds normals, 2 if `normal_view` does, 0 to take all from
+//                         depth
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
@@ -84,7 +86,10 @@ static inline vfloat neighbour(ssgi_plane depth, const int2 size, const int laye
     return v_select(v_splat(INFINITY), ssgi_load(depth, size, layer, x, y), inside);
 }
 
-__kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
+__kernel void gbuffer_normals(ssgi_plane depth,
+#if GBUFFER_GIVEN == 1
+                              ssgi_plane normal,
+#endif
                               __global float *restrict linear,
                               __global float *restrict normal_view, const int2 size,
                               const SsgiCamera camera, const GbufferRotation rotation,
@@ -176,9 +181,15 @@ __kernel void gbuffer_normals(ssgi_plane depth, ssgi_plane normal,
     g.z = v_select(g.z * scale_g, v_splat(1.0f), flat);
 
 #if GBUFFER_GIVEN
+#if GBUFFER_GIVEN == 1
     const vfloat wx = ssgi_load(normal, size, first, x, y);
     const vfloat wy = ssgi_load(normal, size, first + 1, x, y);
     const vfloat wz = ssgi_load(normal, size, first + 2, x, y);
+#else
+    const vfloat wx = v_load(normal_view + ssgi_index(size, first, x, y));
+    const vfloat wy = v_load(normal_view + ssgi_index(size, first + 1, x, y));
+    const vfloat wz = v_load(normal_view + ssgi_index(size, first + 2, x, y));
+#endif
     Vector n = {
         rotation.xx * wx + rotation.xy * wy + rotation.xz * wz,
         rotation.yx * wx + rotation.yy * wy + rotation.yz * wz,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,8 @@ from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+
+WorldNormals = Literal["kept", "until released", "until derived"]
 
 VIEW_ROTATION = Struct("GbufferRotation", floats(*ROTATION))
 
@@ -27,7 +29,7 @@ class DeviceGBuffer:
         margin: (rows, columns) by which the planes exceed it on every side.
         layers: of depth.
         attributes: layers, from the front, that have normal, albedo and emission: 1 or all, or 0
-            for depth alone.
+            where there is no image at all.
         front: the layer that shading works on, see `layer`.
         facing: 1, or -1 to shade the sides that turn away from the viewer.
         depth: `layers` images, scene units; INFINITY where nothing is.
@@ -37,7 +39,8 @@ class DeviceGBuffer:
         normal_world: likewise, as given.
         albedo: likewise.
         emission: likewise; one pixel before the first contents that emit.
-        keeps_world: whether `normal_world` stays after `release_world`.
+        world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
+            "until derived", when `normal` takes its memory over.
         sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
@@ -56,7 +59,7 @@ class DeviceGBuffer:
         layers: int = 1,
         margin: Size = (0, 0),
         attributes: int = 1,
-        keeps_world: bool = True,
+        world: WorldNormals = "kept",
     ) -> None:
         if attributes not in (0, 1, layers):
             raise ValueError(f"attributes is {attributes}: expected 0, 1 or {layers}, all layers")
@@ -68,15 +71,15 @@ class DeviceGBuffer:
         self.front = 0
         self.facing = 1.0
         self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
-        self.depth = runtime.plane(layers, self.whole, math.inf)
         shown = self.whole if attributes else (1, 1)
+        self.depth = runtime.plane(layers, shown, math.inf)
         self._images = max(3 * attributes, 1)
         self.linear = runtime.plane(1, shown, math.inf)
         self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
-        self.keeps_world = keeps_world
+        self.world: WorldNormals = world
         self.sides: Plane | None = None
         self._normal_world: Plane | None = None
-        own = keeps_world and attributes > 0
+        own = world == "kept" and attributes > 0
         self._own_world = runtime.plane(self._images, self.whole) if own else None
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
@@ -93,7 +96,7 @@ class DeviceGBuffer:
             runtime.kernel(
                 "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": given}, (CAMERA, VIEW_ROTATION)
             )
-            for given in (0, 1)
+            for given in (0, 1, 2)
         ]
 
     @property
@@ -125,11 +128,14 @@ class DeviceGBuffer:
         What is kept is 0 outside of what `previous_regions` say; other memory has anything there.
         """
         self.sides = None
-        if self.keeps_world and self._own_world is None:
+        kept = self.world == "kept"
+        if kept and self._own_world is None:
             self._own_world = self.runtime.plane(self._images, self.whole)
             self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
-        if self.keeps_world:
+        if kept:
             self._normal_world = self._own_world
+        elif self.world == "until derived":
+            self._normal_world = self.normal
         else:
             self._normal_world = self.runtime.transient.plane(self._images, self.whole)
 
@@ -209,19 +215,24 @@ class DeviceGBuffer:
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
         rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
+        world = self.normal_world
+        in_place = world is self.normal
+        if in_place:
+            self._normal_world = None  # whatever becomes of the pass
+        kernel = self._kernels[0 if not given else 2 if in_place else 1]
         with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
-                self._kernels[given].run(
+                kernel.run(
                     "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""), self.whole,
                     region=region,
-                    depth=self.depth, normal=self.normal_world, linear=self.linear,
-                    normal_view=self.normal, camera=self.camera_struct, rotation=rotation,
-                    layer=layer,
+                    depth=self.depth, normal=world if given and not in_place else None,
+                    linear=self.linear, normal_view=self.normal, camera=self.camera_struct,
+                    rotation=rotation, layer=layer,
                 )
 
     def release_world(self) -> None:
         """Give the memory of `normal_world` to others, unless it is kept."""
-        if not self.keeps_world:
+        if self.world != "kept":
             self._normal_world = None
 
     @property

@@ -68,7 +68,7 @@ class AuxiliaryViews:
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
                 self._rasterizers[extra.size] = Rasterizer(
-                    self.runtime, extra.size, regions=True, keeps_world=False
+                    self.runtime, extra.size, regions=True, world="until derived"
                 )
             target = self._rasterizers[extra.size].render(
                 device_scene(scene, self.runtime), extra

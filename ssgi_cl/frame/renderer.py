@@ -115,7 +115,7 @@ class Renderer:
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            regions="window" in self.skips, keeps_world=False,
+            regions="window" in self.skips, world="until released" if ssdo else "until derived",
         )
         maps = LightMaps(
             runtime, shadow_size, flux=whole is not None or (indirect is not None and not ssdo),
@@ -241,7 +241,7 @@ class Renderer:
     def _keep_world(self) -> None:
         """See that the G-buffer has its normals in world space, drawn anew if it did not."""
         target = self.rasterizer.target
-        target.keeps_world = True
+        target.world = "kept"
         if not target.has_world:
             self._graph.forget("G-buffer")
 

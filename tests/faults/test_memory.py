@@ -47,9 +47,9 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
         )
     assert not tight.times()
     needed = float(re.findall(r"([\d.]+) MiB are needed", str(refused.value))[0])
-    # 20 floats a pixel at the least: depth, attributes, AO, direct light, radiance; and what is
-    # needed while the G-buffer is drawn.
-    assert needed > 20 * 4 * 8192**2 / MEBI
+    # 17 floats a pixel at the least: depth and its inverse, normal, albedo, A, direct light,
+    # radiance; and the depth and triangle of the visibility buffer.
+    assert needed > 17 * 4 * 8192**2 / MEBI
     del refused
     gc.collect()
     # The scene itself stays; nothing of the frame does.

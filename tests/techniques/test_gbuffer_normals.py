@@ -256,6 +256,28 @@ def test_a_layer_is_an_image_of_its_own_size(runtime: Runtime) -> None:
         DeviceGBuffer(runtime, (8, 6), layers=2, attributes=3)
 
 
+@pytest.mark.parametrize("layers", [1, 2])
+def test_normals_derived_in_place_are_those_of_kept_ones(
+    variant_runtime: Runtime, rng: np.random.Generator, layers: int
+) -> None:
+    made = camera("perspective")
+    alone = [scene(name, made, rng) for name in ("corner", "ball")][:layers]
+    depths = [np.asarray(each.depth) * 1024.0**layer for layer, each in enumerate(alone)]
+    gbuffer = GBuffer(
+        camera=made, depth=np.stack(depths),
+        normal=np.stack([np.asarray(each.normal) for each in alone]),
+    )
+    in_place = DeviceGBuffer(
+        variant_runtime, made.size, layers=layers, attributes=layers, world="until derived"
+    )
+    for _ in range(2):  # what is derived is not taken for given the second time
+        in_place.upload(gbuffer)
+        with pytest.raises(ValueError, match="does not keep its normals"):
+            in_place.normal_world  # noqa: B018
+        kept = uploaded(variant_runtime, gbuffer).normal.download()
+        np.testing.assert_array_equal(in_place.normal.download(), kept)
+
+
 def test_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:
     device = DeviceGBuffer(runtime, (8, 8))
     gbuffer = trace(made := camera(size=(4, 4)), [tilted(made, 0.0)])

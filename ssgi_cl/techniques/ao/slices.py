@@ -400,8 +400,10 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         in_front = self.params.in_front_of(layers)
         self._scan = SliceScan(runtime, size, in_front, margin, layers)
         runtime.transient.reserve(
-            2 * plane_bytes(self.params.channels, self._scan.size)
-            + plane_bytes(layers, self._scan.sorted_size)
+            plane_bytes(self.params.channels, self._scan.size) + max(
+                plane_bytes(self.params.channels, self._scan.size),
+                plane_bytes(layers, self._scan.sorted_size),
+            )
         )
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)

@@ -229,7 +229,7 @@ class LightMaps:
                     crop = shadow.crops[number]
                     camera = crop.camera(shadow.cameras[crop.face])
                     self._renderer.render(kept, light, camera, flux=False)
-                    shadow.depth.copy_image(shadow.images[number], self._renderer.depth)
+                    self._renderer.write_depth(shadow.depth, shadow.images[number])
         finally:
             self._renderer.release()
 
@@ -243,7 +243,7 @@ class LightMaps:
         for face, camera in enumerate(shadow.cameras):
             renderer.render(kept, light, camera)
             if face in crops:
-                shadow.depth.copy_image(shadow.images[crops[face]], renderer.depth)
+                renderer.write_depth(shadow.depth, shadow.images[crops[face]])
                 done.add(crops[face])
             target = renderer.target
             rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)

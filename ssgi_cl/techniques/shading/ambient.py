@@ -29,6 +29,9 @@ _PARTS = 64
 """Rows of parts that an image is taken in, at least; twice as many columns. A part across the
 receiver's horizon counts as one direction, which costs a uniform sky 3e-4."""
 
+_ROUNDING = 1e-14
+"""Of the greatest E: an upper bound of what is left of sums of parts that cancel."""
+
 _maps: WeakKeyDictionary[Environment, Doubles] = WeakKeyDictionary()
 
 
@@ -49,11 +52,9 @@ class Ambient:
 
     def set(self, lights: Sequence[Light]) -> bool:
         """Take the environments among the lights; return whether they changed since last time."""
-        environments = [light for light in lights if isinstance(light, Environment)]
-        before = self._environments
-        same = len(before) == len(environments)
-        if same and all(a is b for a, b in zip(before, environments, strict=True)):
-            return False  # an environment never changes
+        environments = environments_of(lights)
+        if are_same(environments, self._environments):
+            return False
         total = sum((irradiance_map(e) for e in environments), np.zeros(3))
         self.macros = {"AMBIENT_SIZE": AMBIENT_SIZE if total.ndim == 3 else 0}
         self.shines = bool(total.any())
@@ -62,6 +63,16 @@ class Ambient:
         self.irradiance.upload(quads)
         self._environments = environments
         return True
+
+
+def environments_of(lights: Sequence[Light]) -> list[Environment]:
+    """Return the environments among the lights."""
+    return [light for light in lights if isinstance(light, Environment)]
+
+
+def are_same(some: Sequence[Environment], others: Sequence[Environment]) -> bool:
+    """Return whether both are the same objects, which never change."""
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 def irradiance_map(environment: Environment) -> Doubles:
@@ -81,16 +92,10 @@ def irradiance_map(environment: Environment) -> Doubles:
 
 def vertices() -> Doubles:
     """Return the normals [size + 1, size + 1, 3] of the map's vertices; rows grow with z."""
-    half = AMBIENT_SIZE // 2
-    z, x = (np.mgrid[: AMBIENT_SIZE + 1, : AMBIENT_SIZE + 1] - half).astype(float)
-    y = half - np.abs(x) - np.abs(z)
-    # Beyond the diamond |x| + |z| = 1 lies the lower half, folded outward.
-    folded = y < 0.0
-    x, z = (
-        np.where(folded, np.copysign(half - np.abs(z), x), x),
-        np.where(folded, np.copysign(half - np.abs(x), z), z),
-    )
-    way = np.stack([x, y, z], axis=-1)
+    z, x = _way()
+    y = AMBIENT_SIZE // 2 - np.abs(x) - np.abs(z)
+    lower_x, lower_z = _folded(x, z)
+    way = np.stack([np.where(y < 0, lower_x, x), y, np.where(y < 0, lower_z, z)], axis=-1)
     unit: Doubles = way / np.linalg.norm(way, axis=-1, keepdims=True)
     return unit
 
@@ -123,16 +128,48 @@ def part_vectors(image: Doubles) -> Doubles:
 
 
 def _convolved(vectors: Doubles) -> Doubles:
-    """Return E [size + 1, size + 1, 3] at the vertices: the sum of max(0, n.V) over the parts."""
-    normal = vertices().reshape(-1, 3)
-    total = np.empty_like(normal)
+    """Return E [size + 1, size + 1, 3] at the vertices: the sum of max(0, n.V) over the parts.
+
+    That is half of n.(sum of V) + sum of |n.V|, and the latter is the same for -n.
+    """
+    z, x = _way()
+    half = AMBIENT_SIZE // 2
+    normal = vertices()
+    upper = np.abs(x) + np.abs(z) <= half
+    towards = normal[upper]
+    sums = np.empty_like(towards)
+    ones = np.ones(len(vectors))
     # A few normals at a time, so that the products stay in the cache.
     kept = np.empty((16, len(vectors)))
     for colour in range(3):
         parts = np.ascontiguousarray(vectors[:, colour].T)
-        for first in range(0, len(normal), 16):
-            some = normal[first : first + 16]
+        for first in range(0, len(towards), 16):
+            some = towards[first : first + 16]
             products = np.matmul(some, parts, out=kept[: len(some)])
-            np.maximum(products, 0.0, out=products)
-            total[first : first + 16, colour] = products.sum(axis=-1)
-    return total.reshape(AMBIENT_SIZE + 1, AMBIENT_SIZE + 1, 3)
+            np.abs(products, out=products)
+            sums[first : first + 16, colour] = products @ ones
+    total = np.empty_like(normal)
+    total[upper] = sums
+    x, z = _folded(x, z)
+    lower = ~upper
+    total[lower] = total[half - z[lower], half - x[lower]]
+    light: Doubles = 0.5 * (normal @ vectors.sum(axis=0).T + total)
+    # What nothing shines on is black, not a rounding of the brightest.
+    light[light < _ROUNDING * light.max(axis=(0, 1))] = 0.0
+    return light
+
+
+def _way() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the row and column of each vertex, from the middle of the map."""
+    half = AMBIENT_SIZE // 2
+    z, x = np.mgrid[: AMBIENT_SIZE + 1, : AMBIENT_SIZE + 1] - half
+    return z, x
+
+
+def _folded(x: NDArray[np.int64], z: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
+    """Return x and z of vertices beyond the diamond |x| + |z| = 1, where the lower half lies."""
+    half = AMBIENT_SIZE // 2
+    return (
+        np.copysign(half - np.abs(z), x).astype(np.int64),
+        np.copysign(half - np.abs(x), z).astype(np.int64),
+    )

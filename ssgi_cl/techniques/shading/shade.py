@@ -18,7 +18,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
-from ssgi_cl.techniques.shading.ambient import Ambient
+from ssgi_cl.techniques.shading.ambient import Ambient, are_same, environments_of
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -66,6 +66,7 @@ class Shade(Prepared[ShadeParams]):
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
         self._sky_size = (1, 1)
+        self._environments: list[Environment] = []
         self._background: tuple[float, ...] | None = (0.0, 0.0, 0.0)
         self._previous = PreviousRegion()
 
@@ -127,8 +128,9 @@ class Shade(Prepared[ShadeParams]):
             multi_bounce = self.params.multi_bounce
         if indirect_ao is None:
             indirect_ao = self.params.indirect_ao
-        if self._ambient.set(lights):
-            self._set_sky([light for light in lights if isinstance(light, Environment)])
+        self._set_sky(environments_of(lights))
+        if ambient:
+            self._ambient.set(lights)
         shines = ambient and self._ambient.shines
         sky_rows, sky_columns = self._sky_size
         kernel = self.runtime.kernel(
@@ -147,7 +149,7 @@ class Shade(Prepared[ShadeParams]):
                 ),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
-                **self._ambient.macros,
+                **(self._ambient.macros if shines else {"AMBIENT_SIZE": 0}),
             },
             (CAMERA, COMBINE),
         )
@@ -177,14 +179,17 @@ class Shade(Prepared[ShadeParams]):
         """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
         return None if self._background is None else gbuffer.seen
 
-    def _set_sky(self, environments: Sequence[Environment]) -> None:
-        """Bring what the environments look like to the device."""
+    def _set_sky(self, environments: list[Environment]) -> None:
+        """Bring what the environments look like to the device, unless it is there."""
+        if are_same(environments, self._environments):
+            return
         sky = _sky_image(environments)
         if sky.size > self._sky.count:
             self._sky = DeviceArray(self.runtime, sky)
         self._sky.upload(sky)
         self._sky_size = (sky.shape[0], sky.shape[1])
         self._background = tuple(sky.ravel().tolist()) if sky.size == 3 else None
+        self._environments = environments
 
 
 @serialised

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,26 +88,20 @@ def verdicts(
     return "\n".join(lines)
 
 
-def _by_hand(root: Path, name: str) -> str:
-    text = (root / name).read_text(encoding="utf-8")
-    return filled(text, blocks(recorded(root, "benchmark"), recorded(root, "indirect")))
-
-
 BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md",
            *(f"docs/techniques/{name}.md" for name in PAGES))
 """Pages whose text is written by hand, round the blocks."""
 
-_PAGES: Mapping[str, Callable[[Path], str]] = {
-    **{name: partial(_by_hand, name=name) for name in BY_HAND},
-    "docs/benchmark.md": lambda root: summary.page(recorded(root, "benchmark"), "benchmark"),
-    "docs/skips.md": lambda root: skips.page(recorded(root, "skips")),
-    "docs/summation.md": lambda root: summation.page(recorded(root, "summation")),
-}
-
-
 def pages(root: Path) -> dict[str, str]:
     """Return path of a page from the root of the checkout -> what it has to be."""
-    return {name: make(root) for name, make in _PAGES.items()}
+    benchmark = recorded(root, "benchmark")
+    made = blocks(benchmark, recorded(root, "indirect"))
+    return {
+        **{name: filled((root / name).read_text(encoding="utf-8"), made) for name in BY_HAND},
+        "docs/benchmark.md": summary.page(benchmark, "benchmark"),
+        "docs/skips.md": skips.page(recorded(root, "skips")),
+        "docs/summation.md": summation.page(recorded(root, "summation")),
+    }
 
 
 def plots(root: Path) -> dict[str, str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from .document import clock, groups, metric, timed
 
 Result = Mapping[str, Any]
@@ -26,8 +28,7 @@ def mark(results: list[dict[str, Any]]) -> None:
         if not quantity:
             continue
         points = comparable(group)
-        for result in points:
-            rivals = [other for other in points if beats(other, result)]
+        for result, rivals in zip(points, rivals_of(points), strict=True):
             result["front"] = not rivals
             result["near"] = bool(rivals) and all(overlap(other, result) for other in rivals)
 
@@ -45,11 +46,12 @@ def error_of(result: Result) -> float:
     return error
 
 
-def beats(one: Result, other: Result) -> bool:
-    """Return whether one result has no greater time and error than the other, and one is less."""
-    time, late = clock(one)["median"], clock(other)["median"]
-    error, worse = error_of(one), error_of(other)
-    return time <= late and error <= worse and (time < late or error < worse)
+def rivals_of(results: Sequence[Result]) -> list[list[Result]]:
+    """Return for each result those that beat it: no greater time and error, and one is less."""
+    points = np.array([(clock(r)["median"], error_of(r)) for r in results]).reshape(-1, 2)
+    no_greater = (points[:, None] <= points).all(axis=-1)
+    beats = no_greater & (points[:, None] < points).any(axis=-1)
+    return [[results[k] for k in np.flatnonzero(column)] for column in beats.T]
 
 
 def overlap(one: Result, other: Result) -> bool:

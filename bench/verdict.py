@@ -11,7 +11,7 @@ from itertools import groupby, pairwise
 from typing import Any
 
 from .document import clock
-from .front import Result, beats, comparable, error_of, overlap
+from .front import Result, comparable, error_of, overlap, rivals_of
 from .peers import PEERS, embree, mitsuba_ao, mitsuba_path
 from .wording import number, short_name
 
@@ -86,7 +86,7 @@ def _sides(rows: Sequence[Result], what: str) -> str:
         rows: of both sides, the fastest first; see `comparable`.
         what: the case that is compared.
     """
-    front = [row for row in rows if not any(beats(other, row) for other in rows)]
+    front = [row for row, rivals in zip(rows, rivals_of(rows), strict=True) if not rivals]
     runs = [list(run) for _, run in groupby(front, key=_own)]
     parts = []
     for run in runs:
@@ -104,8 +104,7 @@ def _sides(rows: Sequence[Result], what: str) -> str:
 def _uncertain(rows: Sequence[Result], runs: Sequence[Sequence[Result]]) -> list[str]:
     """Return pairs of results of both sides whose order in time decides, and is not certain."""
     pairs = [(run[-1], following[0]) for run, following in pairwise(runs)]
-    for row in rows:
-        rivals = [other for other in rows if beats(other, row)]
+    for row, rivals in zip(rows, rivals_of(rows), strict=True):
         if rivals and all(overlap(other, row) for other in rivals):
             pairs += [(other, row) for other in rivals if _own(other) != _own(row)][:1]
     names = [

@@ -19,6 +19,7 @@ from ssgi_cl.rasterize.scenes import (
     TUNED_ON,
     VALIDATED_ON,
     BuiltinScene,
+    generated,
     is_scene,
     make_scene,
 )
@@ -78,13 +79,13 @@ def winding(corners: np.ndarray, point: np.ndarray) -> float:
 
 @pytest.mark.parametrize("kind", ["room", "foliage", "terrain"])
 def test_the_same_name_gives_bit_identical_results(kind: str) -> None:
-    one, other = make_scene(f"{kind}-5").scene, make_scene(f"{kind}-5").scene
+    one, other = generated(f"{kind}-5").scene, generated(f"{kind}-5").scene
     assert one.positions.tobytes() == other.positions.tobytes()
 
 
 @pytest.mark.slow
 def test_same_name_gives_bit_identical_results(made: BuiltinScene) -> None:
-    again = make_scene(made.name)
+    again = generated(made.name)
     for name in ("positions", "normals", "colors", "triangles", "material_ids"):
         first, second = getattr(made.scene, name), getattr(again.scene, name)
         assert first.tobytes() == second.tobytes(), name

@@ -9,6 +9,7 @@ pictures that they were fitted to.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 from .builtin import BuiltinScene
 from .cornell_box import cornell_box
@@ -52,8 +53,11 @@ def is_scene(name: str) -> bool:
     return name in BUILTIN_SCENES or is_generated(name)
 
 
+@lru_cache(maxsize=4)
 def make_scene(name: str) -> BuiltinScene:
-    """Make a built-in scene, or the generated scene KIND-SEED, such as "room-7".
+    """Return a built-in scene, or the generated scene KIND-SEED, such as "room-7".
+
+    The latest few are kept, so that their device memory is found again too.
 
     Raises:
         ValueError: there is none of this name.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, finalize
 
 from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device import host_memory
@@ -17,10 +19,34 @@ KEPT_SHARE = 0.25
 """Of the limit, what `Runtime.prepared` may keep together unless `keep` says otherwise."""
 
 
-@dataclass
+@dataclass(eq=False)
 class _Held:
     size: int
     kept: bool
+
+
+class _Total:
+    """Bytes that are held, without a look at each holder."""
+
+    def __init__(self) -> None:
+        self._bytes = 0
+        self._lock = Lock()
+        # Objects die at any moment, in the midst of a sum too: what they held is subtracted later.
+        self._freed: deque[_Held] = deque()
+
+    def add(self, size: int) -> None:
+        with self._lock:
+            self._bytes += size
+
+    def watch(self, owner: object, held: _Held) -> None:
+        """Subtract what is held once `owner` is gone."""
+        finalize(owner, self._freed.append, held).atexit = False
+
+    def __int__(self) -> int:
+        with self._lock:
+            while self._freed:
+                self._bytes -= self._freed.popleft().size
+            return self._bytes
 
 
 class DeviceMemory:
@@ -45,6 +71,7 @@ class DeviceMemory:
         self.keep = int(KEPT_SHARE * self.limit)
         self.peak = 0
         self._held: WeakKeyDictionary[object, _Held] = WeakKeyDictionary()
+        self._total = _Total()
         self._keeping = False
         self._counted: int | None = None
         self.reserved = 0  # of transient memory, of what is counted
@@ -53,7 +80,7 @@ class DeviceMemory:
     @property
     def used(self) -> int:
         """In use now."""
-        return sum(held.size for held in self._held.values())
+        return int(self._total)
 
     @property
     def kept(self) -> int:
@@ -88,7 +115,12 @@ class DeviceMemory:
         self.check_piece(size)
         self.require(size)
         held = self._held.get(owner)
-        self._held[owner] = _Held(size + (held.size if held else 0), self._keeping)
+        if held is None:
+            held = self._held[owner] = _Held(0, self._keeping)
+            self._total.watch(owner, held)
+        held.size += size
+        held.kept = self._keeping
+        self._total.add(size)
         self.taken += 1
         self.peak = max(self.peak, self.used)
 

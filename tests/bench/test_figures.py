@@ -26,6 +26,12 @@ ROOT = Path(__file__).parents[2]
 # ---- what is kept with the code
 
 
+@pytest.fixture(scope="module")
+def pages() -> dict[str, str]:
+    """Each page as the recorded figures make it."""
+    return figure_text.pages(ROOT)
+
+
 @pytest.mark.parametrize("name", [*figures.PLANS, *figures.OTHERS])
 def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str) -> None:
     kept = (ROOT / figure_text.FOLDER / f"{name}.json").read_text(encoding="utf-8")
@@ -36,10 +42,11 @@ def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str
 
 @pytest.mark.parametrize("name", [*figure_text.BY_HAND, "docs/benchmark.md", "docs/skips.md",
                                   "docs/summation.md"])
-def test_pages_are_what_the_recorded_figures_make_of_them(name: str) -> None:
+def test_pages_are_what_the_recorded_figures_make_of_them(
+    pages: dict[str, str], name: str
+) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
-    made = figure_text.pages(ROOT)[name]
-    assert text == made, f"{name} differs from docs/figures: make figures-render"
+    assert text == pages[name], f"{name} differs from docs/figures: make figures-render"
 
 
 def test_plots_are_those_of_the_recorded_figures() -> None:

@@ -117,6 +117,9 @@ def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
     assert not found(f"Some text\n{code}\nand more.")
 
 
+ANY_CODE_WORD = re.compile("|".join(rf"\b(?:{pattern})\b" for pattern in CODE_WORDS))
+
+
 def found_in_code(source: str, *, python: bool) -> list[str]:
     """Return the words of `CODE_WORDS` in identifiers, comments and texts of a source."""
     parts = [source]
@@ -128,11 +131,13 @@ def found_in_code(source: str, *, python: bool) -> list[str]:
             or (token.type == tokenize.STRING and " " in re.sub(r"\s", " ", token.string))
         ]
     flat = " | ".join(re.sub(r"\s+", " ", part) for part in parts)
+    if not ANY_CODE_WORD.search(flat):
+        return []
     return [
         f"{match[0]!r}: say {better}"
         for pattern, better in CODE_WORDS.items()
         for match in re.finditer(rf"\b(?:{pattern})\b", flat)
-        if not re.search(r"[-.`/]$", flat[: match.start()][-1:])
+        if flat[max(match.start() - 1, 0)] not in "-.`/"
     ]
 
 

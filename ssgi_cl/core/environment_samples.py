@@ -98,17 +98,22 @@ def cell_directions() -> Doubles:
 
 
 def _cell_numbers(towards: Doubles) -> NDArray[np.int64]:
-    """Return the cell of each direction, the inverse of `cell_directions`."""
-    x, y, z = np.moveaxis(towards, -1, 0)
+    """Return the cell of each texel whose directions are `texels`, the inverse of
+    `cell_directions`."""
+    # Rows have one height, columns one azimuth.
+    y, (x, _, z) = towards[:, :1, 1], towards[len(towards) // 2].T
     radius = np.sqrt(np.maximum(1.0 - np.abs(y), 0.0))
     angle = np.arctan2(np.abs(z), np.abs(x)) * (2.0 / math.pi)
     v = angle * radius
     u = radius - v
-    below = y < 0.0
-    u, v = np.where(below, 1.0 - v, u), np.where(below, 1.0 - u, v)
-    u, v = np.copysign(u, x), np.copysign(v, z)
-    place = [np.clip((w * 0.5 + 0.5) * CELLS, 0, CELLS - 1).astype(np.int64) for w in (u, v)]
-    numbers: NDArray[np.int64] = place[1] * CELLS + place[0]
+    below = np.flatnonzero(y < 0.0)
+    u[below], v[below] = 1.0 - v[below], 1.0 - u[below]
+    for w, side in ((u, x), (v, z)):
+        np.copysign(w, side, out=w)
+        w *= 0.5 * CELLS
+        w += 0.5 * CELLS
+        np.clip(w, 0, CELLS - 1, out=w)
+    numbers: NDArray[np.int64] = v.astype(np.int64) * CELLS + u.astype(np.int64)
     return numbers
 
 
@@ -122,13 +127,12 @@ def _cells(environment: Environment) -> Doubles:
         return np.column_stack([np.tile(flux, (len(vector), 1)), vector])
     image = resized(image)
     towards, omega = texels(*image.shape[:2])
-    flux = (image * omega[..., None]).reshape(-1, 3)
-    lit = np.flatnonzero(flux.any(axis=1))
-    flux, towards = flux[lit], towards.reshape(-1, 3)[lit]
-    power = flux @ LUMINANCE
-    values = [power, *flux.T, *(towards * power[:, None]).T]
     numbers = _cell_numbers(towards)
-    return np.column_stack([np.bincount(numbers, v, CELLS * CELLS) for v in values])
+    flux = (image * omega[..., None]).reshape(-1, 3)
+    power = flux @ LUMINANCE
+    values = [power, *flux.T, *(towards.reshape(-1, 3) * power[:, None]).T]
+    cells = [np.bincount(numbers.ravel(), v, CELLS * CELLS) for v in values]
+    return np.stack(cells, axis=-1)
 
 
 def resized(image: Doubles) -> Doubles:

@@ -114,27 +114,27 @@ def upsampled(
 ) -> tuple[Doubles, NDArray[np.bool_]]:
     """Return light of a finer level from that of a coarser one and from its own subsplats."""
     rows, columns = fine_lit.shape
-    light, lit = np.zeros_like(fine), np.zeros_like(fine_lit)
-    for y in range(rows):
-        for x in range(columns):
-            taps = np.zeros((3, 3, 3))
-            there = np.zeros((3, 3))
-            for i in range(3):
-                for j in range(3):
-                    up = tuple(
-                        np.clip((y // 2 + i - 1, x // 2 + j - 1), 0, np.array(coarse_lit.shape) - 1)
-                    )
-                    own = tuple(np.clip((y + i - 1, x + j - 1), 0, (rows - 1, columns - 1)))
-                    there[i, j] = coarse_lit[up] or fine_lit[own]
-                    taps[i, j] = coarse[up] if coarse_lit[up] else fine[own]
-            if not there[1, 1]:
-                continue
-            # The nearer neighbour of the parent has 3/4, the farther 1/4.
-            tents = [np.array([0.75, 1.0, 0.25])[:: -1 if at % 2 else 1] for at in (y, x)]
-            weight = np.outer(*tents) * there
-            for i in (0, 2):
-                for j in (0, 2):
-                    weight[i, j] *= max(there[i, 1], there[1, j])
-            light[y, x] = np.tensordot(weight, taps, 2) / weight.sum()
-            lit[y, x] = True
-    return light, lit
+    y, x = np.indices(fine_lit.shape)
+    taps = np.zeros((3, 3, rows, columns, 3))
+    there = np.zeros((3, 3, rows, columns))
+    for i, j in np.ndindex(3, 3):
+        up = tuple(
+            np.clip(at // 2 + step - 1, 0, size - 1)
+            for at, step, size in ((y, i, coarse_lit.shape[0]), (x, j, coarse_lit.shape[1]))
+        )
+        own = np.clip(y + i - 1, 0, rows - 1), np.clip(x + j - 1, 0, columns - 1)
+        there[i, j] = coarse_lit[up] | fine_lit[own]
+        taps[i, j] = np.where(coarse_lit[up][..., None], coarse[up], fine[own])
+    # The nearer neighbour of the parent has 3/4, the farther 1/4.
+    tents = [
+        np.where(at % 2, *(np.array(ends).reshape(3, 1, 1) for ends in ((0.25, 1.0, 0.75),
+                                                                       (0.75, 1.0, 0.25))))
+        for at in (y, x)
+    ]
+    weight = tents[0][:, None] * tents[1] * there
+    for i, j in ((0, 0), (0, 2), (2, 0), (2, 2)):
+        weight[i, j] *= np.maximum(there[i, 1], there[1, j])
+    lit = there[1, 1] > 0.0
+    total = np.where(lit, weight.sum(axis=(0, 1)), 1.0)
+    light = np.einsum("ijyx,ijyxc->yxc", weight, taps) / total[..., None]
+    return np.where(lit[..., None], light, 0.0), lit

@@ -42,9 +42,11 @@ def rsm_published_reference(
     there = np.isfinite(view.inner(view.depth))
     points, normals = view.inner(view.positions()), view.inner(view.normal)
     full = np.zeros((rows, columns, 3))
+    of_texels = [texels(rsm) for rsm in rsms]
     for y, x in np.argwhere(there):
         full[y, x] = sum(
-            _gathered(points[y, x], normals[y, x], view, rsm, settings) for rsm in rsms
+            _gathered(points[y, x], normals[y, x], view, rsm, made, settings)
+            for rsm, made in zip(rsms, of_texels, strict=True)
         )
     low_rows, low_columns = (
         np.minimum(np.arange(0, length, step) + step // 2, length - 1) for length in view.size
@@ -84,10 +86,12 @@ def rsm_published_reference(
 
 
 def _gathered(
-    point: Doubles, normal: Doubles, view: SurfaceView, rsm: ReflectiveShadowMap, settings: Settings
+    point: Doubles, normal: Doubles, view: SurfaceView, rsm: ReflectiveShadowMap,
+    made: tuple[Doubles, Doubles, Doubles], settings: Settings,
 ) -> Doubles:
-    """Return [3] the irradiance at a point of the camera's view space, by samples of one map."""
-    position, towards, area = texels(rsm)
+    """Return [3] the irradiance at a point of the camera's view space, by samples of one map, of
+    whose texels `made` is what `texels` says."""
+    position, towards, area = made
     turn = view.camera.view[:3, :3]
     x = point @ turn + (view.camera.position - rsm.cameras[0].position)
     row, column, weight = _in_disk(x, rsm, settings)

@@ -167,7 +167,7 @@ def test_cut_out_emission_shines_where_it_is_not_cut_out() -> None:
     floor = Camera.look_at((0, 0.5, 0), (0, 0, 0), (0, 0, 1), width=8, height=8, yfov=0.3)
     holes = quads(FLOOR, sheet, materials=[grey(0.5), material], textures=(texture,))
     whole = radiance(quads(FLOOR, sheet, materials=[grey(0.5), grey(0.0, 3.0)]), floor, [], 256, 0)
-    halved = radiance(holes, floor, [], 1024, 0)
+    halved = radiance(holes, floor, [], 256, 0)
     assert 0.4 < halved.mean.mean() / whole.mean.mean() < 0.6
 
 
@@ -181,10 +181,10 @@ def test_one_bounce_and_direct_light_add_up_to_the_radiance() -> None:
     with mitsuba_scene.within(variant):
         albedo = Albedo(view.scene, view.lights, variant).image(camera, 1, 0)
     assert (albedo > 0.0).any(axis=-1).all(), "something is seen everywhere"
-    direct, bounce = (make(view.scene, camera, view.lights, 256)
+    direct, bounce = (make(view.scene, camera, view.lights, 128)
                       for make in (direct_light, one_bounce))  # fmt: skip
     share = albedo / math.pi
-    found = [radiance(view.scene, camera, view.lights, 256, bounces) for bounces in (0, 1)]
+    found = [radiance(view.scene, camera, view.lights, 128, bounces) for bounces in (0, 1)]
     closely(found[0], share * direct.mean, share * direct.error)
     closely(
         found[1], share * (direct.mean + bounce.mean), share * np.hypot(direct.error, bounce.error)
@@ -228,11 +228,11 @@ def test_environment_image_reaches_the_last_vertex_too(rng: np.random.Generator)
     scene = quads(FLOOR, wall, materials=[grey(0.6)])
     camera = Camera.look_at((3, 3, 2), (0.5, 0, 0), width=24, height=16, yfov=0.4)
     lights = [Environment(image)]
-    direct, bounce = (make(scene, camera, lights, 1024) for make in (direct_light, one_bounce))
+    direct, bounce = (make(scene, camera, lights, 256) for make in (direct_light, one_bounce))
     share = 0.6 / math.pi
-    closely(radiance(scene, camera, lights, 1024, 0), share * direct.mean, share * direct.error)
+    closely(radiance(scene, camera, lights, 256, 0), share * direct.mean, share * direct.error)
     closely(
-        radiance(scene, camera, lights, 1024, 1), share * (direct.mean + bounce.mean),
+        radiance(scene, camera, lights, 256, 1), share * (direct.mean + bounce.mean),
         share * np.hypot(direct.error, bounce.error),
     )
 
@@ -246,7 +246,7 @@ def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
     fine = Camera.look_at((0, 0, 2), (0, 0, 0), width=96, height=64, yfov=0.8)
     centres = radiance(scene, fine, [], 4).mean[..., 0]
     expected = centres.reshape(16, 4, 24, 4).mean(axis=(1, 3))
-    found = radiance(scene, camera, [], 1024, box_filter=True).mean[..., 0]
+    found = radiance(scene, camera, [], 256, box_filter=True).mean[..., 0]
     # 16 samples miss the area covered by an edge by at most about 1 / 8 of a pixel.
     np.testing.assert_allclose(found, expected, atol=0.13)
     assert abs(float((found - expected).mean())) < 0.01
@@ -258,7 +258,7 @@ def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
 def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
     view = BUILTIN_SCENES[name]()
     camera = view.camera(40, 30)
-    found = radiance(view.scene, camera, view.lights, 256, box_filter=True)
+    found = radiance(view.scene, camera, view.lights, 128, box_filter=True)
     variant = mitsuba_scene.best_variant()
     if variant == "scalar_rgb":
         pytest.skip("too slow without LLVM 17 or later")
@@ -267,7 +267,7 @@ def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
         integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
         sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
         images = [
-            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=128, seed=k))
+            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=64, seed=k))
             for k in range(4)
         ]
     closely(found, np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0)
@@ -312,9 +312,9 @@ def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = quads(*BOX[:5], punctual_light, materials=[grey(0.6)] * 5 + [grey(0.3, 5.0)])
     lights = [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
     camera = replace(INSIDE, width=6, height=4)
-    fast = radiance(scene, camera, lights, 1024, box_filter=True)
+    fast = radiance(scene, camera, lights, 256, box_filter=True)
     monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: "scalar_rgb")
-    slow = radiance(scene, camera, lights, 64, box_filter=True)
+    slow = radiance(scene, camera, lights, 32, box_filter=True)
     assert slow.key != fast.key
     closely(fast, slow.mean, np.maximum(slow.error, 0.05 * slow.mean))
 

@@ -155,7 +155,7 @@ def _note_differences(
     before: Mapping[str, Any], after: Mapping[str, Any], notes: list[str]
 ) -> bool:
     """Say what differs between two runs; return whether their errors can be compared."""
-    for name, what in (("label", "devices"), ("form", "kernel variants")):
+    for name, what in (("label", "devices"), ("variant", "kernel variants")):
         one, two = before["device"][name], after["device"][name]
         if one != two:
             notes.append(

@@ -35,7 +35,7 @@ _RESULT: dict[str, Any] = {
 }
 _DOCUMENT: dict[str, Any] = {
     "created": str, "options": dict, "versions": dict,
-    "device": {"label": str, "form": str},
+    "device": {"label": str, "variant": str},
     "machine": {"cpu": str, "threads": int, "system": str},
     "calibration": {"bandwidth_gb_s": float, "gathers_g_s": float, "multiply_adds_gflop_s": float},
     "reference": {"name": str, "ms": float},
@@ -64,7 +64,7 @@ def stamp(runtime: Runtime) -> dict[str, Any]:
         "modified": modified,
         "device": {
             "label": runtime.info.label, "kind": runtime.info.kind, "units": runtime.info.units,
-            "form": str(runtime.variant),
+            "variant": str(runtime.variant),
         },
         "machine": {
             "cpu": _cpu(),
@@ -103,6 +103,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         )
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{os.fspath(path)} is not JSON: {error}") from error
+    device = document.get("device") if isinstance(document, dict) else None
+    if isinstance(device, dict) and "form" in device:  # as it was called before
+        device.setdefault("variant", device.pop("form"))
     try:
         _check(document)
     except ValueError as error:

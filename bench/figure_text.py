@@ -71,7 +71,7 @@ def machine(found: Mapping[str, Any]) -> str:
     trial = f"**{summary.TRIAL}** " if found.get("quick") else ""
     return trial + (
         f"*Recorded by `make figures` at revision {revision(found)} ({found['created'][:10]}) on "
-        f"{device['label']}, {device['form']}; {cpu['cpu']}, {cpu['threads']} threads.*"
+        f"{device['label']}, {device['variant']}; {cpu['cpu']}, {cpu['threads']} threads.*"
     )
 
 

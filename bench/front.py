@@ -49,9 +49,11 @@ def error_of(result: Result) -> float:
 def rivals_of(results: Sequence[Result]) -> list[list[Result]]:
     """Return for each result those that beat it: no greater time and error, and one is less."""
     points = np.array([(clock(r)["median"], error_of(r)) for r in results]).reshape(-1, 2)
-    no_greater = (points[:, None] <= points).all(axis=-1)
-    beats = no_greater & (points[:, None] < points).any(axis=-1)
-    return [[results[k] for k in np.flatnonzero(column)] for column in beats.T]
+    no_greater = (points <= points[:, None]).all(axis=-1)
+    is_beaten_by = np.logical_and(no_greater, (points < points[:, None]).any(axis=-1))
+    return [
+        [results[int(k)] for k in np.flatnonzero(is_beaten_by[row])] for row in range(len(results))
+    ]
 
 
 def overlap(one: Result, other: Result) -> bool:

@@ -166,7 +166,7 @@ def record_presets(
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
         "device": sets.runtime.info.label,
-        "form": str(sets.runtime.variant),
+        "variant": str(sets.runtime.variant),
         "size": list(sets.size),
         "overscan": OVERSCAN,
         "metric": "rmse",

@@ -104,7 +104,7 @@ def _header(document: Mapping[str, Any]) -> str:
     )
     reference = document["reference"]
     facts = {
-        "Device": f"{device['label']} ({device['form']})",
+        "Device": f"{device['label']} ({device['variant']})",
         "Machine": f"{machine['cpu']}, {machine['threads']} threads, {machine['system']}",
         "Ceilings": calibration_line(document["calibration"]).partition(": ")[2],
         "Reference case": f"{reference['name']}, {number(reference['ms'])} ms",

@@ -127,7 +127,7 @@ def page(document: Mapping[str, Any], stem: str) -> str:
     lines = [
         "# Run time against error",
         "",
-        f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads. "
+        f"{device['label']}, {device['variant']}; {machine['cpu']}, {machine['threads']} threads. "
         f"Revision {revision(document)}, {document['created']}. "
         f"C{calibration_line(document['calibration'])[1:]}. "
         f"Reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms.",

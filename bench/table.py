@@ -48,7 +48,7 @@ def show(document: Mapping[str, Any], console: Console) -> None:
     """
     device, machine = document["device"], document["machine"]
     for line in (
-        f"{device['label']}, {device['form']}; {machine['cpu']}, {machine['threads']} threads",
+        f"{device['label']}, {device['variant']}; {machine['cpu']}, {machine['threads']} threads",
         f"{document['created']}, revision {revision(document)}",
         calibration_line(document["calibration"]),
         f"reference: {document['reference']['name']}, {number(document['reference']['ms'])} ms",

@@ -212,7 +212,7 @@ def test_record_says_what_the_presets_were_tuned_on(technique: str) -> None:
         assert scene["views"]
     assert recorded["truth"]["rays"] >= 256
     assert recorded["overscan"] == 0.1
-    for key in ("device", "form", "date", "version", "metric", "recorded by"):
+    for key in ("device", "variant", "date", "version", "metric", "recorded by"):
         assert recorded[key]
 
 

@@ -47,7 +47,7 @@ def rounds(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[list[str]]]:
             for variant in variants:
                 if does[variant] == "dies":
                     return Answers(said, "was ended by SIGBUS")
-                said.append({"form": variant, "speed": does[variant]})
+                said.append({"variant": variant, "speed": does[variant]})
             return Answers(said)
 
         monkeypatch.setattr(probing, "run_probe", run)
@@ -183,10 +183,10 @@ def script(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
 def test_a_probe_that_hangs_keeps_its_answers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    script(tmp_path, monkeypatch, 'echo \'{"form": "a", "speed": 1.0}\'\nexec sleep 60')
+    script(tmp_path, monkeypatch, 'echo \'{"variant": "a", "speed": 1.0}\'\nexec sleep 60')
     monkeypatch.setattr(probing, "PROBE_SECONDS", 0.5)
     answers = probing.run_probe(dict(os.environ), ["0", "0", "a", "b"])
-    assert answers.lines == [{"form": "a", "speed": 1.0}]
+    assert answers.lines == [{"variant": "a", "speed": 1.0}]
     assert answers.ending == "hangs (for 1 s)"
 
 
@@ -229,7 +229,7 @@ def test_the_probe_answers_for_a_real_driver() -> None:
     assert info.label in [entry["label"] for entry in listed]
     where = [str(info.platform), str(info.device)]
     first, last = probing.run_probe(environment, [*where, str(info.best)]).lines
-    assert first["form"] == last["form"] == str(info.best)
+    assert first["variant"] == last["variant"] == str(info.best)
     assert 0.3 < last["speed"] / info.speed < 3.0
 
 

@@ -164,11 +164,11 @@ def test_every_frame_of_a_moving_camera_has_bit_identical_results(
         used = lights if number != 3 else lights[:1]
         cut, whole = (
             render(built.scene, looking(built, *view), used, bounces=0, skips=skips, **given)
-            for skips in (("window", "lights", "layers"), ())
+            for skips in (("region", "lights", "layers"), ())
         )
         assert cut.gbuffer is not None
         assert whole.gbuffer is not None
-        assert "window" in [p.name for p in cut.passes]
+        assert "region" in [p.name for p in cut.passes]
         for name in ("radiance", "image", "ao", "indirect"):
             a, b = getattr(cut, name), getattr(whole, name)
             assert (a is None) == (b is None), name
@@ -188,7 +188,7 @@ def test_a_sky_that_is_an_image_is_drawn_everywhere(runtime: Runtime, rng: Any) 
             cut, whole = (
                 render(built.scene, looking(built, *view), lights, bounces=0, ao=False, skips=skips,
                        shadow_size=64, runtime=runtime)
-                for skips in (("window",), ())
+                for skips in (("region",), ())
             )
             np.testing.assert_array_equal(cut.radiance, whole.radiance)
             np.testing.assert_array_equal(cut.image, whole.image)

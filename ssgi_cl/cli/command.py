@@ -47,7 +47,7 @@ def devices_command(as_json: bool, refresh: bool) -> None:
     if as_json:
         print(json.dumps([
             {"label": info.label, "kind": info.kind, "units": info.units, "driver": info.driver,
-             "form": str(info.best), "million_reads_per_second": info.speeds}
+             "variant": str(info.best), "million_reads_per_second": info.speeds}
             for info in found
         ], indent=1))
         return

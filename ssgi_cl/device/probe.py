@@ -59,13 +59,13 @@ def time_variants(platform: int, device: int, names: list[str]) -> None:
             speed: float | str = million_reads(running[name]())
         except SsgiError as error:
             speed = str(error)[:LONGEST_REASON]
-        print(json.dumps({"form": name, "speed": speed}), flush=True)
+        print(json.dumps({"variant": name, "speed": speed}), flush=True)
     taken: dict[str, list[float]] = {name: [] for name in running}
     for _ in range(REPEATS):
         for name, run in running.items():
             taken[name].append(run())
     for name, seconds in taken.items():
-        print(json.dumps({"form": name, "speed": million_reads(median(seconds))}), flush=True)
+        print(json.dumps({"variant": name, "speed": million_reads(median(seconds))}), flush=True)
 
 
 def _why_not_loaded(driver: Path) -> str:

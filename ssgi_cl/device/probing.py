@@ -130,7 +130,7 @@ def _timed(environment: dict[str, str], where: list[str]) -> dict[str, float | s
     agreed = consensus(rounds)
     while running and agreed is None and len(rounds) < MOST_ROUNDS:
         answers = run_probe(environment, [*where, *running]).lines
-        rounds.append({answer["form"]: answer["speed"] for answer in answers
+        rounds.append({answer["variant"]: answer["speed"] for answer in answers
                        if isinstance(answer["speed"], float)})
         agreed = consensus(rounds)
     if agreed is None:  # the machine is busy: the medians are the best there is
@@ -151,7 +151,7 @@ def _one_round(environment: dict[str, str], where: list[str]) -> dict[str, float
         # All the others anew: forms are only fairly timed side by side.
         asked = [variant for variant, endings in deaths.items() if len(endings) < most]
         answers = run_probe(environment, [*where, *asked]) if asked else Answers([])
-        speeds = {answer["form"]: answer["speed"] for answer in answers.lines}
+        speeds = {answer["variant"]: answer["speed"] for answer in answers.lines}
         # The process died at the first form without an answer.
         missing = next((variant for variant in asked if variant not in speeds), None)
         if missing is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Self
@@ -29,12 +30,16 @@ SKIPS = {
     "occlusion, light, image",
     "tiles": "ambient occlusion or SSDO, and its blur, in tiles proven to have visibility 1 and no "
     "indirect light: empty, flat, or so far away that the radius covers less than a pixel",
-    "window": "pixels outside the active region: the rectangle of tiles that triangles may cover",
+    "region": "pixels outside the active region: the rectangle of tiles that triangles may cover",
     "lights": "lights that reach no visible surface, as all are turned away or outside the cone; "
     "and their shadow maps",
     "layers": "depth layers without pixels",
 }
 """Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
+
+
+_FORMER_SKIPS = {"window": "region"}
+"""Former names, which work for one release."""
 
 
 def chosen_skips(skips: object) -> frozenset[str]:
@@ -48,6 +53,14 @@ def chosen_skips(skips: object) -> frozenset[str]:
     """
     if isinstance(skips, bool):
         return frozenset(SKIPS) if skips else frozenset()
+    if isinstance(skips, Iterable) and not isinstance(skips, str):
+        skips = list(skips)
+        for former, name in _FORMER_SKIPS.items():
+            if former in skips:
+                warnings.warn(
+                    f"the skip {former!r} is called {name!r} now", DeprecationWarning, stacklevel=2
+                )
+                skips = [name if each == former else each for each in skips]
     return frozenset(_names("skips", skips, tuple(SKIPS)))
 
 

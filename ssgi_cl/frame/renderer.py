@@ -115,7 +115,7 @@ class Renderer:
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
-            regions="window" in self.skips, world="until released" if ssdo else "until derived",
+            regions="region" in self.skips, world="until released" if ssdo else "until derived",
         )
         maps = LightMaps(
             runtime, shadow_size, flux=whole is not None or (indirect is not None and not ssdo),

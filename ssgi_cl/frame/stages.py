@@ -74,7 +74,7 @@ def gbuffer_stage(
         if seen.region is not None:
             rows, columns = seen.region.rows, seen.region.columns
             why = f"nothing is seen outside of {columns} x {rows} pixels"
-            runtime.skip("window", why, 0.0)
+            runtime.skip("region", why, 0.0)
         seen.derive()
         if look is not None:
             look(seen)

@@ -94,7 +94,7 @@ class Tuning:
         scenes: name, digest, radius and views (eye, target) of each scene tuned on.
         size: (rows, columns).
         layers, overscan: of the G-buffers.
-        device, form: what the times are of.
+        device, variant: what the times are of.
         truth: how the truth was made.
         date: UTC, ISO 8601.
         version: of the library.
@@ -114,7 +114,7 @@ class Tuning:
     layers: int
     overscan: float
     device: str
-    form: str
+    variant: str
     truth: Mapping[str, Any]
     date: str
     version: str

@@ -243,7 +243,7 @@ class Session:
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             "version": __version__,
             "device": self._runtime.info.label,
-            "form": str(self._runtime.variant),
+            "variant": str(self._runtime.variant),
             "size": self._size,
             "layers": self._layers,
             "overscan": self._overscan,

@@ -45,7 +45,7 @@ def whole(*results: dict[str, Any], **changes: Any) -> dict[str, Any]:
         "options": {"truth_rays": 512, "attenuation": "none", "seconds": 1.0},
         "versions": {"ssgi_cl": "0.1.0", "numpy": "2.0", "vtk": None}, "revision": "abc1234",
         "modified": False,
-        "device": {"label": "Made up 1.0: CPU", "kind": "cpu", "units": 2, "form": "16 lanes"},
+        "device": {"label": "Made up 1.0: CPU", "kind": "cpu", "units": 2, "variant": "16 lanes"},
         "machine": {"cpu": "Made up", "threads": 2, "system": "None"},
         "calibration": {
             "bandwidth_gb_s": 31.0, "gathers_g_s": 4.0, "multiply_adds_gflop_s": 230.0,

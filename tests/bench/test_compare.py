@@ -155,7 +155,7 @@ def test_truths_of_other_options_are_not_compared() -> None:
 
 def test_other_devices_are_compared_by_ratio_and_said_on_top() -> None:
     after = whole(entry())
-    after["device"] = {"label": "Other 2.0: GPU", "kind": "gpu", "units": 1, "form": "1 lane"}
+    after["device"] = {"label": "Other 2.0: GPU", "kind": "gpu", "units": 1, "variant": "1 lane"}
     text = shown(compare(whole(entry()), after), width=300)
     assert text.startswith("note: the devices differ: Made up 1.0: CPU and Other 2.0: GPU.")
     assert "the kernel variants differ: 16 lanes and 1 lane" in text

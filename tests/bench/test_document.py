@@ -24,7 +24,7 @@ def test_stamp_says_what_was_measured_and_on_what(runtime: Runtime) -> None:
     assert stamp["versions"]["numpy"] == np.__version__
     assert stamp["versions"].keys() >= {"ssgi_cl", "python", "pyopencl", "embreex", "vtk"}
     assert stamp["device"]["label"] == runtime.info.label
-    assert stamp["device"]["form"] == str(runtime.variant)
+    assert stamp["device"]["variant"] == str(runtime.variant)
     assert stamp["machine"]["threads"] >= 1
     assert stamp["machine"]["cpu"]
 
@@ -33,6 +33,14 @@ def test_stamped_document_reads_back(tmp_path: Path, runtime: Runtime) -> None:
     written = {**whole(entry()), **document.stamp(runtime)}
     document.write(tmp_path / "a.json", written)
     assert document.read(tmp_path / "a.json") == written
+
+
+def test_a_document_from_before_the_variant_was_called_so_is_read(tmp_path: Path) -> None:
+    written = whole(entry())
+    wanted = json.loads(json.dumps(written))
+    written["device"]["form"] = written["device"].pop("variant")
+    (tmp_path / "a.json").write_text(json.dumps(written), encoding="utf-8")
+    assert document.read(tmp_path / "a.json") == wanted
 
 
 def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> None:

@@ -176,7 +176,7 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
     own = runtime.info
     probe.time_variants(own.platform, own.device, ["8 lanes, buffer", "16 lanes, buffer"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    speeds = {line["form"]: line["speed"] for line in lines}
+    speeds = {line["variant"]: line["speed"] for line in lines}
     info = DeviceInfo("", 0, 0, "Test 1", "cpu", 2, speeds)
     monkeypatch.setattr(drivers, "devices", lambda: (info,))
     assert info.best is not None

@@ -178,7 +178,7 @@ def wrong_speeds(seed: int) -> None:
         return true[variant] * wrong * rng.uniform(0.95, 1.05)
 
     def run(environment: dict[str, str], arguments: list[str]) -> probing.Answers:
-        return probing.Answers([{"form": variant,
+        return probing.Answers([{"variant": variant,
             "speed": timed(variant)} for variant in arguments[2:]])
 
     probing.run_probe, kept = run, probing.run_probe

@@ -266,8 +266,8 @@ class SliceScan(Prepared[SliceParams]):
         perspective = bool(gbuffer.camera_struct["perspective"])
         thick = thickness is not None
         kernel = self.runtime.kernel(
-            "slices/slices_near.cl",
-            {"NEAR_LAYERS": count, "NEAR_THICKNESS": int(thick)}, (CAMERA,),
+            "slices/slices_inv_depth.cl",
+            {"INV_DEPTH_LAYERS": count, "INV_DEPTH_THICKNESS": int(thick)}, (CAMERA,),
         )
         # What lies outside differs between perspective and orthographic cameras.
         target = Target(
@@ -276,7 +276,7 @@ class SliceScan(Prepared[SliceParams]):
         )
         with target.over(self._rows_of(gbuffer.region)) as (inv_depth, over):
             kernel.run(
-                "near", inv_depth.size, region=over,
+                "inverse depth", inv_depth.size, region=over,
                 depth=gbuffer.depth, thickness=thickness, inv_depth=inv_depth,
                 ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
                 camera=gbuffer.camera_struct, **self._places(gbuffer.depth),

@@ -316,7 +316,7 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.multires_splat",
     kernels={
         "multires/cluster_order.cl": (),
-        "multires/cluster_runs.cl": (),
+        "multires/cluster_means.cl": (),
         "multires/cut_limits.cl": (),
         "multires/cut_lists.cl": (),
         "multires/cut_mean.cl": ("VPL_CUT", "VPL_NEAR"),

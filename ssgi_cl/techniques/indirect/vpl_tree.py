@@ -88,7 +88,7 @@ class VplTree:
         self._kept = runtime.empty(0, np.float32)
         macros = {"VPL_NEAR": near, "VPL_CUT": cut}
         self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
-        self._make_runs = runtime.kernel("multires/cluster_runs.cl", {}, (CAMERA, VPL))
+        self._make_runs = runtime.kernel("multires/cluster_means.cl", {}, (CAMERA, VPL))
         self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
         self._other = runtime.kernel("multires/cut_other.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")

@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: MIT
-// slices_near: depth layers in the measure that the scan of slices reads, at full size or less.
+// slices_inv_depth: depth layers as the scan of slices reads them, at full size or less.
 //
 // Picks every n-th pixel and sorts each row by column modulo 4, so that pixels which scan alike lie
 // side by side. 1 / depth is linear in the pixel position on every plane and has a finite value, 0,
 // for nothing.
 //
-// Reads:   depth  NEAR_LAYERS x [rows, columns] with margin, scene units; INFINITY where nothing is
-//          thickness [rows, columns] with margin, scene units, with NEAR_THICKNESS alone
-// Writes:  near   NEAR_LAYERS x [rows, 4 stride], column c at (c + lead) % 4 * stride +
-//                 (c + lead) / 4: 1 / depth, 0 where nothing is (perspective);
-//                 depth in pixels' widths, INFINITY where nothing is (orthographic);
-//                 with NEAR_THICKNESS another image behind them, thickness in scene units
-// Macros:  NEAR_LAYERS (>= 1), NEAR_THICKNESS (0, 1)
+// Reads:   depth      INV_DEPTH_LAYERS x [rows, columns] with margin, scene units; INFINITY where
+//                     nothing is
+//          thickness  [rows, columns] with margin, scene units, with INV_DEPTH_THICKNESS alone
+// Writes:  inv_depth  INV_DEPTH_LAYERS x [rows, 4 stride], column c at (c + lead) % 4 * stride +
+//                     (c + lead) / 4: 1 / depth, 0 where nothing is (perspective);
+//                     depth in pixels' widths, INFINITY where nothing is (orthographic);
+//                     with INV_DEPTH_THICKNESS another image behind them, thickness in scene units
+// Macros:  INV_DEPTH_LAYERS (>= 1), INV_DEPTH_THICKNESS (0, 1)
 // Launch:  SSGI_LANES floats of a row of `inv_depth` per work-item
 // Cost:    1 read and 1 write per pixel and layer
 
 #include "common/camera.clh"
 #include "slices/sorted.clh"
 
-#if !defined(NEAR_LAYERS) || !defined(NEAR_THICKNESS)
-#error "NEAR_LAYERS and NEAR_THICKNESS must be defined by the host"
+#if !defined(INV_DEPTH_LAYERS) || !defined(INV_DEPTH_THICKNESS)
+#error "INV_DEPTH_LAYERS and INV_DEPTH_THICKNESS must be defined by the host"
 #endif
 
-__kernel void slices_near(ssgi_plane depth,
-#if NEAR_THICKNESS
+__kernel void slices_inv_depth(ssgi_plane depth,
+#if INV_DEPTH_THICKNESS
                           ssgi_plane thickness,
 #endif
                           __global float *restrict inv_depth, const int2 size,
@@ -39,7 +40,7 @@ __kernel void slices_near(ssgi_plane depth,
     const bool perspective = camera.perspective != 0.0f;
     const SsgiSorted from =
         ssgi_sorted(size.x, x, y, fine_size, columns, lead, step, first_x, first_y);
-    for (int layer = 0; layer < NEAR_LAYERS; ++layer) {
+    for (int layer = 0; layer < INV_DEPTH_LAYERS; ++layer) {
         const vfloat z = ssgi_load_sorted(depth, &from, layer);
         const vmask there = from.inside & v_lt(z, v_splat(INFINITY));
         const vfloat value = perspective
@@ -47,9 +48,9 @@ __kernel void slices_near(ssgi_plane depth,
                                  : v_select(v_splat(INFINITY), z * ortho_unit, there);
         ssgi_store(value, inv_depth, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
-#if NEAR_THICKNESS
+#if INV_DEPTH_THICKNESS
     const vfloat thick = ssgi_load_sorted(thickness, &from, 0);
-    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), inv_depth, size, NEAR_LAYERS, x, y,
+    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), inv_depth, size, INV_DEPTH_LAYERS, x, y,
                0.0f);
 #endif
 }

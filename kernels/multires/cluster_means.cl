@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: MIT
-// cluster_runs: what stands for the lights of each run of 4, 16 and 64.
+// cluster_means: what stands for the lights of each cluster of 4, 16 and 64.
 //
 // Method:  Walter et al. 2005, "Lightcuts", with the mean of position, normal and area in place of a
 //          representative light's: then errors of first order cancel. The mean normal isn't
 //          scaled to unit length, so that the light towards any far point where no light of the
-//          run is seen from behind is that of its lights.
+//          cluster is seen from behind is that of its lights.
 // Reads:   records  of the lights, see cluster_order
-// Writes:  records  of the runs; means in proportion to luminous flux
-//          bounds   of the runs
-// Launch:  a work-item for each run of a segment (columns), rows are segments
+// Writes:  records  of the clusters; means in proportion to luminous flux
+//          bounds   of the clusters
+// Launch:  a work-item for each cluster of a segment (columns), rows are segments
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cluster.clh"
 
-__kernel void cluster_runs(__global float *restrict records, __global float *restrict bounds,
+__kernel void cluster_means(__global float *restrict records, __global float *restrict bounds,
                            const int2 size, const VplParams params, const int total)
 {
     const int stride = params.stride;
@@ -24,8 +24,8 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
         return;
     }
     const int level = record < tree_first(stride, 2) ? 1 : record < tree_first(stride, 3) ? 2 : 3;
-    const int run = record - tree_first(stride, level);
-    const int first = run << (2 * level);
+    const int cluster = record - tree_first(stride, level);
+    const int first = cluster << (2 * level);
     const int count = min(total - segment * stride, stride);
     const int end = min(first + (1 << (2 * level)), count);
     records += segment * tree_first(stride, 4) * TREE_RECORD;
@@ -64,10 +64,10 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
         mean[j] *= scale;
     }
     float spread = 0.0f, turn = 0.0f;
-    // The light before which a fraction of the run's flux lies: of a golden-ratio sequence, so that
-    // over all runs visibility is sampled in proportion to flux. The light nearest to the mean would
-    // see more than the others where a surface ends.
-    const float golden = ((float)run + 0.5f) * 0.618034f;
+    // The light before which a fraction of the cluster's flux lies: of a golden-ratio sequence, so
+    // that over all clusters visibility is sampled in proportion to flux. The light nearest to the
+    // mean would see more than the others where a surface ends.
+    const float golden = ((float)cluster + 0.5f) * 0.618034f;
     float left = (golden - floor(golden)) * weight;
     int target = -1;
     for (int i = first; i < end; ++i) {
@@ -90,7 +90,7 @@ __kernel void cluster_runs(__global float *restrict records, __global float *res
     const int width = tree_width(stride) * (level == 1 ? 4 : 1);
     const int copies = level == 3 ? 4 : 1;
     for (int j = 0; j < TREE_BOUNDS; ++j) {
-        for (int i = copies * run; i < min(copies * (run + 1), width); ++i) {
+        for (int i = copies * cluster; i < min(copies * (cluster + 1), width); ++i) {
             bounds[j * width + i] = any ? bound[j] : 0.0f;
         }
     }

@@ -41,9 +41,9 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
     vfloat open = zero, all = zero;
     for (int n = 0; n < size.y; ++n) {
         __global const float *restrict way = directions + n * 8;
-        const vfloat facing = v_fma(start.nx, v_splat(way[0]),
-                                    v_fma(start.ny, v_splat(way[1]), start.nz * way[2]));
-        const vmask wanted = v_gt(facing, zero);
+        const vfloat n_dot_l = v_fma(start.nx, v_splat(way[0]),
+                                     v_fma(start.ny, v_splat(way[1]), start.nz * way[2]));
+        const vmask wanted = v_gt(n_dot_l, zero);
         if (!v_any(wanted)) {
             continue;
         }
@@ -57,7 +57,7 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
         end.ny = v_splat(-way[1]);
         end.nz = v_splat(-way[2]);
         const vmask seen = wanted & ~vpl_blocked(occupancy, start, end, wanted);
-        const vfloat w = v_max(facing, zero) * way[3];
+        const vfloat w = v_max(n_dot_l, zero) * way[3];
         const vfloat own = v_select(zero, w, seen);
         all = all + w;
         open = open + own;

@@ -35,11 +35,11 @@ __kernel void radiosity_visibility(__global const float *restrict surfels,
     for (int n = 0; n < 32; ++n) {
         const int sender = word * 32 + n;
         const vfloat w = surfel_weight(records + sender * SURFEL_RECORD, at);
-        const vmask facing = v_gt(w, v_splat(0.0f));
-        if (v_any(facing)) {
+        const vmask wanted = v_gt(w, v_splat(0.0f));
+        if (v_any(wanted)) {
             const VplCell end = surfel_start(surfels, stride, sender);
-            const vmask blocked = vpl_blocked(occupancy, start, end, facing);
-            bits = bits | (facing & ~blocked & v_splat_int((int)(1u << n)));
+            const vmask blocked = vpl_blocked(occupancy, start, end, wanted);
+            bits = bits | (wanted & ~blocked & v_splat_int((int)(1u << n)));
         }
     }
     v_istore(bits, visible + word * stride + first);

@@ -182,9 +182,9 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 const vfloat part = v_clamp(
                     (v_to_float(number) + 0.5f - dither - from_sector) / width, 0.0f, 1.0f);
                 const vfloat turned = v_fma(part, v_splat(end - sine), v_splat(sine));
-                const vfloat facing = v_sqrt(v_max(v_fma(-turned, turned, one), zero));
+                const vfloat upright = v_sqrt(v_max(v_fma(-turned, turned, one), zero));
                 vfloat wx, wy, wz;
-                views_direction(&view_ray, &slice, turned, facing, &wx, &wy, &wz);
+                views_direction(&view_ray, &slice, turned, upright, &wx, &wy, &wz);
                 const vfloat dx =
                     v_fma(wx, v_splat(params.xx), v_fma(wy, v_splat(params.xy), wz * params.xz));
                 const vfloat dy =

@@ -85,8 +85,8 @@ def direct_reference(light: PunctualLight, position: Doubles, normal: Doubles) -
     """Return irradiance [..., 3] in W/m^2 of surfaces in world space, without shadows."""
     if isinstance(light, DirectionalLight):
         cosine = -normal @ np.asarray(light.direction)
-        facing: Doubles = np.maximum(cosine, 0.0)[..., None] * np.asarray(light.irradiance)
-        return facing
+        received: Doubles = np.maximum(cosine, 0.0)[..., None] * np.asarray(light.irradiance)
+        return received
     to_light = np.asarray(light.position) - position
     squared = np.sum(to_light * to_light, axis=-1)
     distance = np.sqrt(np.where(squared > 0.0, squared, 1.0))
@@ -168,9 +168,9 @@ def face_shadow_reference(
     own = -depth if flat else 1.0 / depth
     slope_x, slope_y = (np.zeros_like(column),) * 2 if flat else (sx * column + ox, sy * row + oy)
     length = np.sqrt(slope_x**2 + slope_y**2 + 1.0)
-    facing = tilt[..., 0] * slope_x + tilt[..., 1] * slope_y - tilt[..., 2]
-    facing = np.minimum(facing, -LEAST_N_DOT_V * length)
-    change = (1.0 if flat else own) / facing
+    slope = tilt[..., 0] * slope_x + tilt[..., 1] * slope_y - tilt[..., 2]
+    slope = np.minimum(slope, -LEAST_N_DOT_V * length)
+    change = (1.0 if flat else own) / slope
     own_x, own_y = tilt[..., 0] * sx * change, tilt[..., 1] * sy * change
     texel = max(abs(sx), abs(sy)) * (np.ones_like(own) if flat else own)
     slack = part * (SLOPE * (np.abs(own_x) + np.abs(own_y)) + LEAST * texel)

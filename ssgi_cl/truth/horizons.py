@@ -22,7 +22,7 @@ class Plane:
 
     Attributes:
         edge: cotangent of the angle between the view ray and the tangent plane.
-        facing: cosine between normal and view ray.
+        n_dot_v: cosine between normal and view ray.
         lean: component of the normal across the view ray, along this side.
     """
 

@@ -306,8 +306,8 @@ def _normals(gbuffer: GBuffer, depth: Doubles) -> tuple[Doubles, Mask]:
     known = np.isfinite(depth) & (length[..., 0] > 0.0) & np.isfinite(length[..., 0])
     normal = np.where(known[..., None], normal / np.where(known[..., None], length, 1.0), 0.0)
     view_ray = np.array([0.0, 0.0, -1.0]) if gbuffer.camera.is_orthographic else position
-    facing = np.sum(np.where(known[..., None], normal * view_ray, 0.0), axis=-1)
-    return np.where(facing[..., None] > 0.0, -normal, normal), known
+    n_dot_v = np.sum(np.where(known[..., None], normal * view_ray, 0.0), axis=-1)
+    return np.where(n_dot_v[..., None] > 0.0, -normal, normal), known
 
 
 def _positions(gbuffer: GBuffer, depth: Doubles) -> Doubles:

@@ -224,16 +224,16 @@ class RadianceTracer(PathTracer):
         distance = dr.sqrt(squared)
         way = to / distance
         density = self.arriving(at, way, distance) / math.pi
-        facing = dr.abs(dr.dot(normal, way))
-        own = self._entry("density", index) * squared / dr.maximum(facing, 1e-12)
+        n_dot_w = dr.abs(dr.dot(normal, way))
+        own = self._entry("density", index) * squared / dr.maximum(n_dot_w, 1e-12)
         return radiance * (density / dr.maximum(own + density, 1e-30))
 
     def _met_emission(self, at: Surface, met: Surface, si: Any, way: Any, density: Any) -> Any:
         """Return emission of a surface met along a cosine-distributed direction, weighted."""
         dr = self.dr
         radiance, own = self._emission(met, si)
-        facing = dr.maximum(dr.abs(dr.dot(met.normal, way)), 1e-12)
-        own = own * dr.squared_norm(met.point - at.front) / facing
+        n_dot_w = dr.maximum(dr.abs(dr.dot(met.normal, way)), 1e-12)
+        own = own * dr.squared_norm(met.point - at.front) / n_dot_w
         share = density / dr.maximum(density + own, 1e-30)
         return dr.select(met.there, radiance * share, 0.0)
 

@@ -92,6 +92,7 @@ BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md",
            *(f"docs/techniques/{name}.md" for name in PAGES))
 """Pages whose text is written by hand, round the blocks."""
 
+
 def pages(root: Path) -> dict[str, str]:
     """Return path of a page from the root of the checkout -> what it has to be."""
     benchmark = recorded(root, "benchmark")

@@ -244,13 +244,13 @@ class Rasterizer:
             4 * self._pixels * (1 + min(target.layers, 2)) + vertices
             + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity)
             + (plane_bytes(3 * target.attributes, target.whole) if passing else 0)
-            + 7 * ALIGNMENT
+            + 7 * ALIGNMENT  # each of up to seven pieces begins at a multiple
         )
 
     def _lists(self, scene: DeviceScene) -> _Lists:
         """Return the memory that a frame needs until its pixels are drawn."""
         # In one piece with the rest, of which parts are of use to others afterwards.
-        self._reserve(7 * 4 * scene.vertex_stride)
+        self._reserve(4 * (3 + 4) * scene.vertex_stride)
         array = self.runtime.transient.array
         return _Lists(
             view=array(3 * scene.vertex_stride, np.float32),

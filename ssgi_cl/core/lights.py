@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -146,6 +146,16 @@ def light_tuple(lights: Iterable[Light]) -> tuple[Light, ...]:
         if not isinstance(light, Light):
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
     return result
+
+
+def environments_of(lights: Iterable[Light]) -> tuple[Environment, ...]:
+    """Return the environments among the lights."""
+    return tuple(light for light in lights if isinstance(light, Environment))
+
+
+def are_same(some: Sequence[Light], others: Sequence[Light]) -> bool:
+    """Return whether both are the same objects; a light never changes."""
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 def _set(light: object, name: str, value: NDArray[np.float64]) -> None:

@@ -92,12 +92,6 @@ class DeviceGBuffer:
         self._thickness: Plane | None = None
         self.camera: Camera | None = None
         self.camera_struct: Any = None
-        self._kernels = [
-            runtime.kernel(
-                "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": given}, (CAMERA, VIEW_ROTATION)
-            )
-            for given in (0, 1, 2)
-        ]
 
     @property
     def emission(self) -> Plane:
@@ -219,7 +213,10 @@ class DeviceGBuffer:
         in_place = world is self.normal
         if in_place:
             self._normal_world = None  # whatever becomes of the pass
-        kernel = self._kernels[0 if not given else 2 if in_place else 1]
+        source = 0 if not given else 2 if in_place else 1
+        kernel = self.runtime.kernel(
+            "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": source}, (CAMERA, VIEW_ROTATION)
+        )
         with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
                 kernel.run(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.environment_samples import sample_environments
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
 from ssgi_cl.core.scene import Scene
@@ -141,10 +141,9 @@ class SampledLights(Prepared[SampledLightsParams]):
         )
 
     def _sample(self, lights: Sequence[Light]) -> None:
-        now = tuple(light for light in lights if isinstance(light, Environment))
-        before = self._environments
-        if len(now) == len(before) and all(a is b for a, b in zip(now, before, strict=True)):
-            return  # an environment never changes
+        now = environments_of(lights)
+        if are_same(now, self._environments):
+            return
         self._scene = None
         self._directions, self._flux = sample_environments(now, self.params.count)
         self._environments = now

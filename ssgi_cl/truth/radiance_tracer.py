@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, environments_of
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
@@ -45,7 +45,7 @@ class RadianceTracer(PathTracer):
         super().__init__(scene, lights, variant, emission=self._emits)
         self._bounces = bounces
         self._box = box_filter
-        self._environments = [light for light in lights if isinstance(light, Environment)]
+        self._environments = environments_of(lights)
         self._emitters = Emitters.of(scene)
         self._both = self._world.has_sky_image
         names = ("corner", "first", "second", "radiance", "cumulative", "density")

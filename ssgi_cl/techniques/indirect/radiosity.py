@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
@@ -128,7 +128,7 @@ class Radiosity(Prepared[RadiosityParams]):
             ValueError: with bounces="all", surfaces that are closed in absorb too little of the
                 light for its bounces to end.
         """
-        environments = tuple(light for light in lights if isinstance(light, Environment))
+        environments = environments_of(lights)
         lit = (scene.key, environments, tuple(rsms), tuple(rsm.version for rsm in rsms))
         if lit == self._lit:
             self.runtime.skip("radiosity", "scene and lights are the same")

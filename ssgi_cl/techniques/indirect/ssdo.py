@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -162,7 +162,7 @@ class Ssdo(Prepared[SsdoParams]):
                 f"the G-buffer's size, margin, layers and layers with attributes are {given}: "
                 f"expected {self._shape}"
             )
-        self._sky.set([light for light in lights if isinstance(light, Environment)])
+        self._sky.set(environments_of(lights))
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
         # Then lights and the whole sky are all there is.
         open_ = (

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST
 
@@ -48,7 +48,7 @@ class Ambient:
         self.irradiance = runtime.array(np.zeros((AMBIENT_SIZE + 1) ** 2 * 4, np.float32))
         self.macros = {"AMBIENT_SIZE": 0}
         self.shines = False
-        self._environments: list[Environment] = []
+        self._environments: tuple[Environment, ...] = ()
 
     def set(self, lights: Sequence[Light]) -> bool:
         """Take the environments among the lights; return whether they changed since last time."""
@@ -63,16 +63,6 @@ class Ambient:
         self.irradiance.upload(quads)
         self._environments = environments
         return True
-
-
-def environments_of(lights: Sequence[Light]) -> list[Environment]:
-    """Return the environments among the lights."""
-    return [light for light in lights if isinstance(light, Environment)]
-
-
-def are_same(some: Sequence[Environment], others: Sequence[Environment]) -> bool:
-    """Return whether both are the same objects, which never change."""
-    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 def irradiance_map(environment: Environment) -> Doubles:

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
-from ssgi_cl.techniques.shading.ambient import Ambient, are_same, environments_of
+from ssgi_cl.techniques.shading.ambient import Ambient
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -66,7 +66,7 @@ class Shade(Prepared[ShadeParams]):
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
         self._sky_size = (1, 1)
-        self._environments: list[Environment] = []
+        self._environments: tuple[Environment, ...] = ()
         self._background: tuple[float, ...] | None = (0.0, 0.0, 0.0)
         self._previous = PreviousRegion()
 
@@ -179,7 +179,7 @@ class Shade(Prepared[ShadeParams]):
         """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
         return None if self._background is None else gbuffer.seen
 
-    def _set_sky(self, environments: list[Environment]) -> None:
+    def _set_sky(self, environments: tuple[Environment, ...]) -> None:
         """Bring what the environments look like to the device, unless it is there."""
         if are_same(environments, self._environments):
             return

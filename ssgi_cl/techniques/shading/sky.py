@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.lights import Environment, are_same
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
 
@@ -47,9 +47,9 @@ class Sky:
 
     def set(self, environments: Sequence[Environment]) -> None:
         """Take other environments; nothing is done if they are those of last time."""
-        before, now = self._environments, tuple(environments)
-        if len(before) == len(now) and all(a is b for a, b in zip(before, now, strict=True)):
-            return  # an environment never changes
+        now = tuple(environments)
+        if are_same(now, self._environments):
+            return
         radiance = [np.asarray(environment.radiance, np.float64) for environment in now]
         constants = [value for value in radiance if value.ndim == 1]
         images = [value for value in radiance if value.ndim == 3 and value.any()]

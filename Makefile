@@ -34,11 +34,14 @@ setup: $(STAMP)
 system:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
 
+# System packages come while pip works, but first where Python needs one of them to make environments.
 $(STAMP): pyproject.toml Makefile tools/system-packages.sh
-	@PYTHON=$(PYTHON) sh tools/system-packages.sh
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,test]'
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || PYTHON=$(PYTHON) sh tools/system-packages.sh
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh & \
+	$(PYTHON) -m venv $(VENV) && \
+	$(BIN)/python -m pip install --quiet --upgrade pip && \
+	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,test]'; \
+	status=$$?; wait; exit $$status
 	@touch $(STAMP)
 
 demo: setup

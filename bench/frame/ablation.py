@@ -121,9 +121,23 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
         )
         return found.radiance.astype(np.float64)
 
+    def unreflected(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
+        found = render(
+            scene, camera, lights, outputs=("radiance", "ao", "indirect", "gbuffer"),
+            runtime=runtime, **options,
+        )
+        seen = found.gbuffer
+        if found.indirect is None or seen is None:
+            return found.radiance.astype(np.float64)
+        gaps = 1.0 if found.ao is None else np.minimum(2.0 * found.ao, 1.0)[..., None]
+        reflected = seen.albedo / np.pi * gaps * found.indirect.astype(np.float64)
+        return found.radiance - np.where(np.isfinite(seen.depth)[..., None], reflected, 0.0)
+
     whole = dict(mode.options)
     direct = {
-        term: made(*part, {**whole, **mode.direct}) for term, part in _parts(view).items()
+        term: unreflected(*part, whole) if mode.direct is None
+        else made(*part, {**whole, **mode.direct})
+        for term, part in _parts(view).items()
     }
     every = made(view.scene, view.lights, whole)
     straight = sum(direct.values(), np.zeros_like(every))

@@ -15,13 +15,14 @@ class Mode:
 
     Attributes:
         options: of the frame.
-        direct: what to change for direct light, of punctual lights, emission and environments.
+        direct: what to change for direct light, of punctual lights, emission and environments; None
+            where no change gives it: reflected light is subtracted from the frame.
         one_bounce: what to change for direct light and one bounce; None where the frame has no
             later bounces.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
-    direct: Mapping[str, Any] = field(default_factory=lambda: {"bounces": 0})
+    direct: Mapping[str, Any] | None = None
     one_bounce: Mapping[str, Any] | None = None
 
 
@@ -30,10 +31,10 @@ DEFAULT = "default"
 MODES: Mapping[str, Mode] = {
     DEFAULT: Mode(one_bounce={"bounces": 1}),
     **{
-        name: Mode({"preset": name}, {"preset": None, "bounces": 0}, {"bounces": 1})
+        name: Mode({"preset": name}, one_bounce={"bounces": 1})
         for name in PRESETS if name != DEFAULT_PRESET
     },
-    "direct": Mode({"bounces": 0}),
+    "direct": Mode({"bounces": 0}, {}),
     "multires": Mode({"indirect": "multires", "layers": 2, "vpls": 4096}, {"indirect": False}),
 }
 """Name -> how a frame is rendered."""

@@ -82,8 +82,10 @@ class Radiosity(Prepared[RadiosityParams]):
 
     Reflective shadow maps give the first bounce of spot, point and directional lights at pixels;
     surfels carry their later bounces, all bounces of environments, and all light of emissive
-    surfaces. Surfels and what they see are kept until another scene comes; the lights are kept as
-    long as scene, environments and maps stay the same.
+    surfaces. Surfaces that face a space which no light enters, as rooms of unlit neighbours and the
+    inside of things, have no surfels. Surfels and what they see are kept until another scene comes
+    or light enters other spaces; the lights are kept as long as scene, environments and maps stay
+    the same.
 
     Args:
         runtime: the device.
@@ -103,6 +105,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
         self._chooser = VplChooser(runtime, (self._maps,))
         self._scene: object = None
+        self._dark: frozenset[int] | None = None
         self._lit: object = None
         self._result: WorldVpls | None = None
         self.irradiance: Doubles = np.zeros((0, 3))
@@ -134,10 +137,19 @@ class Radiosity(Prepared[RadiosityParams]):
             self.runtime.skip("radiosity", "scene and lights are the same")
             return self._result
         self._lit = self._result = None  # should anything fail, nothing is kept
+        device = self._device
         if self._scene is not scene.key:
-            self._scene = None
-            self._device.fill(scene, self.params.surfels)
+            self._scene = self._dark = None
+            device.enter(scene)
             self._scene = scene.key
+        if rsms:
+            self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
+        shines = any(np.any(np.asarray(one.radiance)) for one in environments)
+        dark = device.dark(self._maps if rsms else None, sky=shines)
+        if self._dark != dark:
+            self._dark = None
+            device.fill(scene, self.params.surfels, dark)
+            self._dark = dark
         self._result = self._solved(environments, rsms)
         self._lit = lit
         return self._result
@@ -152,8 +164,6 @@ class Radiosity(Prepared[RadiosityParams]):
         ways, solid, radiance = sky_directions(environments, self.params.directions)
         # Kernels count light in that of the brightest source, so that none leaves their range.
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
-        if rsms:
-            self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
         sky = device.look_up(ways, solid, radiance / scale)
         first = np.zeros_like(sky)
         if rsms:

@@ -15,6 +15,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.air import Air
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
@@ -30,6 +31,7 @@ START = Struct(
     ),
 )
 ROWS = 16
+START_ROWS = slice(6, 9)
 """Of kernels/radiosity/surfel.clh."""
 PILOT = 512
 """Surfels from which it is estimated how many sides of surfaces take part."""
@@ -37,6 +39,9 @@ LEAST_SHARE = 0.25
 """Of sides that are taken to take part."""
 PILOT_DIRECTIONS = 32
 """In which a surfel looks for any surface."""
+ROOM = 0.02
+"""Part of the pilot's surfels that a space has at least which is left out where no light enters it:
+the smaller ones gain little, and lights that move would open and close them."""
 OPEN = 0.9999
 """Part of the hemisphere that a surfel has open which sees no surface."""
 MOST_ROW = 1.5
@@ -73,20 +78,60 @@ class DeviceSurfels:
         self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
 
-    def fill(self, scene: Scene, count: int) -> None:
-        """Replace the contents by about `count` surfels of a scene; queue what they see."""
+    def enter(self, scene: Scene) -> None:
+        """Take a scene, as yet without surfels: its occupancy grid and the spaces of its air."""
         low, high = scene.bounds
         middle = 0.5 * (low + high)
         half = max(0.5 * float((high - low).max()), 1e-30)
         self.unit = 2.0 ** round(math.log2(half))
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle
+        solid, occupancy = device_scene(scene, self.runtime), self._occupancy
+        occupancy.fill_scene(solid, self.camera.view, self.unit, half)
+        self._shares = TriangleShares.of(scene)
+        self._air = Air.of(occupancy.grid.download(), occupancy.cells)
+        seeing, spaces = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
+        emits = seeing.emission.any(axis=1)
+        self._emitting = frozenset(spaces[emits].tolist())
+        self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
+
+    def dark(self, lights: DeviceVpls | None, *, sky: bool) -> frozenset[int]:
+        """Return the spaces of the scene's air that no light enters, small ones left out.
+
+        Args:
+            lights: that `camera` sees, counted in `unit`: what punctual lights shine on.
+            sky: whether environments shine.
+        """
+        lit = self._emitting | (self._air.outside if sky else frozenset())
+        if lights is not None:
+            where = self._air.at(self._lit_points(lights))
+            if np.count_nonzero(where) <= len(where) // 2:  # the grid is too coarse to tell
+                return frozenset()
+            lit |= frozenset(np.unique(where).tolist())
+        large = np.flatnonzero(self._of_pilot >= ROOM * PILOT)
+        return frozenset(large.tolist()) - lit - {0}
+
+    def _lit_points(self, lights: DeviceVpls) -> Floats:
+        """Return [n, 3] points above the lights that shine, in cells of the grid."""
+        records = lights.lights.download().reshape(-1, SURFEL_RECORD)
+        shining = records[records[:, 8:11].any(axis=1)]
+        box = self._occupancy.box.download()
+        points: Floats = (shining[:, :3] - box[:3]) * box[3] - shining[:, 4:7] * self._occupancy.lift
+        return points
+
+    def fill(self, scene: Scene, count: int, dark: frozenset[int]) -> None:
+        """Replace the contents by about `count` surfels of the scene; queue what they see.
+
+        Args:
+            scene: that `enter` took.
+            count: of surfels.
+            dark: spaces that get none.
+        """
         solid = device_scene(scene, self.runtime)
-        self._occupancy.fill_scene(solid, self.camera.view, self.unit, half)
-        of_triangles = TriangleShares.of(scene)
-        pilot = self._seeing(scene_surfels(scene, min(count, PILOT), of_triangles), solid)
-        share = max(len(pilot) / min(count, PILOT), LEAST_SHARE)
-        self.surfels = self._seeing(scene_surfels(scene, int(count / share), of_triangles), solid)
+        without = self._of_pilot[list(dark)].sum()
+        share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
+        tried = scene_surfels(scene, int(count / share), self._shares)
+        self.surfels, _ = self._seeing(tried, solid, dark)
         self._upload(self.surfels, solid)
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
@@ -97,17 +142,25 @@ class DeviceSurfels:
         )
         self._mirror.run("surfel visibility", (words, self._stride), visible=self._visible)
 
-    def _seeing(self, surfels: Surfels, solid: DeviceScene) -> Surfels:
-        """Return those that see any surface; no light reaches the others, nor leaves them.
+    def _seeing(
+        self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
+    ) -> tuple[Surfels, NDArray[np.int32]]:
+        """Return those that see any surface, and the spaces that they face.
 
-        Those without room in front of them are left out, too.
+        No light reaches the others, nor leaves them. Those without room in front of them are left
+        out, too, and those that face a space in `dark`.
         """
         if not len(surfels):
-            return surfels
+            return surfels, np.zeros(0, np.int32)
         part = self._upload(surfels, solid)
         self.look_up(*sky_directions((), PILOT_DIRECTIONS))
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
-        return surfels.centred(np.maximum(part, 0)).chosen((opened < OPEN) & (part >= 0))
+        starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
+        spaces = self._air.at(starts.T)
+        kept = (opened < OPEN) & (part >= 0)
+        if dark:
+            kept &= ~np.isin(spaces, list(dark))
+        return surfels.centred(np.maximum(part, 0)).chosen(kept), spaces[kept]
 
     def _upload(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
         """Bring surfels to the device; return above which part their rays start, or -1."""

@@ -289,6 +289,72 @@ def test_surfaces_in_a_narrow_gap_take_no_part(runtime: Runtime) -> None:
     assert (beneath == on_top).all()
 
 
+def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
+    """Two closed rooms side by side, x below and above 0, and a door of some width in the wall.
+
+    In the left one a plate may emit.
+    """
+    corners, triangles, ids = [], [], []
+
+    def quad(*points: Any, material: int = 0) -> None:
+        first = len(corners)
+        corners.extend(points)
+        triangles.extend([(first, first + 1, first + 2), (first, first + 2, first + 3)])
+        ids.extend([material] * 2)
+
+    for low, high in ((-2.0, 0.0), (0.0, 2.0)):
+        for y in (-1.0, 1.0):
+            quad((low, y, -1), (high, y, -1), (high, y, 1), (low, y, 1))
+            quad((low, -1, y), (high, -1, y), (high, 1, y), (low, 1, y))
+    for x in (-2.0, 2.0):
+        quad((x, -1, -1), (x, 1, -1), (x, 1, 1), (x, -1, 1))
+    half = door / 2
+    quad((0, -1, -1), (0, 1, -1), (0, 1, -half), (0, -1, -half))
+    quad((0, -1, half), (0, 1, half), (0, 1, 1), (0, -1, 1))
+    quad((-1.2, 0.5, -0.2), (-0.8, 0.5, -0.2), (-0.8, 0.5, 0.2), (-1.2, 0.5, 0.2), material=1)
+    shine = Material(albedo=(0.5,) * 3, emission=(emission,) * 3)
+    return meshed(corners, triangles, (Material(albedo=(0.5,) * 3), shine), ids)
+
+
+LEFT = SpotLight((-1.0, -0.2, 0.0), (0, -1, 0), 1.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "lights"), [(two_rooms(), (LEFT,)), (two_rooms(4.0), ())], ids=["spot", "emission"]
+)
+def test_only_rooms_that_light_enters_have_surfels(
+    runtime: Runtime, scene: Scene, lights: tuple[Any, ...]
+) -> None:
+    made = solved(runtime, scene, lights, surfels=1024)
+    assert (made.surfels.position[:, 0] + scene.origin[0] < 0.02).all()
+    # As many as were asked for, in place of the half that lies on this side.
+    assert len(made.surfels) == pytest.approx(1024, rel=0.1)
+    inside = 4 * 4.0 + 2 * 4.0 + 2 * 0.16
+    assert made.surfels.area.sum() == pytest.approx(inside, rel=0.05)
+
+
+def test_light_through_a_door_gives_both_rooms_surfels(runtime: Runtime) -> None:
+    scene = two_rooms(door=0.5)
+    right = solved(runtime, scene, (LEFT,)).surfels.position[:, 0] + scene.origin[0] > 0.02
+    assert 0.4 < right.mean() < 0.6
+
+
+def test_a_light_that_moves_to_another_room_takes_the_surfels_along(runtime: Runtime) -> None:
+    scene = two_rooms()
+    made = solved(runtime, scene, (LEFT,))
+    moved = replace(LEFT, position=(1.0, -0.2, 0.0))
+    made.run(scene, (moved,), rsms=maps(runtime, scene, (moved,)))
+    anew = solved(runtime, scene, (moved,))
+    np.testing.assert_array_equal(made.surfels.position, anew.surfels.position)
+    np.testing.assert_array_equal(made.irradiance, anew.irradiance)
+    assert (made.surfels.position[:, 0] + scene.origin[0] > -0.02).all()
+
+
+def test_the_sky_enters_no_closed_room(runtime: Runtime) -> None:
+    made = solved(runtime, two_rooms(), (LEFT, Environment(1.0)), surfels=1024)
+    assert (made.surfels.position[:, 0] + two_rooms().origin[0] < 0.02).all()
+
+
 def test_the_sky_reaches_what_nothing_covers(runtime: Runtime) -> None:
     made = solved(
         runtime, two_squares(0.5, 0.0), (Environment(2.0),), surfels=1024, bounces=1,

@@ -116,7 +116,8 @@ class DeviceSurfels:
         records = lights.lights.download().reshape(-1, SURFEL_RECORD)
         shining = records[records[:, 8:11].any(axis=1)]
         box = self._occupancy.box.download()
-        points: Floats = (shining[:, :3] - box[:3]) * box[3] - shining[:, 4:7] * self._occupancy.lift
+        lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
+        points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
         return points
 
     def fill(self, scene: Scene, count: int, dark: frozenset[int]) -> None:

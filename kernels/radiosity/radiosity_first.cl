@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
-// radiosity_first: irradiance of surfels by virtual point lights, a visibility ray for each pair.
+// radiosity_first: irradiance of surfels by virtual point lights, a visibility ray for each pair that
+// is listed.
 //
 // Rays that several lights share, as in shade_list, err by more than the light indoors where most of
 // the lights are outside in the sun.
 // Reads:   surfels    see surfel.clh
-//          lights     [size.y][SURFEL_RECORD] as in vpl/light.clh, in the space of the surfels
+//          lights     [lights][SURFEL_RECORD] as in vpl/light.clh, in the space of the surfels
+//          numbers    [groups of FIRST_GROUP surfels][size.y] lights, -1 past the last of a group
+//          weights    [groups][size.y] what each of them counts
 //          occupancy, grid_box  see vpl/grid.clh
 // Writes:  values     3 x [size.x] irradiance over that of the brightest source
 // Macros:  VPL_GRID
@@ -18,6 +21,10 @@
 
 #ifndef VPL_GRID
 #error "VPL_GRID must be defined"
+#endif
+
+#ifndef FIRST_GROUP
+#error "ssgi_cl/device/constants.py defines FIRST_GROUP"
 #endif
 
 #define FIRST_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -42,6 +49,8 @@ static inline VplCell first_end(__global const float *restrict light,
 
 __kernel void radiosity_first(__global const float *restrict surfels,
                               __global const float *restrict lights,
+                              __global const int *restrict numbers,
+                              __global const float *restrict weights,
                               __global const int *restrict occupancy,
                               __global const float *restrict grid_box,
                               __global float *restrict values, const int2 size, const float lift,
@@ -56,11 +65,13 @@ __kernel void radiosity_first(__global const float *restrict surfels,
     const VplCell start = surfel_starts(surfels, stride, first);
     const vfloat zero = v_splat(0.0f);
     vfloat sum[3] = {zero, zero, zero};
+    __global const int *restrict own_numbers = numbers + first / FIRST_GROUP * size.y;
+    __global const float *restrict own_weights = weights + first / FIRST_GROUP * size.y;
     for (int block = 0; block < size.y; block += FIRST_BLOCK) {
         vfloat part[3] = {zero, zero, zero};
-        for (int i = block; i < min(block + FIRST_BLOCK, size.y); ++i) {
-            __global const float *restrict light = lights + i * SURFEL_RECORD;
-            const vfloat w = surfel_weight(light, at);
+        for (int i = block; i < min(block + FIRST_BLOCK, size.y) && own_numbers[i] >= 0; ++i) {
+            __global const float *restrict light = lights + own_numbers[i] * SURFEL_RECORD;
+            const vfloat w = surfel_weight(light, at) * own_weights[i];
             const vmask lit = v_gt(w, zero);
             if (!v_any(lit)) {
                 continue;

@@ -112,6 +112,8 @@ VPL_BOUNDS = 7
 """Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
 SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
+FIRST_GROUP = 16
+"""Surfels, one after the other, that trace rays to the same virtual point lights."""
 START_BATCH = 256
 """Triangles, one after the other, that share a box."""
 VPL_LOBE_LIGHT = 16

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS
-from ssgi_cl.device.constants import SURFEL_RECORD
+from ssgi_cl.device.constants import FIRST_GROUP, SURFEL_RECORD
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.air import Air
+from ssgi_cl.techniques.indirect.many_lights import traced_lights
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
@@ -42,6 +43,8 @@ PILOT_DIRECTIONS = 32
 ROOM = 0.02
 """Part of the pilot's surfels that a space has at least which is left out where no light enters it:
 the smaller ones gain little, and lights that move would open and close them."""
+RAYS = 1024
+"""To virtual point lights that a surfel traces, about."""
 OPEN = 0.9999
 """Part of the hemisphere that a surfel has open which sees no surface."""
 MOST_ROW = 1.5
@@ -113,7 +116,7 @@ class DeviceSurfels:
 
     def _lit_points(self, lights: DeviceVpls) -> Floats:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
-        records = lights.lights.download().reshape(-1, SURFEL_RECORD)
+        records = self._records_of(lights)
         shining = records[records[:, 8:11].any(axis=1)]
         box = self._occupancy.box.download()
         lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
@@ -219,13 +222,26 @@ class DeviceSurfels:
 
     def gather_lights(self, lights: DeviceVpls, gain: float) -> Floats:
         """Return irradiance [surfels, 3] by lights that `camera` sees, counted in `unit`."""
+        runtime, rows = self.runtime, self._rows.download().reshape(ROWS, -1)[:, : self._count]
+        own, weight = traced_lights(rows[0:3].T, rows[3:6].T, self._records_of(lights), RAYS)
+        groups, most = own.shape
+        # Past the last surfel the lanes have a group, too.
+        numbers = np.full((self._stride // FIRST_GROUP, most), -1, np.int32)
+        weights = np.zeros(numbers.shape, np.float32)
+        numbers[:groups], weights[:groups] = own, weight
         self._first.run(
-            "surfel lights", (lights.count, self._stride),
-            grid=(1, self._stride // self.runtime.variant.lanes),
-            surfels=self._rows, lights=lights.lights, occupancy=self._occupancy.grid,
+            "surfel lights", (most, self._stride),
+            grid=(1, self._stride // runtime.variant.lanes),
+            surfels=self._rows, lights=lights.lights, numbers=runtime.array(numbers),
+            weights=runtime.array(weights), occupancy=self._occupancy.grid,
             grid_box=self._occupancy.box, values=self._values, lift=self._occupancy.lift, gain=gain,
         )
         return self._of_surfels(self._values.download())
+
+    def _records_of(self, lights: DeviceVpls) -> Floats:
+        """Return [count, VPL_LIGHT] what kernels read of lights."""
+        records: Floats = lights.lights.download().reshape(-1, SURFEL_RECORD)[: lights.count]
+        return records
 
     def begin(self, exitance: Floats) -> None:
         """Let surfels send [surfels, 3] what they emit."""

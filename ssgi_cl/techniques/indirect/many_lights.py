@@ -1,0 +1,95 @@
+"""Which of many virtual point lights surfels trace shadow rays to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.device.constants import FIRST_GROUP
+
+Floats = NDArray[np.float32]
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+SETTLED = 4
+"""Steps after which the share of a ray is known well enough: more or less rays, the same mean."""
+TINY = np.float32(1e-30)
+
+
+def traced_lights(
+    positions: Floats, normals: Floats, lights: Floats, rays: int
+) -> tuple[NDArray[np.int32], Floats]:
+    """Return the lights that groups of receivers trace rays to, and what each counts.
+
+    Groups of `FIRST_GROUP` receivers share them. A light is taken with a probability in proportion
+    to the most irradiance that it may give to any of the group, at most 1, so that bright and near
+    ones are all there, and counts by the inverse: means are those of all lights. Along the list of
+    lights, which follows a curve through space, those taken are spread evenly (systematic
+    sampling).
+
+    Args:
+        positions, normals: [n, 3] of receivers, neighbours one after the other; n > 0.
+        lights: [count, VPL_LIGHT] records of kernels/vpl/light.clh, in the space of the receivers.
+        rays: to trace for a receiver, about; with no more lights than that all are taken.
+
+    Returns:
+        Numbers of lights [groups, most], -1 past the last one of a group, and weights likewise.
+    """
+    groups, count = -(-len(positions) // FIRST_GROUP), len(lights)
+    if count <= rays:
+        numbers = np.tile(np.arange(count, dtype=np.int32), (groups, 1))
+        return numbers, np.ones(numbers.shape, np.float32)
+    member = np.minimum(np.arange(groups * FIRST_GROUP), len(positions) - 1)
+    share = _shares(_most(positions[member], normals[member], lights), rays)
+    turns = np.cumsum(share, axis=1, dtype=np.float64)
+    turns += (GOLDEN * np.arange(groups) % 1.0)[:, None]
+    whole = turns.astype(np.int32)
+    taken = whole > 0
+    taken[:, 1:] = whole[:, 1:] > whole[:, :-1]
+    row, light = np.nonzero(taken)
+    counts = taken.sum(axis=1)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    numbers = np.full((groups, max(int(counts.max()), 1)), -1, np.int32)
+    weights = np.zeros(numbers.shape, np.float32)
+    numbers[row, place], weights[row, place] = light, 1.0 / share[row, light]
+    return numbers, weights
+
+
+def _shares(most: Floats, rays: int) -> Floats:
+    """Return probabilities [groups, count] in proportion to `most`, at most 1, of sum `rays`."""
+    unit = most.sum(axis=1, keepdims=True) / rays
+    for _ in range(SETTLED):
+        rest = most < unit
+        left = rays - most.shape[1] + np.count_nonzero(rest, axis=1, keepdims=True)
+        some = np.multiply(most, rest).sum(axis=1, keepdims=True) / np.maximum(left, 1)
+        unit = np.where(left > 0, some, unit)
+    share: Floats = np.minimum(most / np.maximum(unit, TINY), np.float32(1.0))
+    return share
+
+
+def _most(positions: Floats, normals: Floats, lights: Floats) -> Floats:
+    """Return what no receiver of a group gets more of from a light: [groups, count]."""
+    at, facing = (a.reshape(-1, FIRST_GROUP, 3).astype(np.float32) for a in (positions, normals))
+    low, high = at.min(axis=1), at.max(axis=1)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    turned = lights[:, 4:7]
+    received = np.zeros((len(low), len(lights)), np.float32)
+    emitted, nearest = half @ np.abs(turned).T, np.zeros_like(received)
+    for axis in range(3):
+        way = lights[:, axis] - middle[:, axis, None]
+        emitted += way * turned[:, axis]
+        nearest += np.maximum(np.abs(way) - half[:, axis, None], 0.0) ** 2
+        ends = way - half[:, axis, None], way + half[:, axis, None]
+        sides = facing[..., axis].min(axis=1), facing[..., axis].max(axis=1)
+        products = [side[:, None] * end for side in sides for end in ends]
+        received += np.maximum(np.maximum(products[0], products[1]),
+                               np.maximum(products[2], products[3]))
+    distance = np.sqrt(np.maximum(nearest, TINY))
+    cosines = np.ones_like(distance)
+    for part in (received, emitted):
+        cosines *= np.clip(part / distance, 0.0, 1.0)
+    flux = lights[:, 8:11] @ LUMINANCE.astype(np.float32)
+    found: Floats = flux * cosines / (np.float32(math.pi) * nearest + lights[:, 3])
+    return found

@@ -93,7 +93,8 @@ class DeviceSurfels:
         occupancy.fill_scene(solid, self.camera.view, self.unit, half)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
-        seeing, spaces = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
+        seeing, starts = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
+        spaces = self._air.at(starts)
         emits = seeing.emission.any(axis=1)
         self._emitting = frozenset(spaces[emits].tolist())
         self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
@@ -135,8 +136,8 @@ class DeviceSurfels:
         without = self._of_pilot[list(dark)].sum()
         share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
         tried = scene_surfels(scene, int(count / share), self._shares)
-        self.surfels, _ = self._seeing(tried, solid, dark)
-        self._upload(self.surfels, solid)
+        self.surfels, starts = self._seeing(tried, solid, dark)
+        self._upload(self.surfels, starts)
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
         self._see.run(
@@ -148,32 +149,34 @@ class DeviceSurfels:
 
     def _seeing(
         self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
-    ) -> tuple[Surfels, NDArray[np.int32]]:
-        """Return those that see any surface, and the spaces that they face.
+    ) -> tuple[Surfels, Floats]:
+        """Return those that see any surface, and where their rays start: [n, 3] in cells.
 
         No light reaches the others, nor leaves them. Those without room in front of them are left
         out, too, and those that face a space in `dark`.
         """
         if not len(surfels):
-            return surfels, np.zeros(0, np.int32)
-        part = self._upload(surfels, solid)
+            return surfels, np.zeros((0, 3), np.float32)
+        self._upload(surfels)
+        part = self._find_starts(surfels, solid)
         self.look_up(*sky_directions((), PILOT_DIRECTIONS))
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
         starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
-        spaces = self._air.at(starts.T)
         kept = (opened < OPEN) & (part >= 0)
         if dark:
-            kept &= ~np.isin(spaces, list(dark))
-        return surfels.centred(np.maximum(part, 0)).chosen(kept), spaces[kept]
+            kept &= ~np.isin(self._air.at(starts.T), list(dark))
+        return surfels.centred(np.maximum(part, 0)).chosen(kept), starts[:, kept].T
 
-    def _upload(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
-        """Bring surfels to the device; return above which part their rays start, or -1."""
-        runtime, occupancy, shift, count = self.runtime, self._occupancy, self._shift, len(surfels)
+    def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
+        """Bring surfels to the device, and where their rays start if that is known."""
+        runtime, shift, count = self.runtime, self._shift, len(surfels)
         self._count = count
         self._stride = stride = max(-(-count // 32) * 32, 32)
         rows = np.zeros((ROWS, stride), np.float32)
         rows[0:3, :count] = ((surfels.position + shift) / self.unit).T
         rows[3:6, :count] = surfels.normal.T
+        if starts is not None:
+            rows[START_ROWS, :count] = starts.T
         rows[9, :count] = surfels.area / self.unit**2
         rows[10:13, :count] = surfels.albedo.T
         self._rows = runtime.array(rows)
@@ -181,6 +184,14 @@ class DeviceSurfels:
         records[:, 0:3], records[:, 3], records[:, 4:7] = rows[0:3].T, rows[9], -rows[3:6].T
         self._records = records
         self._flux = [runtime.array(records), runtime.array(records)]
+        self._seen = runtime.empty(4 * stride, np.float32)
+        self._values = runtime.empty(3 * stride, np.float32)
+        self._received = runtime.empty(3 * stride, np.float32)
+
+    def _find_starts(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
+        """Return above which part the rays of surfels start, or -1; the device has where, then."""
+        runtime, occupancy, shift, count = self.runtime, self._occupancy, self._shift, len(surfels)
+        stride = self._stride
         parts = np.zeros((6, PARTS * stride), np.float32)
         parts[:3, : PARTS * count] = ((surfels.part_position + shift) / self.unit).T
         parts[3:, : PARTS * count] = surfels.part_normal.T
@@ -197,9 +208,6 @@ class DeviceSurfels:
             grid_box=occupancy.box,
             surfels=self._rows, part=chosen, params=START.pack(values),
         )
-        self._seen = runtime.empty(4 * stride, np.float32)
-        self._values = runtime.empty(3 * stride, np.float32)
-        self._received = runtime.empty(3 * stride, np.float32)
         part: NDArray[np.int32] = chosen.download()[:count]
         return part
 

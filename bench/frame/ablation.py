@@ -130,8 +130,9 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
         if found.indirect is None or seen is None:
             return found.radiance.astype(np.float64)
         gaps = 1.0 if found.ao is None else np.minimum(2.0 * found.ao, 1.0)[..., None]
-        reflected = seen.albedo / np.pi * gaps * found.indirect.astype(np.float64)
-        return found.radiance - np.where(np.isfinite(seen.depth)[..., None], reflected, 0.0)
+        albedo, depth = (np.asarray(a, np.float64) for a in (seen.albedo, seen.depth))
+        reflected = albedo / np.pi * gaps * found.indirect.astype(np.float64)
+        return found.radiance - np.where(np.isfinite(depth)[..., None], reflected, 0.0)
 
     whole = dict(mode.options)
     direct = {

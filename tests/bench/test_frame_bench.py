@@ -13,7 +13,16 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from ssgi_cl.bench.frame import command, report
-from ssgi_cl.bench.frame.ablation import DIRECT, EDGES, EMISSION, FIRST, LATER, NOTHING, ablation
+from ssgi_cl.bench.frame.ablation import (
+    DIRECT,
+    EDGES,
+    EMISSION,
+    FIRST,
+    LATER,
+    NOTHING,
+    SKY,
+    ablation,
+)
 from ssgi_cl.bench.frame.command import mesh_names
 from ssgi_cl.bench.frame.error import FrameError, encoded, frame_error
 from ssgi_cl.bench.frame.measure import Row, measure, reference, variants, without_emission
@@ -160,6 +169,16 @@ def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> No
     assert terms[DIRECT].kept.flip < 0.05
     shares = [terms[name].share for name in (DIRECT, FIRST, LATER, EDGES)]
     assert sum(shares) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_the_skys_light_is_what_the_frame_has_of_it(runtime: Runtime) -> None:
+    # In the room `parlour` no sky is seen, neither by paths nor by the frame; a frame of direct
+    # light alone has an ambient term there.
+    view = make_scene("parlour")
+    terms = {one.term: one for one in ablation(view, SIZE, runtime, MODES["low"], paths=8)}
+    assert abs(terms[SKY].share) < 0.001
+    assert abs(terms[SKY].alone.bias - terms[NOTHING].alone.bias) < 0.01
+    assert abs(terms[FIRST].alone.bias - terms[NOTHING].alone.bias) < 0.1
 
 
 def test_terms_add_up_and_dark_parts_are_left_out(runtime: Runtime) -> None:

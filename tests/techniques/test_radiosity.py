@@ -355,6 +355,21 @@ def test_the_sky_enters_no_closed_room(runtime: Runtime) -> None:
     assert (made.surfels.position[:, 0] + two_rooms().origin[0] < 0.02).all()
 
 
+def test_what_stands_outside_has_surfels_under_a_sky_alone(runtime: Runtime) -> None:
+    closed, squares = box(0.5), two_squares(0.5, 0.0)
+    corners = np.concatenate([closed.positions, squares.positions + np.float32([4, 0, 0])])
+    scene = meshed(
+        corners, np.concatenate([closed.triangles, squares.triangles + 8]), closed.materials
+    )
+    spot = SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0)
+    outside = [
+        (solved(runtime, scene, lights).surfels.position[:, 0] + scene.origin[0] > 1.1).mean()
+        for lights in ((spot,), (spot, Environment(1.0)))
+    ]
+    assert outside[0] == 0.0
+    assert outside[1] > 0.05
+
+
 def test_the_sky_reaches_what_nothing_covers(runtime: Runtime) -> None:
     made = solved(
         runtime, two_squares(0.5, 0.0), (Environment(2.0),), surfels=1024, bounces=1,

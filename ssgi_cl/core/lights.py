@@ -153,6 +153,11 @@ def environments_of(lights: Iterable[Light]) -> tuple[Environment, ...]:
     return tuple(light for light in lights if isinstance(light, Environment))
 
 
+def shines(environment: Environment) -> bool:
+    """Return whether any of an environment's radiance is not 0."""
+    return bool(np.any(np.asarray(environment.radiance)))
+
+
 def are_same(some: Sequence[Light], others: Sequence[Light]) -> bool:
     """Return whether both are the same objects; a light never changes."""
     return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))

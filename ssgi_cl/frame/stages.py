@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, shines
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -346,4 +346,4 @@ def pixels(plane: Plane, region: Region | None = None) -> NDArray[np.float32]:
 
 
 def _is_ambient(light: Light) -> bool:
-    return isinstance(light, Environment) and bool(np.any(np.asarray(light.radiance)))
+    return isinstance(light, Environment) and shines(light)

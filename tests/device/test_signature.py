@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from dataclasses import replace
 from typing import Any
@@ -190,7 +191,9 @@ def test_every_kernel_has_a_signature_of_known_types(path: str) -> None:
     assert len(set(names)) == len(names)
     assert Parameter("size", "int2") in found.parameters
     # `Kernel.run` has options of these names.
-    assert not {"grid", "local", "window", "cell"} & {*names, *found.absent}
+    options = inspect.getfullargspec(Kernel.run).kwonlyargs
+    assert {"grid", "region"} <= {*options}
+    assert not {*options} & {*names, *found.absent}
 
 
 # ---- every technique

@@ -110,6 +110,16 @@ def test_sums_are_those_of_all_lights(count: int) -> None:
     np.testing.assert_allclose(counted(count, 4096, chosen)[strong], 1.0, rtol=1e-6)
 
 
+def test_groups_looked_at_a_few_at_a_time_take_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    at, normal = (a.astype(np.float32) for a in receivers(rng, 200))
+    lights = records(rng, 900)
+    whole = traced_lights(at, normal, lights, 100)
+    monkeypatch.setattr(many_lights, "MOST_PAIRS", 2000)
+    for one, other in zip(whole, traced_lights(at, normal, lights, 100), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_a_group_that_no_light_reaches_traces_none() -> None:
     at = np.zeros((16, 3), np.float32)
     normal = np.tile(np.float32([0, 1, 0]), (16, 1))

@@ -14,8 +14,10 @@ Floats = NDArray[np.float32]
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 SETTLED = 4
-"""Steps after which the share of a ray is known well enough: more or less rays, the same mean."""
+"""Steps after which the share of a ray is known well enough: more or fewer rays, the same mean."""
 TINY = np.float32(1e-30)
+MOST_PAIRS = 1 << 21
+"""Of a group and a light that are looked at together, for memory."""
 
 
 def traced_lights(
@@ -41,20 +43,34 @@ def traced_lights(
     if count <= rays:
         numbers = np.tile(np.arange(count, dtype=np.int32), (groups, 1))
         return numbers, np.ones(numbers.shape, np.float32)
-    member = np.minimum(np.arange(groups * FIRST_GROUP), len(positions) - 1)
+    step = max(MOST_PAIRS // count, 1)
+    found = [
+        _taken(positions, normals, lights, rays, np.arange(first, min(first + step, groups)))
+        for first in range(0, groups, step)
+    ]
+    row, light, weight = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    counts = np.bincount(row, minlength=groups)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    numbers = np.full((groups, max(int(counts.max()), 1)), -1, np.int32)
+    weights = np.zeros(numbers.shape, np.float32)
+    numbers[row, place], weights[row, place] = light, weight
+    return numbers, weights
+
+
+def _taken(
+    positions: Floats, normals: Floats, lights: Floats, rays: int, groups: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """Return groups, their lights and the weights of these, [n] each."""
+    member = np.add.outer(groups * FIRST_GROUP, np.arange(FIRST_GROUP)).ravel()
+    member = np.minimum(member, len(positions) - 1)
     share = _shares(_most(positions[member], normals[member], lights), rays)
     turns = np.cumsum(share, axis=1, dtype=np.float64)
-    turns += (GOLDEN * np.arange(groups) % 1.0)[:, None]
+    turns += (GOLDEN * groups % 1.0)[:, None]
     whole = turns.astype(np.int32)
     taken = whole > 0
     taken[:, 1:] = whole[:, 1:] > whole[:, :-1]
     row, light = np.nonzero(taken)
-    counts = taken.sum(axis=1)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    numbers = np.full((groups, max(int(counts.max()), 1)), -1, np.int32)
-    weights = np.zeros(numbers.shape, np.float32)
-    numbers[row, place], weights[row, place] = light, 1.0 / share[row, light]
-    return numbers, weights
+    return groups[row], light, 1.0 / share[row, light]
 
 
 def _shares(most: Floats, rays: int) -> Floats:

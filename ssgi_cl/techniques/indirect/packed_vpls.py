@@ -101,6 +101,12 @@ class DeviceVpls:
         self.values: dict[str, float] = {}
         self.unit = 1.0
 
+    def records(self) -> NDArray[np.float32]:
+        """Return [count, VPL_LIGHT] what kernels read of lights without parts and lobes, in one
+        batch: see kernels/vpl/light.clh."""
+        found: NDArray[np.float32] = self.lights.download().reshape(-1, LIGHT)[: self.count]
+        return found
+
     def upload(self, vpls: Vpls, camera: Camera, unit: float | None = None) -> None:
         """Replace the contents by lights as a camera sees them.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment, Light, environments_of
+from ssgi_cl.core.lights import Environment, Light, environments_of, shines
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
@@ -142,20 +142,21 @@ class Radiosity(Prepared[RadiosityParams]):
             self._scene = self._dark = None
             device.enter(scene)
             self._scene = scene.key
+        records = None
         if rsms:
             self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
-        shines = any(np.any(np.asarray(one.radiance)) for one in environments)
-        dark = device.dark(self._maps if rsms else None, sky=shines)
+            records = self._maps.records()
+        dark = device.dark(records, sky=any(map(shines, environments)))
         if self._dark != dark:
             self._dark = None
             device.fill(scene, self.params.surfels, dark)
             self._dark = dark
-        self._result = self._solved(environments, rsms)
+        self._result = self._solved(environments, records)
         self._lit = lit
         return self._result
 
     def _solved(
-        self, environments: Sequence[Environment], rsms: Sequence[DeviceRsm]
+        self, environments: Sequence[Environment], records: Floats | None
     ) -> WorldVpls | None:
         device, surfels = self._device, self._device.surfels
         if not len(surfels):
@@ -166,11 +167,11 @@ class Radiosity(Prepared[RadiosityParams]):
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
         sky = device.look_up(ways, solid, radiance / scale)
         first = np.zeros_like(sky)
-        if rsms:
+        if records is not None:
             gain = self._maps.values["gain"] / scale
             # What maps send may exceed the sky by any factor: the scale follows it.
             raised = max(gain, 1.0)
-            first = device.gather_lights(self._maps, gain / raised)
+            first = device.gather_lights(self._maps, records, gain / raised)
             scale, sky = scale * raised, sky / np.float32(raised)
         exitance = math.pi * surfels.emission / scale
         received = self._bounced(exitance.astype(np.float32), sky, first)

@@ -99,11 +99,12 @@ class DeviceSurfels:
         self._emitting = frozenset(spaces[emits].tolist())
         self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
 
-    def dark(self, lights: DeviceVpls | None, *, sky: bool) -> frozenset[int]:
+    def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
         """Return the spaces of the scene's air that no light enters, small ones left out.
 
         Args:
-            lights: that `camera` sees, counted in `unit`: what punctual lights shine on.
+            lights: records of those that `camera` sees, counted in `unit`: what punctual lights
+                shine on.
             sky: whether environments shine.
         """
         lit = self._emitting | (self._air.outside if sky else frozenset())
@@ -115,10 +116,9 @@ class DeviceSurfels:
         large = np.flatnonzero(self._of_pilot >= ROOM * PILOT)
         return frozenset(large.tolist()) - lit - {0}
 
-    def _lit_points(self, lights: DeviceVpls) -> Floats:
+    def _lit_points(self, lights: Floats) -> Floats:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
-        records = self._records_of(lights)
-        shining = records[records[:, 8:11].any(axis=1)]
+        shining = lights[lights[:, 8:11].any(axis=1)]
         box = self._occupancy.box.download()
         lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
         points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
@@ -228,10 +228,10 @@ class DeviceSurfels:
         )
         return self._of_surfels(self._seen.download())
 
-    def gather_lights(self, lights: DeviceVpls, gain: float) -> Floats:
+    def gather_lights(self, lights: DeviceVpls, records: Floats, gain: float) -> Floats:
         """Return irradiance [surfels, 3] by lights that `camera` sees, counted in `unit`."""
-        runtime, rows = self.runtime, self._rows.download().reshape(ROWS, -1)[:, : self._count]
-        own, weight = traced_lights(rows[0:3].T, rows[3:6].T, self._records_of(lights), RAYS)
+        runtime, own_records = self.runtime, self._records[: self._count]
+        own, weight = traced_lights(own_records[:, :3], -own_records[:, 4:7], records, RAYS)
         groups, most = own.shape
         # Past the last surfel the lanes have a group, too.
         numbers = np.full((self._stride // FIRST_GROUP, most), -1, np.int32)
@@ -245,11 +245,6 @@ class DeviceSurfels:
             grid_box=self._occupancy.box, values=self._values, lift=self._occupancy.lift, gain=gain,
         )
         return self._of_surfels(self._values.download())
-
-    def _records_of(self, lights: DeviceVpls) -> Floats:
-        """Return [count, VPL_LIGHT] what kernels read of lights."""
-        records: Floats = lights.lights.download().reshape(-1, SURFEL_RECORD)[: lights.count]
-        return records
 
     def begin(self, exitance: Floats) -> None:
         """Let surfels send [surfels, 3] what they emit."""

@@ -1,6 +1,6 @@
 """Whole frames by Mitsuba 3's integrator `path`, by samples a pixel, denoised or not.
 
-Diffuse surfaces, box filter, paths of at most 12 segments. The denoiser's guides are albedo and
+Surfaces as in the reference, box filter, paths of at most 12 segments. The denoiser's guides are albedo and
 normals by rays of their own: asked for together with the paths they take twice the time. Emission
 counts on both sides, as in the reference.
 """
@@ -49,7 +49,9 @@ class PathFrames:
         path: dict[str, Any] = {"type": "path", "max_depth": MAX_DEPTH}
         guides: dict[str, Any] = {"type": "aov", "aovs": "albedo:albedo,nn:sh_normal"}
         with within(VARIANT) as mi:
-            self._world = MitsubaScene.of(scene, lights, VARIANT, emission="emitters")
+            self._world = MitsubaScene.of(
+                scene, lights, VARIANT, emission="emitters", lobes="surfaces"
+            )
             self._path, self._guides = mi.load_dict(path), mi.load_dict(guides)
         self._sensor: Any = None
         self._size = (0, 0)

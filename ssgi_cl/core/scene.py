@@ -29,8 +29,9 @@ class Material:
             0 for an opaque surface.
         alpha: opacity factor in [0, 1], used for the cut-out only.
         emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
-        specular: [3] reflectance of the Phong lobe in [0, 1].
-        gloss: exponent of the Phong lobe, >= 1.
+        specular: [3] reflectance of the Phong lobe in [0, 1]; where albedo and it are more than 1
+            together, it counts as what the albedo leaves.
+        gloss: exponent of the Phong lobe, in [1, 1e6].
     """
 
     name: str = ""
@@ -55,6 +56,11 @@ class Material:
     def has_holes(self) -> bool:
         """Whether the alpha of its texture cuts out holes."""
         return self.texture >= 0 and self.alpha_cutoff > 0.0
+
+    @property
+    def is_glossy(self) -> bool:
+        """Whether it has a lobe."""
+        return any(self.specular)
 
     @property
     def emits(self) -> bool:

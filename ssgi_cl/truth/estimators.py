@@ -12,6 +12,7 @@ VERSIONS = {
     "slices": 1,
     "light": 1,
     "radiance": 1,
+    "glossy radiance": 1,
 }
 """Name of an estimator -> version. Raise it with every change that alters a result: truths that
 were stored before are then computed anew. `tests/truth/test_estimators.py` holds the result of each

@@ -22,6 +22,7 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.textures import srgb_to_linear
 from ssgi_cl.techniques.shading.light_data import power
 from ssgi_cl.truth.emitters import Emitters
+from ssgi_cl.truth.phong_bsdf import PHONG, register_phong
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -43,6 +44,12 @@ BEHIND = 2.0**-16
 
 EMISSION = "face_emission"
 """Mesh attribute: radiance of a triangle, W m^-2 sr^-1."""
+
+SPECULAR = "face_specular"
+"""Mesh attribute: reflectance of a triangle's lobe."""
+
+GLOSS = "face_gloss"
+"""Mesh attribute: Phong exponent of that lobe."""
 
 DENSITY = "face_emission_density"
 """Mesh attribute: density of a sample at a point of an emissive triangle, per area."""
@@ -76,7 +83,8 @@ class MitsubaScene:
 
     @classmethod
     def of(
-        cls, scene: Scene, lights: Sequence[Light], variant: str, *, emission: str = "none"
+        cls, scene: Scene, lights: Sequence[Light], variant: str, *, emission: str = "none",
+        lobes: str = "none",
     ) -> MitsubaScene:
         """Bring a scene and those lights that shine into a variant of Mitsuba.
 
@@ -85,6 +93,8 @@ class MitsubaScene:
                 `EMISSION` and `DENSITY` of shapes, or "emitters" for emitters of Mitsuba's own,
                 which shine to the front of a triangle only: so there is a second triangle behind
                 each, turned round.
+            lobes: what becomes of the Phong lobes of materials: "none", "attributes" for the
+                attributes `SPECULAR` and `GLOSS` of shapes, or "surfaces" for a BSDF of ours.
         """
         emitters = Emitters.of(scene) if emission == "attributes" else None
         with within(variant) as mi:
@@ -93,10 +103,14 @@ class MitsubaScene:
                 emits = emission == "emitters" and any(scene.materials[index].emission)
                 if emits:
                     back = _turned_round(scene, int(index))
-                    parts[f"back_{index}"] = _mesh(mi, back, int(index), emits=True)
-                mesh = _mesh(mi, scene, int(index), emits=emits)
+                    parts[f"back_{index}"] = _mesh(
+                        mi, back, int(index), emits=True, glossy=lobes == "surfaces"
+                    )
+                mesh = _mesh(mi, scene, int(index), emits=emits, glossy=lobes == "surfaces")
                 if emitters is not None:
                     _add_emission(mesh, scene, int(index), emitters)
+                if lobes == "attributes":
+                    _add_lobe(mesh, scene, int(index))
                 parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
@@ -197,8 +211,9 @@ def libllvm() -> str | None:
     return max(found)[1] if found else None
 
 
-def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool) -> Any:
-    """Return the triangles of one material, as an emitter if it is to emit."""
+def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool) -> Any:
+    """Return the triangles of one material, as an emitter if it is to emit, with its lobe if
+    `glossy`."""
     material = scene.materials[index]
     chosen = scene.triangles[scene.material_ids == index]
     used, numbers = np.unique(chosen, return_inverse=True)
@@ -207,7 +222,7 @@ def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool) -> Any:
     uniform = bool((colors == colors[0]).all())
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(
-        _surface(mi, scene, material, colors[0] if uniform else None)
+        _surface(mi, scene, material, colors[0] if uniform else None, glossy=glossy)
     )
     if emits:
         properties["emitter"] = mi.load_dict({
@@ -259,7 +274,16 @@ def _add_emission(mesh: Any, scene: Scene, index: int, emitters: Emitters) -> No
     mesh.add_attribute(DENSITY, 1, np.full(count, emitters.material_density[index], np.float32))
 
 
-def _surface(mi: Any, scene: Scene, material: Material, color: Floats | None) -> dict[str, Any]:
+def _add_lobe(mesh: Any, scene: Scene, index: int) -> None:
+    count = int(np.count_nonzero(scene.material_ids == index))
+    material = scene.materials[index]
+    mesh.add_attribute(SPECULAR, 3, np.tile(np.array(material.specular, np.float32), count))
+    mesh.add_attribute(GLOSS, 1, np.full(count, material.gloss, np.float32))
+
+
+def _surface(
+    mi: Any, scene: Scene, material: Material, color: Floats | None, *, glossy: bool
+) -> dict[str, Any]:
     """Return the BSDF of a material; with no `color` the mesh has an attribute of that name."""
     reflectance: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_color"}
     if color is not None:
@@ -274,8 +298,14 @@ def _surface(mi: Any, scene: Scene, material: Material, color: Floats | None) ->
             reflectance = {
                 "type": "ssgi_product", "first": _bitmap(mi, decoded), "second": reflectance,
             }  # fmt: skip
-    diffuse = {"type": "diffuse", "reflectance": reflectance}
-    surface: dict[str, Any] = {"type": "twosided", "material": diffuse}
+    inner: dict[str, Any] = {"type": "diffuse", "reflectance": reflectance}
+    if glossy and material.is_glossy:
+        register_phong(mi)
+        inner = {
+            "type": PHONG, "reflectance": reflectance, "gloss": material.gloss,
+            "specular": {"type": "rgb", "value": list(material.specular)},
+        }
+    surface: dict[str, Any] = {"type": "twosided", "material": inner}
     if material.has_holes:
         alpha = scene.textures[material.texture][..., 3:] / 255.0
         opacity = alpha * (material.alpha * HOLE / material.alpha_cutoff)

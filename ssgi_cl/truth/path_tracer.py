@@ -15,7 +15,7 @@ from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.mitsuba_scene import HOLE, SIZE, MitsubaScene
+from ssgi_cl.truth.mitsuba_scene import GLOSS, HOLE, SIZE, SPECULAR, MitsubaScene
 
 Doubles = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -44,6 +44,7 @@ class Surface(NamedTuple):
         axis: the mesh's normal on the same side.
         offset: distance from the triangle at which further rays start.
         albedo: linear reflectance.
+        specular, gloss: reflectance and exponent of the Phong lobe, of tracers with lobes.
     """
 
     there: Any
@@ -52,6 +53,8 @@ class Surface(NamedTuple):
     axis: Any
     offset: Any
     albedo: Any
+    specular: Any = 0.0
+    gloss: Any = 1.0
 
     @property
     def front(self) -> Any:
@@ -72,7 +75,8 @@ class PathTracer(ABC):
     """Random numbers of a path, beside those of `irradiance`."""
 
     def __init__(
-        self, scene: Scene, lights: Sequence[Light], variant: str, *, emission: bool = False
+        self, scene: Scene, lights: Sequence[Light], variant: str, *, emission: bool = False,
+        lobes: bool = False,
     ) -> None:
         import drjit
         import mitsuba
@@ -80,8 +84,10 @@ class PathTracer(ABC):
         self.dr: Any = drjit
         self.mi: Any = mitsuba
         self._world = MitsubaScene.of(
-            scene, lights, variant, emission="attributes" if emission else "none"
+            scene, lights, variant, emission="attributes" if emission else "none",
+            lobes="attributes" if lobes else "none",
         )
+        self.lobes = lobes
         emitters = self._world.scene.emitters()
         self._punctual_lights = [emitter for emitter in emitters if not emitter.is_environment()]
         self._sky = self._world.scene.environment()
@@ -187,15 +193,21 @@ class PathTracer(ABC):
         si = self._world.scene.ray_intersect(ray, active)
         there = active & si.is_valid()
         size, albedo = mi.Float(0.0), mi.Color3f(0.0)
+        lobe = (mi.Color3f(0.0), mi.Float(1.0)) if self.lobes else ()
         if there is not False:  # a scalar variant can't call the methods of nothing
             size = si.shape.eval_attribute_1(SIZE, si, there)
             albedo = si.bsdf().eval_diffuse_reflectance(si, there)
+            if self.lobes:
+                specular = mi.Color3f(si.shape.eval_attribute_3(SPECULAR, si, there))
+                gloss = si.shape.eval_attribute_1(GLOSS, si, there)
+                lobe = dr.minimum(specular, 1.0 - albedo), dr.maximum(gloss, 1.0)
         normal = _turned(dr, si.n, -ray.d)
         axis = si.sh_frame.n
         # Without a normal of the mesh's own: that of the triangle.
         axis = dr.select(dr.isfinite(dr.squared_norm(axis)), axis, normal)
         axis = dr.select(dr.squared_norm(axis) > 0.0, dr.normalize(axis), normal)
-        return Surface(there, si.p, normal, _turned(dr, axis, normal), OFFSET * size, albedo), si
+        axis = _turned(dr, axis, normal)
+        return Surface(there, si.p, normal, axis, OFFSET * size, albedo, *lobe), si
 
     def _past_holes(self, ray: Any, active: Any) -> Any:
         """Return the ray, started behind all holes that it meets first."""

@@ -30,12 +30,15 @@ def radiance(
     rebuild: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> Truth:
-    """Return the radiance that each pixel sees: all light of a diffuse scene.
+    """Return the radiance that each pixel sees: all light of a scene.
 
-    L = albedo / pi (E_direct + E_reflected) + emission at the point of the mesh on the view
-    ray; the environments' radiance where that meets nothing between the camera's planes. Light
-    comes from `lights` and from emissive materials, which emit on both sides. Surfaces reflect on
-    both sides, by their albedo alone: specular lobes are left out. Holes that a texture's alpha
+    L = albedo / pi (E_direct + E_reflected) + specular L_lobe + emission at the point of the mesh
+    on the view ray; the environments' radiance where that meets nothing between the camera's
+    planes. L_lobe is the integral of arriving radiance times (n + 1) / (2 pi) cos^n(a) over the
+    directions above the surface, where a is the angle to the mirrored view ray and n the gloss
+    (Phong 1975; the lobe integrates to 1 over the sphere, as in Lewis 1994). Light comes from
+    `lights` and from emissive materials, which emit on both sides. Surfaces reflect on both sides.
+    Holes that a texture's alpha
     cuts out let view rays and light through. Lights' radius and angle are taken for 0.
 
     Args:
@@ -66,6 +69,7 @@ def radiance(
     passes, per_pass = passes_of(paths)
     most = _most_bounces(bounces)
     emits = any(scene.materials[index].emits for index in np.unique(scene.material_ids))
+    glossy = any(scene.materials[index].is_glossy for index in np.unique(scene.material_ids))
     sampled = box_filter or emits or any(isinstance(light, Environment) for light in lights)
     exact = most == 0 and not sampled
     if exact:
@@ -81,7 +85,7 @@ def radiance(
         "box filter": box_filter,
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
-        "estimator": versioned("radiance"),
+        "estimator": versioned("glossy radiance" if glossy else "radiance"),
     }
     made: list[RadianceTracer] = []  # only if something has to be computed
 

@@ -1,4 +1,4 @@
-"""Paths of any number of diffuse bounces, from a camera to lights, emission and environments."""
+"""Paths of any number of bounces, from a camera to lights, emission and environments."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.mitsuba_scene import DENSITY, EMISSION
 from ssgi_cl.truth.path_tracer import OFFSET, PIXELS, PathTracer, Surface
+from ssgi_cl.truth.phong_bsdf import phong_direction, phong_lobe
 
 Floats = NDArray[np.float32]
 
@@ -34,7 +35,8 @@ class RadianceTracer(PathTracer):
 
     Each vertex takes light of punctual lights, of a point of an emissive triangle, and of an
     environment image's direction by importance; the path's next direction finds emission and
-    environments too, both weighted by the balance heuristic (Veach and Guibas 1995).
+    environments too, both weighted by the balance heuristic (Veach and Guibas 1995). Directions
+    are distributed by the cosine or by the surface's lobe, chosen by how much each reflects.
     """
 
     def __init__(
@@ -42,7 +44,8 @@ class RadianceTracer(PathTracer):
         bounces: int = MOST_BOUNCES, box_filter: bool = False,
     ) -> None:
         self._emits = any(scene.materials[i].emits for i in np.unique(scene.material_ids))
-        super().__init__(scene, lights, variant, emission=self._emits)
+        lobes = any(scene.materials[i].is_glossy for i in np.unique(scene.material_ids))
+        super().__init__(scene, lights, variant, emission=self._emits, lobes=lobes)
         self._bounces = bounces
         self._box = box_filter
         self._environments = environments_of(lights)
@@ -132,7 +135,7 @@ class RadianceTracer(PathTracer):
         seen, si = self.hit(ray, mi.Bool(length > 0.0))
         rng = mi.PCG32()
         rng.seed(*mi.sample_tea_32(mi.UInt32(label), mi.UInt32(path)))
-        light = self._path(seen, [mi.Float(row) for row in numbers], rng)
+        light = self._path(seen, mi.Vector3f(ray.d), [mi.Float(row) for row in numbers], rng)
         light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0)
         there = mi.Bool(seen.there)
         dr.eval(light, there)
@@ -140,24 +143,35 @@ class RadianceTracer(PathTracer):
 
     # ---- paths
 
-    def _path(self, seen: Surface, numbers: Sequence[Any], rng: Any) -> Any:
-        """Return radiance that surfaces reflect to the eye."""
+    def _path(self, seen: Surface, way: Any, numbers: Sequence[Any], rng: Any) -> Any:
+        """Return radiance that surfaces reflect to the eye, from where rays go this `way`."""
         mi, dr = self.mi, self.dr
         # What still arrives at the last vertex straight from emission and environments is found
         # by one more direction.
         onward = self._emits or self._sky is not None
+        fields = 8 if self.lobes else 6
 
-        def step(depth: Any, total: Any, weight: Any, active: Any, rng: Any, *fields: Any) -> Any:
-            at = Surface(active, *fields)
+        def step(
+            depth: Any, total: Any, weight: Any, active: Any, rng: Any, way: Any, *fields_: Any
+        ) -> Any:
+            at = Surface(active, *fields_)
             own = [dr.select(depth == 0, number, rng.next_float32()) for number in numbers]
-            weight = weight * at.albedo
-            light = self.lamp_irradiance(at) / math.pi
+            mirrored = self._mirrored(at, way)
+            light = self._by_punctual_lights(at, mirrored)
             pairs = iter(own[2:])
             if self._both:
-                light += self._by_environment(at, next(pairs), next(pairs))
+                light += self._by_environment(at, mirrored, next(pairs), next(pairs))
             if len(self._emitters):
-                light += self._by_emitters(at, next(pairs), next(pairs), next(pairs))
+                light += self._by_emitters(at, mirrored, next(pairs), next(pairs), next(pairs))
             total += dr.select(active, weight * light, 0.0)
+            chosen = rng.next_float32() if self.lobes else mi.Float(1.0)
+            way = self._onward(at, mirrored, own, chosen)
+            cosine = dr.dot(at.axis, way)
+            active &= (dr.dot(at.normal, way) > 0.0) & (cosine > 0.0)
+            density = self._density(at, mirrored, way, cosine)
+            weight = weight * self._reflected(at, mirrored, way, cosine)
+            # A path that has ended must not grow without bounds beside those that go on.
+            weight = dr.select(active & (density > 0.0), weight / density, 0.0)
             # Russian roulette by what the path still carries.
             lasting = dr.minimum(dr.max(weight), MOST_LASTING)
             lasting = dr.select(depth < SURE_BOUNCES, 1.0, lasting)
@@ -167,35 +181,93 @@ class RadianceTracer(PathTracer):
             if not onward:
                 active &= goes_on
             weight = weight / dr.maximum(lasting, 1e-30)
-            way = self._cosine_distributed(at, own)
-            cosine = dr.dot(at.axis, way)
-            active &= (dr.dot(at.normal, way) > 0.0) & (cosine > 0.0)
             met, si = self.hit(mi.Ray3f(at.front, way, math.inf, 0.0, []), active)
             if self._sky is not None:
                 escapes = dr.select(met.there, False, active)
-                total += weight * self._environment(at, way, cosine / math.pi, escapes)
+                total += weight * self._environment(at, way, density, escapes)
             if self._emits:
-                total += weight * self._met_emission(at, met, si, way, cosine / math.pi)
+                total += weight * self._met_emission(at, met, si, way, density)
             active &= met.there & goes_on
-            return depth + 1, total, weight, active, rng, *met[1:]
+            return depth + 1, total, weight, active, rng, way, *met[1:fields]
 
         state = (
-            mi.UInt32(0), mi.Color3f(0.0), mi.Color3f(1.0), mi.Bool(seen.there), rng, *seen[1:]
+            mi.UInt32(0), mi.Color3f(0.0), mi.Color3f(1.0), mi.Bool(seen.there), rng, way,
+            *seen[1:fields],
         )
         return dr.while_loop(state, lambda *now: now[3], step)[1]
 
-    def _by_environment(self, at: Surface, u: Any, v: Any) -> Any:
-        """Return radiance / albedo by a direction that an environment image is bright in."""
+    # ---- reflection
+
+    def _mirrored(self, at: Surface, way: Any) -> Any:
+        """Return the axis of the lobe of surfaces that rays meet this `way`."""
+        return way - at.axis * (2.0 * self.dr.dot(at.axis, way)) if self.lobes else None
+
+    def _lobe(self, at: Surface, mirrored: Any, way: Any) -> Any:
+        """Return the lobe's value, per solid angle; it integrates to 1 over the sphere."""
+        return phong_lobe(self.dr, self.dr.dot(mirrored, way), at.gloss)
+
+    def _share(self, at: Surface) -> Any:
+        """Return the probability of a direction within the lobe."""
+        dr = self.dr
+        return dr.max(at.specular) / dr.maximum(dr.max(at.specular) + dr.max(at.albedo), 1e-20)
+
+    def _reflected(self, at: Surface, mirrored: Any, way: Any, cosine: Any) -> Any:
+        """Return radiance reflected to the eye over radiance from a direction, per solid angle.
+
+        `cosine` is the direction's, 0 where nothing arrives from there.
+        """
+        diffuse = at.albedo * (cosine / math.pi)
+        if not self.lobes:
+            return diffuse
+        lobe = self.dr.select(cosine > 0.0, self._lobe(at, mirrored, way), 0.0)
+        return diffuse + at.specular * lobe
+
+    def _density(self, at: Surface, mirrored: Any, way: Any, cosine: Any) -> Any:
+        """Return the probability of `_onward`'s directions, per solid angle; 0 for cosine 0."""
+        if not self.lobes:
+            return cosine / math.pi
+        share = self._share(at)
+        lobe = self.dr.select(cosine > 0.0, self._lobe(at, mirrored, way), 0.0)
+        return (1.0 - share) * (cosine / math.pi) + share * lobe
+
+    def _onward(self, at: Surface, mirrored: Any, numbers: Sequence[Any], chosen: Any) -> Any:
+        """Return a direction by which a path goes on, which may lie below the surface."""
+        way = self._cosine_distributed(at, numbers)
+        if not self.lobes:
+            return way
+        within = phong_direction(self.mi, mirrored, at.gloss, numbers[0], numbers[1])
+        return self.dr.select(chosen < self._share(at), within, way)
+
+    # ---- light
+
+    def _by_punctual_lights(self, at: Surface, mirrored: Any) -> Any:
+        """Return the radiance reflected of punctual lights."""
+        if not self.lobes:
+            return at.albedo * (self.lamp_irradiance(at) / math.pi)
+        mi, dr = self.mi, self.dr
+        here = dr.zeros(mi.SurfaceInteraction3f)
+        here.p = at.point
+        total = mi.Color3f(0.0)
+        for light in self._punctual_lights:
+            to, strength = light.sample_direction(here, mi.Point2f(0.5), at.there)
+            cosine = self.arriving(at, to.d, to.dist)
+            reflected = self._reflected(at, mirrored, to.d, cosine)
+            total += dr.select(cosine > 0.0, strength * reflected, 0.0)
+        return total
+
+    def _by_environment(self, at: Surface, mirrored: Any, u: Any, v: Any) -> Any:
+        """Return radiance reflected of a direction that an environment image is bright in."""
         mi, dr = self.mi, self.dr
         here = dr.zeros(mi.SurfaceInteraction3f)
         here.p = at.point
         to, strength = self._sky.sample_direction(here, mi.Point2f(u, v), at.there)
-        density = self.arriving(at, to.d, math.inf) / math.pi
+        cosine = self.arriving(at, to.d, math.inf)
+        density = self._density(at, mirrored, to.d, cosine)
         share = to.pdf / dr.maximum(to.pdf + density, 1e-20)
-        return strength * density * share
+        return strength * self._reflected(at, mirrored, to.d, cosine) * share
 
     def _environment(self, at: Surface, way: Any, density: Any, escapes: Any) -> Any:
-        """Return radiance of the environment along a cosine-distributed direction, weighted."""
+        """Return radiance of the environment along a direction of that density, weighted."""
         mi, dr = self.mi, self.dr
         here = dr.zeros(mi.SurfaceInteraction3f)
         here.p, here.wi = at.point, -way
@@ -207,8 +279,8 @@ class RadianceTracer(PathTracer):
             share = density / dr.maximum(density + other, 1e-20)
         return dr.select(escapes, self._sky.eval(here, escapes) * share, 0.0)
 
-    def _by_emitters(self, at: Surface, u: Any, v: Any, w: Any) -> Any:
-        """Return radiance / albedo by a point of an emissive triangle."""
+    def _by_emitters(self, at: Surface, mirrored: Any, u: Any, v: Any, w: Any) -> Any:
+        """Return radiance reflected of a point of an emissive triangle."""
         mi, dr = self.mi, self.dr
         index = self._emitter_index(w)
         corner, first, second, radiance = (
@@ -223,13 +295,15 @@ class RadianceTracer(PathTracer):
         squared = dr.maximum(dr.squared_norm(to), 1e-30)
         distance = dr.sqrt(squared)
         way = to / distance
-        density = self.arriving(at, way, distance) / math.pi
+        cosine = self.arriving(at, way, distance)
+        density = self._density(at, mirrored, way, cosine)
         n_dot_w = dr.abs(dr.dot(normal, way))
         own = self._entry("density", index) * squared / dr.maximum(n_dot_w, 1e-12)
-        return radiance * (density / dr.maximum(own + density, 1e-30))
+        reflected = self._reflected(at, mirrored, way, cosine)
+        return radiance * reflected / dr.maximum(own + density, 1e-30)
 
     def _met_emission(self, at: Surface, met: Surface, si: Any, way: Any, density: Any) -> Any:
-        """Return emission of a surface met along a cosine-distributed direction, weighted."""
+        """Return emission of a surface met along a direction of that density, weighted."""
         dr = self.dr
         radiance, own = self._emission(met, si)
         n_dot_w = dr.maximum(dr.abs(dr.dot(met.normal, way)), 1e-12)

@@ -254,7 +254,7 @@ def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
     assert ((found > 0.1) & (found < 0.9)).mean() > 0.2
 
 
-@pytest.mark.parametrize("name", ["cornell_box", "parlour"])
+@pytest.mark.parametrize("name", ["cornell_box", "parlour", "workshop"])  # the last is glossy
 def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
     view = BUILTIN_SCENES[name]()
     camera = view.camera(40, 30)
@@ -263,7 +263,9 @@ def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
     if variant == "scalar_rgb":
         pytest.skip("too slow without LLVM 17 or later")
     with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(view.scene, view.lights, variant, emission="emitters")
+        world = MitsubaScene.of(
+            view.scene, view.lights, variant, emission="emitters", lobes="surfaces"
+        )
         integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
         sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
         images = [

@@ -1,0 +1,136 @@
+"""World truth of radiance where surfaces have Phong lobes: closed forms, and Mitsuba's own path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.truth import mitsuba_scene, store
+from ssgi_cl.truth.mitsuba_scene import MitsubaScene
+from ssgi_cl.truth.radiance import radiance
+
+from .test_radiance import BOX, FLOOR, ROUNDING, above, closely, quads
+
+pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
+
+ALBEDO, SPECULAR = (0.3, 0.2, 0.1), (0.5, 0.4, 0.2)
+
+
+@pytest.fixture(autouse=True)
+def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
+
+
+def glossy(
+    gloss: float, albedo: Sequence[float] = ALBEDO, specular: Sequence[float] = SPECULAR
+) -> Material:
+    first, second = ((a, b, c) for a, b, c in (albedo, specular))
+    return Material(albedo=first, specular=second, gloss=gloss)
+
+
+def from_above(gloss: float, light: Sequence[Light], paths: int = 4) -> np.ndarray:
+    """Return the radiance of a glossy floor straight below a distant camera."""
+    scene = quads(FLOOR, materials=[glossy(gloss)])
+    camera = Camera.look_at((0.1, 4.0, 0.0), (0.1, 0.0, 0.0), up=(0, 0, 1), width=1, height=1,
+                            yfov=0.01)  # fmt: skip
+    return radiance(scene, camera, light, paths, 0).mean[0, 0].astype(np.float64)
+
+
+@pytest.mark.parametrize("gloss", [1.0, 7.5, 60.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.3, 1.2])
+def test_a_directional_light_is_reflected_by_the_closed_form(gloss: float, tilt: float) -> None:
+    sun = DirectionalLight((math.sin(tilt), -math.cos(tilt), 0.0), 2.0)
+    found = from_above(gloss, [sun])
+    lobe = (gloss + 1.0) / (2.0 * math.pi) * math.cos(tilt) ** gloss
+    expected = 2.0 * (
+        np.array(ALBEDO) / math.pi * math.cos(tilt) + np.array(SPECULAR) * lobe
+    )
+    # The exponent multiplies the cosine's rounding.
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING * (1.0 + gloss))
+
+
+def test_a_lobe_straight_up_reflects_an_even_sky_whole() -> None:
+    # All of the lobe lies above the floor.
+    scene = quads(FLOOR, materials=[glossy(4.0)])
+    camera = Camera.look_at((0.1, 4.0, 0.0), (0.1, 0.0, 0.0), up=(0, 0, 1), width=16, height=12,
+                            yfov=0.01)  # fmt: skip
+    found = radiance(scene, camera, [Environment((3.0, 2.0, 1.0))], 256)
+    closely(found, np.array((3.0, 2.0, 1.0)) * (np.array(ALBEDO) + SPECULAR), 1e-4)
+
+
+def test_of_a_tilted_lobe_what_lies_below_the_surface_is_lost() -> None:
+    gloss, tilt = 3.0, 1.0
+    eye = (4.0 * math.sin(tilt), 4.0 * math.cos(tilt), 0.0)
+    camera = Camera.look_at(eye, (0, 0, 0), width=16, height=12, yfov=0.001)
+    scene = quads(FLOOR, materials=[glossy(gloss, (0, 0, 0), (1, 1, 1))])
+    found = radiance(scene, camera, [Environment(1.0)], 1024)
+    # The share above, on a grid of directions: the floor's normal is `tilt` off the lobe's axis.
+    cosine, turn = np.meshgrid(
+        (np.arange(400) + 0.5) / 400, 2.0 * math.pi * (np.arange(400) + 0.5) / 400
+    )
+    above_floor = (
+        cosine * math.cos(tilt) + np.sqrt(1.0 - cosine**2) * math.sin(tilt) * np.cos(turn) > 0.0
+    )
+    share = float(((gloss + 1.0) * cosine**gloss * above_floor).mean())
+    assert 0.8 < share < 0.97
+    closely(found, np.full((12, 16, 3), share), 2e-4)
+
+
+def test_the_lobe_has_what_the_albedo_leaves() -> None:
+    """Else a closed room would shine ever brighter."""
+    sun = [DirectionalLight((0.0, -1.0, 0.0), 2.0)]
+    scenes = [
+        quads(FLOOR, materials=[glossy(9.0, (0.75, 0.5, 1.0), specular)])
+        for specular in ((1.0, 0.3, 0.5), (0.25, 0.3, 0.0))
+    ]
+    found = [radiance(scene, above(8, 6), sun, 4, 0).mean for scene in scenes]
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def box(gloss: float) -> tuple[Scene, list[Light]]:
+    """Return a closed glossy box with a glowing patch and a point light."""
+    patch = ((0.4, 0.9, 0.4), (0, 0, 0.2), (0.2, 0, 0))
+    glow = Material(albedo=(0.3,) * 3, emission=(5.0,) * 3)
+    scene = quads(*BOX, patch, materials=[glossy(gloss, (0.5, 0.4, 0.3), (0.3, 0.3, 0.2))] * 6 + [glow])
+    return scene, [PointLight((0.5, 0.5, 0.5), 0.5)]
+
+
+@pytest.mark.parametrize("open_to_a_sky", [False, True])
+def test_mitsubas_own_integrator_finds_the_same(open_to_a_sky: bool) -> None:
+    scene, lights = box(12.0)
+    if open_to_a_sky:
+        image = np.full((4, 8, 3), 0.3)
+        image[0, 3] = 9.0
+        sides = quads(*BOX[:5], materials=[glossy(12.0)])
+        scene, lights = sides, [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
+    camera = Camera.look_at((0.3, 0.6, 0.8), (0.7, 0.2, 0.1), width=24, height=16, yfov=1.2)
+    found = radiance(scene, camera, lights, 512, box_filter=True)
+    variant = mitsuba_scene.best_variant()
+    if variant == "scalar_rgb":
+        pytest.skip("too slow without LLVM 17 or later")
+    with mitsuba_scene.within(variant) as mi:
+        world = MitsubaScene.of(scene, lights, variant, emission="emitters", lobes="surfaces")
+        integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
+        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
+        images = [
+            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=128, seed=k))
+            for k in range(4)
+        ]
+    closely(found, np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0)
+
+
+def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, lights = box(12.0)
+    camera = Camera.look_at((0.3, 0.6, 0.8), (0.7, 0.2, 0.1), width=6, height=4, yfov=1.2)
+    fast = radiance(scene, camera, lights, 256, 2, box_filter=True)
+    monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: "scalar_rgb")
+    slow = radiance(scene, camera, lights, 32, 2, box_filter=True)
+    assert slow.key != fast.key
+    closely(fast, slow.mean, np.maximum(slow.error, 0.05 * slow.mean))

@@ -51,7 +51,7 @@ class DeviceScene:
         self.boxes = runtime.array(_boxes(scene))
         materials = np.array(
             [
-                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission]
+                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]
                 for m in scene.materials
             ],
             np.float32,
@@ -71,7 +71,7 @@ class DeviceScene:
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(m.emits for m in used)
-        self.glossy = any(any(m.specular) for m in used)
+        self.glossy = any(m.is_glossy for m in used)
         self.has_cutouts = bool(cut[ids].any())
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 
+from .metal_rough import Lobe, metal_rough_lobe
 from .parts import Part
 from .textures import TextureSet, mean_color, rgba_of, srgb_to_linear
 
@@ -125,9 +126,12 @@ class _Reader:
             emission = emission * mean_color(glow)
         cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
         mode = source.alphaMode or "OPAQUE"
+        lobe = _lobe(source, color)
         return Material(
             name=str(source.name or ""),
-            albedo=_rgb(color.clip(0.0, 1.0)),
+            albedo=_rgb(lobe.matt * color.clip(0.0, 1.0)),
+            specular=lobe.specular,
+            gloss=lobe.gloss,
             texture=self._texture(source.baseColorTexture),
             alpha=float(color[3].clip(0.0, 1.0)),
             alpha_cutoff={"MASK": min(max(cutoff, 0.0), 1.0), "BLEND": 0.5}.get(mode, 0.0),
@@ -154,6 +158,19 @@ class _Reader:
 
     def _texture(self, image: Any) -> int:
         return -1 if image is None else self._textures.add(rgba_of(image, "a texture"))
+
+
+def _lobe(source: Any, color: NDArray[np.float64]) -> Lobe:
+    """Return what a material mirrors; textures count with their mean."""
+    base = color[:3].clip(0.0, 1.0)
+    if source.baseColorTexture is not None:
+        base = base * mean_color(rgba_of(source.baseColorTexture, "a texture"))
+    metal = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
+    roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
+    if source.metallicRoughnessTexture is not None:
+        means = rgba_of(source.metallicRoughnessTexture, "a texture").mean(axis=(0, 1)) / 255.0
+        metal, roughness = metal * float(means[2]), roughness * float(means[1])
+    return metal_rough_lobe(base, metal, roughness)
 
 
 def _given_normals(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:

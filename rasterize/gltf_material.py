@@ -15,11 +15,8 @@ from ssgi_cl.core.scene import Material
 
 from .gltf_document import item
 from .gltf_schema import Json
+from .metal_rough import Lobe, metal_rough_lobe, rough_lobe
 from .textures import TextureSet, mean_color, read_uri
-
-DIELECTRIC = 0.04
-"""Reflectance of what is no metal, seen from straight ahead."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GltfMaterial:
@@ -92,13 +89,16 @@ class GltfMaterials:
             texture = self._textures.add(self._image(laid["index"]))
             uv_set, uv_matrix = _layout(laid)
         base = color[:3] if laid is None else color[:3] * mean_color(self._image(laid["index"]))
-        specular, gloss = _mirrored(source, base)
+        lobe = self._lobe(source, base)
         return GltfMaterial(
             material=Material(
                 name=str(source.get("name", "")),
-                specular=specular,
-                gloss=gloss,
-                albedo=(float(color[0]), float(color[1]), float(color[2])),
+                specular=lobe.specular,
+                gloss=lobe.gloss,
+                albedo=(
+                    lobe.matt * float(color[0]), lobe.matt * float(color[1]),
+                    lobe.matt * float(color[2]),
+                ),
                 texture=texture,
                 alpha_cutoff=min(max(cutoff, 0.0), 1.0),
                 alpha=float(color[3]),
@@ -107,6 +107,25 @@ class GltfMaterials:
             uv_set=uv_set,
             uv_matrix=uv_matrix,
         )
+
+    def _lobe(self, source: Json, base: NDArray[np.float64]) -> Lobe:
+        """Return what a material mirrors; textures of metal and roughness count with their mean.
+
+        `base` is the base colour, the mean of its texture.
+        """
+        glossy = source.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if glossy is not None:
+            reflectance = np.array(glossy.get("specularFactor", [1.0] * 3), dtype=np.float64)
+            return rough_lobe(reflectance, base, 1.0 - float(glossy.get("glossinessFactor", 0.0)))
+        factors: Json = source.get("pbrMetallicRoughness", {})
+        metal = float(factors.get("metallicFactor", 1.0))
+        roughness = float(factors.get("roughnessFactor", 1.0))
+        laid = factors.get("metallicRoughnessTexture")
+        if laid is not None:
+            image = self._image(laid["index"])
+            roughness *= float(image[..., 1].mean()) / 255.0
+            metal *= float(image[..., 2].mean()) / 255.0
+        return metal_rough_lobe(base, metal, roughness)
 
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
@@ -150,36 +169,6 @@ class GltfMaterials:
                 raise SceneError(f"{what} has neither a uri nor a buffer view")
             self._images[index] = self._textures.decode(data, what)
         return self._images[index]
-
-
-def _mirrored(
-    source: Json, base: NDArray[np.float64]
-) -> tuple[tuple[float, float, float], float]:
-    """Return specular reflectance and Phong exponent of a material.
-
-    2 / alpha^2 - 2 is the exponent of a lobe as wide as that of the roughness alpha = r^2. Albedo
-    stays the base colour, metal or not, so what is mirrored is what that leaves of the light.
-    Without factors of their own, materials are matt; textures of roughness don't count.
-
-    Args:
-        source: the material as the document has it.
-        base: [3] base colour, the mean of its texture.
-    """
-    glossy = source.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
-    if glossy is not None:
-        reflectance = np.array(glossy.get("specularFactor", [1.0] * 3), dtype=np.float64)
-        roughness = 1.0 - float(glossy.get("glossinessFactor", 0.0))
-    else:
-        factors: Json = source.get("pbrMetallicRoughness", {})
-        metal = min(max(float(factors.get("metallicFactor", 1.0)), 0.0), 1.0)
-        reflectance = DIELECTRIC * (1.0 - metal) + metal * base
-        roughness = float(factors.get("roughnessFactor", 1.0))
-    alpha = min(max(roughness, 1e-2), 1.0) ** 2
-    gloss = min(2.0 / alpha**2 - 2.0, 1e6)
-    if gloss <= 1.0:
-        return (0.0, 0.0, 0.0), 1.0
-    red, green, blue = np.clip(reflectance, 0.0, 1.0 - np.clip(base, 0.0, 1.0)).tolist()
-    return (red, green, blue), gloss
 
 
 def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:

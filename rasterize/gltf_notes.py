@@ -61,7 +61,7 @@ def _features(material: Json) -> Iterator[str]:
         yield "blended surfaces are cut out where their opacity is below 0.5"
     yield from (text for field, text in _MATERIAL_FIELDS.items() if field in material)
     if "metallicRoughnessTexture" in material.get("pbrMetallicRoughness", {}):
-        yield "a texture of metal and roughness is not used, their factors are"
+        yield "a texture of metal and roughness counts with its mean"
     extensions = material.get("extensions", {})
     yield from (text for name, text in _MATERIAL_EXTENSIONS.items() if name in extensions)
 

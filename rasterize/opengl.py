@@ -106,7 +106,8 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
     Returns:
         "depth" [layers, rows, columns] float32, linear, scene units, +inf where nothing is there;
         "normal" [layers, rows, columns, 3] float32, world space, unit length, as the mesh says;
-        "albedo" likewise, linear, in [0, 1]; "emission" likewise, W m^-2 sr^-1. All three are 0
+        "albedo" likewise, linear, in [0, 1]; "emission" likewise, W m^-2 sr^-1; of a glossy scene
+        "specular" [rows, columns, 3] and "gloss" [rows, columns] of the front layer. All are 0
         where nothing is there.
 
     Raises:
@@ -118,12 +119,17 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
     depth = np.full((layers, rows, columns), np.inf, np.float32)
     normal, albedo, emission = (np.zeros((layers, rows, columns, 3), np.float32) for _ in range(3))
     glow = np.array([(0.0, 0.0, 0.0), *(m.emission for m in scene.materials)], np.float32)
+    lobes = np.array([(0.0,) * 4, *((*m.specular, m.gloss) for m in scene.materials)], np.float32)
+    mirrored: dict[str, NDArray[np.float32]] = {}
     with context() as gl:
         draw = _Drawing(gl, scene, camera)
         for layer in range(layers):
             normal_depth, albedo_material = draw.layer(layer)
             material = albedo_material[..., 3].astype(np.int32)
             there = material > 0
+            if layer == 0 and any(scene.materials[i].is_glossy for i in set(scene.material_ids)):
+                seen = lobes[material]
+                mirrored = {"specular": seen[..., :3].copy(), "gloss": seen[..., 3].copy()}
             if not there.any():
                 break  # nor is there anything deeper
             depth[layer] = np.where(there, normal_depth[..., 3], np.inf)
@@ -131,7 +137,7 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
             albedo[layer] = albedo_material[..., :3]
             if glow.any():
                 emission[layer] = glow[material]
-    return {"depth": depth, "normal": normal, "albedo": albedo, "emission": emission}
+    return {"depth": depth, "normal": normal, "albedo": albedo, "emission": emission, **mirrored}
 
 
 class _Drawing:

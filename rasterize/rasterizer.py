@@ -37,7 +37,7 @@ VIEW = Struct(
     (
         *floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"),
         *floats("eye_x", "eye_y", "eye_z", "rest_x", "rest_y", "rest_z"),
-        *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel"),
+        *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "matt"),
         *(
             (name, "int")
             for name in (
@@ -99,6 +99,8 @@ class Rasterizer:
             methods write of the image drawn last.
         regions: whether it draws where anything may be seen alone, and tells the target.
         world: of the target.
+        matt: whether albedo has the reflectance of lobes in it, for what draws no lobes.
+        lobes: whether the target gets what its front layer mirrors.
 
     Attributes:
         target: the device G-buffer that it draws into.
@@ -115,8 +117,12 @@ class Rasterizer:
         attributes: int = 1,
         regions: bool = False,
         world: WorldNormals = "kept",
+        matt: bool = False,
+        lobes: bool = False,
     ) -> None:
         self.runtime = runtime
+        self.matt = matt
+        self.lobes = lobes
         self.shaded = shaded
         self.regions = regions
         if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
@@ -168,6 +174,7 @@ class Rasterizer:
         self.target.set_camera(camera)
         self.target.has_facets = True
         self.target.emits = scene.emits and self.shaded
+        self.target.mirrors = scene.glossy and self.lobes
         self.release()
         while True:
             lists = self._lists(scene)
@@ -230,10 +237,15 @@ class Rasterizer:
             specular: 3 images, reflectance of the Phong lobe.
             gloss: 1 image, its exponent.
         """
+        self._write_gloss(step, scene, self._last_visible.triangles, specular, gloss)
+
+    def _write_gloss(
+        self, step: int, scene: DeviceScene, seen: DeviceArray, specular: Plane, gloss: Plane
+    ) -> None:
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             "raster gloss", gloss.size,
-            triangles=self._last_visible.triangles, faces=scene.faces, lobes=scene.lobes,
-            specular=specular, gloss=gloss, tiles=self._tiles,
+            triangles=seen, faces=scene.faces, lobes=scene.lobes, specular=specular, gloss=gloss,
+            tiles=self._tiles,
         )
 
     def _reserve(self, vertices: int) -> None:
@@ -371,6 +383,8 @@ class Rasterizer:
                     f"raster attributes{suffix}", whole, region=over, camera=packed_camera,
                     view=view, **self._attribute_arguments(scene, target, seen),
                 )
+                if target.mirrors and layer == 0:
+                    self._write_gloss(1, scene, seen, target.specular, target.gloss)
         return None
 
     def _attributes(
@@ -432,6 +446,7 @@ class Rasterizer:
             "vertex_stride": scene.vertex_stride,
             "triangle_stride": scene.triangle_stride,
             "layer": 0,
+            "matt": float(self.matt),
             "margin_x": self.target.margin[1],
             "margin_y": self.target.margin[0],
         }

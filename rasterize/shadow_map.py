@@ -37,6 +37,7 @@ class RsmRenderer:
         size: texels along the side of a face.
         step: flux is that of every step-th texel along rows and columns; see `every_nth`.
         flux: whether it is ever asked for.
+        matt: whether flux has in it what lobes mirror.
 
     Attributes:
         target: the device G-buffer of what has flux; `normal_world` has what the depth shows where
@@ -51,10 +52,12 @@ class RsmRenderer:
     specular_flux: Plane
     gloss: Plane
 
-    def __init__(self, runtime: Runtime, size: int, *, step: int = 1, flux: bool = True) -> None:
+    def __init__(
+        self, runtime: Runtime, size: int, *, step: int = 1, flux: bool = True, matt: bool = False
+    ) -> None:
         self.runtime = runtime
         self.step = step
-        self._rasterizer = Rasterizer(runtime, (size, size), shaded=False)
+        self._rasterizer = Rasterizer(runtime, (size, size), shaded=False, matt=matt)
         if flux:
             self.target = DeviceGBuffer(runtime, (-(-size // step),) * 2)
             self.flux = runtime.plane(3, self.target.size)

@@ -75,7 +75,8 @@ def gbuffer(
 
     Returns:
         depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
-        emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer).
+        emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer); of
+        a scene with glossy materials specular and gloss of the front layer.
         Normals are the mesh's own, not turned to the viewer.
 
     Raises:
@@ -97,7 +98,8 @@ def gbuffer(
             arrays[name][:shaded] for name in ("normal", "albedo", "emission")
         )
         return _host(
-            camera, arrays["depth"], normal, albedo, emission if emission.any() else None
+            camera, arrays["depth"], normal, albedo, emission if emission.any() else None,
+            (arrays["specular"], arrays["gloss"]) if "gloss" in arrays else None,
         )
     return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
 
@@ -112,7 +114,7 @@ def _drawn(
     rasterizer: Rasterizer = runtime.prepared(
         (Rasterizer, camera.size, layers, margin, True, shaded),
         lambda: Rasterizer(
-            runtime, camera.size, layers=layers, margin=margin, attributes=shaded
+            runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True
         ),
     )
     with runtime.frame():
@@ -129,6 +131,7 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
         _layers_of(target.normal_world),
         _layers_of(target.albedo),
         _layers_of(target.emission) if target.emits else None,
+        (_layers_of(target.specular)[0], target.gloss.download()[0]) if target.mirrors else None,
     )
 
 
@@ -138,15 +141,19 @@ def _layers_of(plane: Plane) -> Floats:
 
 
 def _host(
-    camera: Camera, depth: Floats, normal: Floats, albedo: Floats, emission: Floats | None
+    camera: Camera, depth: Floats, normal: Floats, albedo: Floats, emission: Floats | None,
+    lobes: tuple[Floats, Floats] | None,
 ) -> GBuffer:
-    """Return a G-buffer of arrays whose first axis is that of layers."""
+    """Return a G-buffer of arrays whose first axis is that of layers, and of specular and gloss,
+    which have none."""
     return GBuffer(
         camera=camera,
         depth=_flat(depth),
         normal=_flat(normal),
         albedo=_flat(albedo),
         emission=None if emission is None else _flat(emission),
+        specular=None if lobes is None else lobes[0],
+        gloss=None if lobes is None else lobes[1],
     )
 
 

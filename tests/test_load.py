@@ -402,19 +402,20 @@ def test_gltf_materials_find_their_meshes_though_names_are_missing_or_equal(
 
 
 @pytest.mark.parametrize(
-    ("fields", "specular", "gloss"),
+    ("fields", "albedo", "specular", "gloss"),
     [
-        ({}, 0.0, 1.0),
-        ({"metallicFactor": 0.0, "roughnessFactor": 1.0}, 0.0, 1.0),
-        ({"metallicFactor": 0.0, "roughnessFactor": 0.5}, 0.04, 30.0),
-        # What a metal mirrors besides its albedo is what that leaves.
-        ({"metallicFactor": 1.0, "roughnessFactor": 0.5}, 0.4, 30.0),
-        ({"metallicFactor": 0.5, "roughnessFactor": 0.5}, 0.32, 30.0),
-        ({"metallicFactor": 0.0, "roughnessFactor": 0.0}, 0.04, 1e6),
+        ({}, 0.6, 0.0, 1.0),
+        ({"metallicFactor": 0.0, "roughnessFactor": 1.0}, 0.6, 0.0, 1.0),
+        ({"metallicFactor": 0.0, "roughnessFactor": 0.5}, 0.6, 0.04, 30.0),
+        # A metal's albedo is 0, unless it is so rough that its lobe counts as matt.
+        ({"metallicFactor": 1.0, "roughnessFactor": 0.5}, 0.0, 0.6, 30.0),
+        ({"metallicFactor": 1.0, "roughnessFactor": 0.77}, 0.6, 0.0, 1.0),
+        ({"metallicFactor": 0.5, "roughnessFactor": 0.5}, 0.3, 0.32, 30.0),
+        ({"metallicFactor": 0.0, "roughnessFactor": 0.0}, 0.6, 0.04, 1e6),
     ],
 )
 def test_gltf_roughness_and_metal_give_the_lobe(
-    tmp_path: Path, fields: dict[str, float], specular: float, gloss: float
+    tmp_path: Path, fields: dict[str, float], albedo: float, specular: float, gloss: float
 ) -> None:
     made = Gltf()
     index = made.material([0.6, 0.6, 0.6, 1.0])
@@ -423,7 +424,7 @@ def test_gltf_roughness_and_metal_give_the_lobe(
     material = made.load(tmp_path).materials[0]
     assert material.specular == pytest.approx((specular,) * 3)
     assert material.gloss == pytest.approx(gloss)
-    assert material.albedo == pytest.approx((0.6,) * 3)
+    assert material.albedo == pytest.approx((albedo,) * 3)
 
 
 def test_gltf_specular_and_glossiness_give_the_lobe(tmp_path: Path) -> None:

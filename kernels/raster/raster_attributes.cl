@@ -8,7 +8,8 @@
 //          normal    images 3 view.layer + c: world space, unit length, as the mesh has it
 //          albedo    likewise, in [0, 1]
 //          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION 1)
-// Params:  camera, view: of the buffer; size = result
+// Params:  camera, view: of the buffer; size = result; view.matt 1: albedo has the reflectance of
+//          lobes in it
 // Macros:  RASTER_STEP: pixels of the buffer from one of the result to the next;
 //          RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -94,6 +95,10 @@ RASTER_INLINE void raster_write(
         b = b * v_select(one, color.b, textured);
     }
 #endif
+    const float matt = view.matt;
+    r = v_fma(v_fetch(materials, id + 9, t.same), v_splat(matt), r);
+    g = v_fma(v_fetch(materials, id + 10, t.same), v_splat(matt), g);
+    b = v_fma(v_fetch(materials, id + 11, t.same), v_splat(matt), b);
     ssgi_store(v_select(zero, v_clamp(r, 0.0f, 1.0f), there), albedo, size, first, x, y, 0.0f);
     ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, first + 1, x, y, 0.0f);
     ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, first + 2, x, y, 0.0f);

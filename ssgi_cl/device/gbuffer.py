@@ -39,6 +39,8 @@ class DeviceGBuffer:
         normal_world: likewise, as given.
         albedo: likewise.
         emission: likewise; one pixel before the first contents that emit.
+        mirrors: whether there are `specular`, 3 images, and `gloss`, 1 image: reflectance and
+            exponent of the Phong lobe of layer 0.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over.
         sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
@@ -84,6 +86,8 @@ class DeviceGBuffer:
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = False
+        self.mirrors = False
+        self._lobes: tuple[Plane, Plane] | None = None
         self.has_facets = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
@@ -99,6 +103,21 @@ class DeviceGBuffer:
         if self.emits and self._emission is None:
             self._emission = self.runtime.plane(self._images, self.whole)
         return self._no_emission if self._emission is None else self._emission
+
+    @property
+    def specular(self) -> Plane:
+        """Reflectance of the lobe of layer 0."""
+        return self._lobe_planes()[0]
+
+    @property
+    def gloss(self) -> Plane:
+        """Its exponent."""
+        return self._lobe_planes()[1]
+
+    def _lobe_planes(self) -> tuple[Plane, Plane]:
+        if self._lobes is None:
+            self._lobes = self.runtime.plane(3, self.whole), self.runtime.plane(1, self.whole)
+        return self._lobes
 
     @property
     def normal_world(self) -> Plane:
@@ -157,6 +176,11 @@ class DeviceGBuffer:
         self.emits = gbuffer.emission is not None
         if self.emits:
             self.emission.upload(self._layered(gbuffer.emission, 0.0))
+        specular, gloss = gbuffer.first("specular"), gbuffer.first("gloss")
+        self.mirrors = specular is not None and gloss is not None
+        if specular is not None and gloss is not None:
+            self.specular.upload(np.moveaxis(specular, -1, 0))
+            self.gloss.upload(gloss[None])
         thickness = gbuffer.first("thickness")
         if thickness is not None:
             self._thickness = self._thickness or self.runtime.plane(1, self.whole)

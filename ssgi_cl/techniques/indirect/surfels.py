@@ -188,6 +188,8 @@ def _points(
             albedo[own] *= _DECODE[texels[:, :3]]
             if material.has_holes:
                 there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
+    # What lobes reflect goes every way.
+    albedo += np.array([m.specular for m in scene.materials])[ids]
     emission = np.array([m.emission for m in scene.materials])[ids]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))

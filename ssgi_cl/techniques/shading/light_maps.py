@@ -37,7 +37,8 @@ class LightMaps:
         size: texels along the side of a face.
         rsm_size: at most so many of them along a side reflect light, every n-th.
         flux: whether reflected light is asked for.
-        glossy: whether what glossy surfaces mirror is asked for too.
+        glossy: whether what glossy surfaces mirror is asked for by itself; else it is a part of
+            what is reflected.
     """
 
     def __init__(
@@ -49,7 +50,9 @@ class LightMaps:
         self._flux = flux
         self._glossy = glossy
         self._step = -(-size // rsm_size) if flux else 1
-        self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux)
+        self._renderer = RsmRenderer(
+            runtime, size, step=self._step, flux=flux, matt=not glossy
+        )
         self._depths: dict[int, Plane] = {}
         self._blocks = ShadowBlocks(runtime, size)
         self._block_planes: dict[int, Plane] = {}

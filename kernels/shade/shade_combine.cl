@@ -16,8 +16,9 @@
 //          ambient   W/m^2 (SHADE_AMBIENT 1), see shade/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
+//          light     3 x [rows, columns] irradiance of all light over pi (SHADE_LIGHT 1)
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT
-//          (any ambient light), SHADE_SKY: 0 or 1; SHADE_INDIRECT 2 and 3, SHADE_SKY_LIGHT 2 too;
+//          (any ambient light), SHADE_SKY, SHADE_LIGHT: 0 or 1; SHADE_INDIRECT 2 and 3, SHADE_SKY_LIGHT 2 too;
 //          AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -28,7 +29,8 @@
 
 #if !defined(SHADE_DIRECT) || !defined(SHADE_AO) || !defined(SHADE_BOUNCES) ||                     \
     !defined(SHADE_INDIRECT) || !defined(SHADE_EMISSION) || !defined(SHADE_AMBIENT) ||             \
-    !defined(SHADE_SKY) || !defined(SHADE_SKY_LIGHT) || !defined(AMBIENT_SIZE)
+    !defined(SHADE_SKY) || !defined(SHADE_SKY_LIGHT) || !defined(SHADE_LIGHT) ||                   \
+    !defined(AMBIENT_SIZE)
 #error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT, _SKY, AMBIENT_SIZE: undefined"
 #endif
 
@@ -71,6 +73,9 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
                             __global const float *restrict ambient,
 #endif
                             __global const float *restrict sky, __global float *restrict radiance,
+#if SHADE_LIGHT
+                            __global float *restrict light_over_pi,
+#endif
                             const int2 size, const SsgiCamera camera, const CombineParams params)
 {
     const int x = ssgi_first_column();
@@ -87,6 +92,9 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     if (!v_any(there)) {
         for (int c = 0; c < 3; ++c) {
             ssgi_store(v_splat(sky[c]), radiance, size, c, x, y, 0.0f);
+#if SHADE_LIGHT
+            ssgi_store(v_splat(0.0f), light_over_pi, size, c, x, y, 0.0f);
+#endif
         }
         return;
     }
@@ -161,6 +169,10 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
 #endif
 #endif
         vfloat sum = ssgi_load(albedo, whole, c, at_x, at_y) * light[c] * M_1_PI_F;
+#if SHADE_LIGHT
+        ssgi_store(v_select(v_splat(0.0f), light[c] * M_1_PI_F, there), light_over_pi, size, c, x,
+                   y, 0.0f);
+#endif
 #if SHADE_EMISSION
         sum = sum + ssgi_load(emission, whole, c, at_x, at_y);
 #endif

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// shade_light: add the direct irradiance of one light, shadowed by its map.
+// shade_light: add the direct irradiance of one light, shadowed by its map; or, with SHADE_LOBE,
+// the radiance that lobes reflect of it.
 //
 // E = I cos / d^2 (spot and point light) or E = E0 cos (directional light), times the shadow map's
-// share. See kernels/shade/shadow.clh.
+// share. See kernels/shade/shadow.clh and, for lobes, common/phong.clh.
 // Reads:   depth   image light.layer, with margin; normal  images 3 light.layer + c, view space
 //          map     depth that the light sees: an image for each of light.crops parts
 //                  (SHADE_SHADOW 1)
@@ -12,20 +13,23 @@
 //                  for them and is not read as such (SHADE_SHADOW 1)
 //          With light.facets 1 depths are exact: what lies on a facet that is turned away from the
 //          light is dark, and facets are what maps are compared with (SHADE_SHADOW 1).
-// Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set
-// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_ADD (0, 1)
+//          albedo, specular, gloss  with margin (SHADE_LOBE 1)
+// Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set; with SHADE_LOBE
+//          radiance, W m^-2 sr^-1, likewise
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_ADD, SHADE_LOBE (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    16 scattered reads per lit pixel with a shadow map; with blocks 4 where they tell what
 //          those would find, 20 elsewhere
 
+#include "common/phong.clh"
 #include "shade/facet.clh"
 #include "shade/light.clh"
 #include "shade/shadow.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD)
-#error "SHADE_KIND, SHADE_SHADOW and SHADE_ADD must be defined by the host"
+#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD) || !defined(SHADE_LOBE)
+#error "SHADE_KIND, SHADE_SHADOW, SHADE_ADD and SHADE_LOBE must be defined by the host"
 #endif
 
 // Cosine by which a facet must be turned away from the light to be dark: more than depths round.
@@ -35,6 +39,9 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_SHADOW
                           ssgi_plane map, ssgi_plane blocks,
                           __global const float *restrict crops,
+#endif
+#if SHADE_LOBE
+                          ssgi_plane albedo, ssgi_plane specular, ssgi_plane gloss,
 #endif
                           __global float *restrict irradiance, const int2 size,
                           const SsgiCamera camera, const SsgiCamera light_camera,
@@ -50,7 +57,12 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     const int at_y = y + light.margin_rows;
     const vfloat zero = v_splat(0.0f);
     const vfloat seen = ssgi_load(depth, whole, light.layer, at_x, at_y);
-    if (!v_any(v_lt(seen, v_splat(INFINITY)))) {
+    vmask counts = v_lt(seen, v_splat(INFINITY));
+#if SHADE_LOBE
+    SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
+    counts = counts & lobe.there;
+#endif
+    if (!v_any(counts)) {
 #if !SHADE_ADD
         light_store(zero, light, irradiance, size, x, y);
 #endif
@@ -59,7 +71,7 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
     const LightAt at = light_at(light, &receiver);
     const vfloat unhidden = at.strength;
-    vmask lit = receiver.there & v_gt(unhidden, zero);
+    vmask lit = counts & v_gt(unhidden, zero);
 #if SHADE_SHADOW
     SsgiFacet facet = {receiver.there & ~receiver.there, receiver.nx, receiver.ny, receiver.nz};
     if (light.facets != 0 && v_any(lit)) {
@@ -115,5 +127,23 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         strength = strength * share;
     }
 #endif
+#if SHADE_LOBE
+    lobe = ssgi_widened(lobe, normal, whole, at_x, at_y);
+    const vfloat mirrored =
+        ssgi_lobe_value(&lobe, ssgi_mirrored(camera, receiver.x, receiver.y, receiver.z,
+                                             receiver.nx, receiver.ny, receiver.nz),
+                        at.x, at.y, at.z);
+    // Radiance per specular reflectance: without the cosine, which the lobe does not have.
+    const vfloat shone = strength / v_max(at.cosine, v_splat(1e-6f)) * mirrored;
+    for (int c = 0; c < 3; ++c) {
+        const float power = c == 0 ? light.red : c == 1 ? light.green : light.blue;
+        vfloat sum = v_min(shone * lobe.specular[c] * power, v_splat(LIGHT_BRIGHTEST));
+#if SHADE_ADD
+        sum = sum + v_load(irradiance + ssgi_index(size, c, x, y));
+#endif
+        ssgi_store(sum, irradiance, size, c, x, y, 0.0f);
+    }
+#else
     light_store(strength, light, irradiance, size, x, y);
+#endif
 }

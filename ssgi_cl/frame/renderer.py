@@ -17,6 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.frame.graph import Graph
 from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
+from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
 from ssgi_cl.frame.plan import Needs, chosen_skips
 from ssgi_cl.frame.render_params import BounceParams
@@ -116,6 +117,7 @@ class Renderer:
         self.rasterizer = Rasterizer(
             runtime, size, layers=layers, margin=margin, attributes=attributes,
             regions="region" in self.skips, world="until released" if ssdo else "until derived",
+            matt=whole is None, lobes=whole is not None,
         )
         maps = LightMaps(
             runtime, shadow_size, flux=whole is not None or (indirect is not None and not ssdo),
@@ -134,6 +136,7 @@ class Renderer:
         self._ao: TiledOcclusion | None = None
         self._indirect: Ssdo | OneBounce | None = None
         near: list[Stage] = []
+        lobes: Lobes | None = None
         light = [DIRECT]
         look: Callable[[DeviceGBuffer], None] | None = None
         if isinstance(indirect, SsdoParams):
@@ -178,7 +181,8 @@ class Renderer:
                 direct_stage(shade),
             ]
             if whole is not None:
-                near += whole.stages(runtime, size)
+                stages, lobes = whole.stages(runtime, size)
+                near += stages
                 light += [INDIRECT, SKY_LIGHT]
             elif self._bounce is not None:
                 near.append(one_bounce_stage(self._bounce, runtime))
@@ -190,7 +194,7 @@ class Renderer:
             *near,
             combine_stage(
                 shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao,
-                gaps=whole is not None,
+                gaps=whole is not None, lobes=lobes,
             ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]

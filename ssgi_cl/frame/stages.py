@@ -17,6 +17,7 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
+from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
 from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion
@@ -295,7 +296,8 @@ def ssdo_stages(
 
 
 def combine_stage(
-    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool
+    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool,
+    lobes: Lobes | None,
 ) -> Stage:
     """Return the stage that sums up all light.
 
@@ -305,16 +307,24 @@ def combine_stage(
         ambient: whether the light of environments is not in direct light yet.
         indirect_ao: whether ambient occlusion dims indirect light too.
         gaps: whether it does so at least where it is below 1/2.
+        lobes: adds what glossy surfaces reflect; None: nothing does.
     """
     def run(r: Values) -> Plane:
-        return shade.combine(
-            r[GBUFFER], r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
+        seen = r[GBUFFER]
+        light = None if lobes is None else lobes.needs(seen)
+        radiance = shade.combine(
+            seen, r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
-            gaps=gaps, sky_light=r.get(SKY_LIGHT),
+            gaps=gaps, sky_light=r.get(SKY_LIGHT), light=light,
         )
+        if lobes is not None and light is not None:
+            lobes.run(seen, radiance, light, r[LIGHTS], r[SHADOWS])
+        return radiance
 
+    also = () if lobes is None else (LIGHTS, SHADOWS, SCENE_LIGHT)
     return Stage(
-        name="combine", reads=(GBUFFER, SKY, MULTI_BOUNCE, *reads), writes=(RADIANCE,), run=run
+        name="combine", reads=(GBUFFER, SKY, MULTI_BOUNCE, *reads, *also), writes=(RADIANCE,),
+        run=run,
     )
 
 

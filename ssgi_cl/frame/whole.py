@@ -11,6 +11,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.constants import VPL_MARGIN_CELLS
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.stage import Stage
 from ssgi_cl.frame.stages import final_gather_stage, radiosity_stage, sky_light_stage
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
@@ -49,8 +50,9 @@ class WholeParams:
     map_size: int = 128
     error: float = 0.15
 
-    def stages(self, runtime: Runtime, size: Size) -> list[Stage]:
-        """Return the stages of a frame that compute it, prepared for pictures of one size."""
+    def stages(self, runtime: Runtime, size: Size) -> tuple[list[Stage], Lobes]:
+        """Return the stages of a frame that compute it, prepared for pictures of one size, and
+        what adds the reflections of glossy surfaces to their sum."""
         radiosity = Radiosity(
             runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces)
         )
@@ -62,9 +64,10 @@ class WholeParams:
             runtime, size,
             SampledLightsParams(directions=self.directions, map_size=self.map_size),
         )
-        return [
+        stages = [
             radiosity_stage(radiosity), sky_light_stage(sky), final_gather_stage(splat, runtime)
         ]
+        return stages, Lobes(runtime, size, splat, radiosity)
 
 
 PRESETS = {

@@ -120,6 +120,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
 
     Attributes:
         grid: which pixels were computed; see `MultiresGrid`.
+        occupancy: what blocks light, with `visibility`.
+        rays: the struct `VPL` of rays through it, of the camera of the latest run; None where
+            nothing shone.
         tree: what stood for the lights.
     """
 
@@ -137,14 +140,15 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         most = -(-params.vpls // 16) * 16 + surfels if surfels else params.vpls
         self._lights = DeviceVpls(runtime, most, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
-        self._occupancy = (
+        self.rays: Any = None
+        self.occupancy = (
             OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         )
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
             runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0),
-            self._occupancy,
+            self.occupancy,
             params.share,
         )
         self.tree.reserve(size[0] * size[1])
@@ -179,6 +183,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         """
         camera = camera_of(gbuffer, self.size)
         if not (rsms if vpls is None else vpls) and surfels is None:
+            self.rays = None
             return self._no_light.skipped()
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
@@ -190,11 +195,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             curve = self._chooser.place(rsms, camera, kinds=1, more=surfels)
         else:
             self._lights.place(None, camera, more=surfels)
-        if self._occupancy is not None:
-            packed = self._block(gbuffer, rsms, self._occupancy, scene)
+        if self.occupancy is not None:
+            self.rays = packed = self._block(gbuffer, rsms, self.occupancy, scene)
             if curve is not None and params.importance:
                 importance = self._importance.run(
-                    gbuffer, curve, occupancy=self._occupancy, packed=packed
+                    gbuffer, curve, occupancy=self.occupancy, packed=packed
                 )
                 self._chooser.place(
                     rsms, camera, kinds=1, importance=importance, more=surfels

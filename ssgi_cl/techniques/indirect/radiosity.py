@@ -15,6 +15,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.indirect.light_volume import LightVolume, SentLight
 from ssgi_cl.techniques.indirect.occupancy_grid import GRIDS
 from ssgi_cl.techniques.indirect.packed_vpls import DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
@@ -108,6 +109,8 @@ class Radiosity(Prepared[RadiosityParams]):
         self._dark: frozenset[int] | None = None
         self._lit: object = None
         self._result: WorldVpls | None = None
+        self._light: SentLight | None = None
+        self._volume: LightVolume | None = None
         self.irradiance: Doubles = np.zeros((0, 3))
         self.vpls: Vpls | None = None
         self.bounces = 0
@@ -116,6 +119,19 @@ class Radiosity(Prepared[RadiosityParams]):
     def surfels(self) -> Surfels:
         """Those of the latest scene."""
         return self._device.surfels
+
+    @property
+    def volume(self) -> LightVolume | None:
+        """What the surfaces of the latest run send, light of maps that they reflect included.
+
+        None where nothing shines. Computed when it is asked for, once for a result.
+        """
+        if self._volume is None and self._light is not None:
+            device = self._device
+            half = device.half
+            low = device.camera.position - half
+            self._volume = LightVolume.of(self._light, low, 2.0 * half)
+        return self._volume
 
     def run(
         self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()
@@ -136,7 +152,8 @@ class Radiosity(Prepared[RadiosityParams]):
         if lit == self._lit:
             self.runtime.skip("radiosity", "scene and lights are the same")
             return self._result
-        self._lit = self._result = None  # should anything fail, nothing is kept
+        # Should anything fail, nothing is kept.
+        self._lit = self._result = self._light = self._volume = None
         device = self._device
         if self._scene is not scene.key:
             self._scene = self._dark = None
@@ -177,9 +194,25 @@ class Radiosity(Prepared[RadiosityParams]):
         received = self._bounced(exitance.astype(np.float32), sky, first)
         self.irradiance = received * scale
         self.vpls = sent(surfels, self.irradiance, emission=self.params.emission)
+        self._light = self._sent_light(self.vpls, records)
         if not self.vpls.flux.any():
             return None
         return WorldVpls(self.runtime, self.vpls, device.camera.position)
+
+    def _sent_light(self, vpls: Vpls, records: Floats | None) -> SentLight:
+        """Return what surfels send, and what surfaces reflect straight of the maps' lights."""
+        parts = vpls.parts
+        assert parts is not None  # noqa: S101  those of surfels have some
+        light = SentLight(parts.position, parts.normal, parts.area, parts.flux)
+        if records is None:
+            return light
+        device, rows = self._device, records.astype(np.float64)
+        turn = device.camera.view[:3, :3]
+        watts = self._maps.values["gain"] * device.unit**2
+        return light.with_more(SentLight(
+            rows[:, :3] * device.unit @ turn + device.camera.position, -rows[:, 4:7] @ turn,
+            np.zeros(len(rows)), rows[:, 8:11] * watts,
+        ))
 
     def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
         """Return irradiance [surfels, 3] after as many bounces as the parameters say.

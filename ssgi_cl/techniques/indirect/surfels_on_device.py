@@ -86,6 +86,7 @@ class DeviceSurfels:
         low, high = scene.bounds
         middle = 0.5 * (low + high)
         half = max(0.5 * float((high - low).max()), 1e-30)
+        self.half = half
         self.unit = 2.0 ** round(math.log2(half))
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle

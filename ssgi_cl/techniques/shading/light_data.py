@@ -121,9 +121,12 @@ class PunctualLights:
     def light(
         self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
         shadow: ShadowMap | None, *,
-        add: bool, region: Region | None,
+        add: bool, region: Region | None, lobe: bool = False,
     ) -> None:
-        """Queue the pass of one light, which sets `irradiance` or adds to it."""
+        """Queue the pass of one light, which sets `irradiance` or adds to it.
+
+        With `lobe` that is the radiance which the lobes of a G-buffer that mirrors reflect.
+        """
         blocks = shadow.blocks if shadow else None
         kernel = self.runtime.kernel(
             "shade/shade_light.cl",
@@ -131,6 +134,7 @@ class PunctualLights:
                 "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
                 "SHADE_SHADOW": int(shadow is not None),
                 "SHADE_ADD": int(add),
+                "SHADE_LOBE": int(lobe),
             },
             (CAMERA, LIGHT),
         )
@@ -139,9 +143,11 @@ class PunctualLights:
         light_camera = shadow.cameras[0] if shadow else camera
         map_ = shadow.depth if shadow else None
         kernel.run(
-            f"light {kind_name(light)}", self.size, region=region,
+            f"{'lobe' if lobe else 'light'} {kind_name(light)}", self.size, region=region,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
             crops=shadow.table if shadow else None, irradiance=irradiance,
+            **({"albedo": gbuffer.albedo, "specular": gbuffer.specular, "gloss": gbuffer.gloss}
+               if lobe else {}),
             camera=gbuffer.camera_struct, light_camera=CAMERA.pack(camera_values(light_camera)),
             light=LIGHT.pack({
                 **light_values(light, camera, light_camera, gbuffer),

@@ -116,13 +116,15 @@ class Shade(Prepared[ShadeParams]):
         indirect_ao: bool | None = None,
         gaps: bool = False,
         sky_light: Plane | None = None,
+        light: Plane | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
         `lit` is the irradiance of punctual lights, with that of environments in it unless
         `ambient`. With `gaps`, A dims `indirect` only below 1/2: of light whose visibility rays
         miss what is close by. `sky_light` is that of environments where it is known by itself; A
-        dims it. The rest is as in `run`.
+        dims it. `light` is given to be filled with the irradiance of all light over pi. The rest is
+        as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -149,6 +151,7 @@ class Shade(Prepared[ShadeParams]):
                 ),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
+                "SHADE_LIGHT": int(light is not None),
                 **(self._ambient.macros if shines else {"AMBIENT_SIZE": 0}),
             },
             (CAMERA, COMBINE),
@@ -170,7 +173,7 @@ class Shade(Prepared[ShadeParams]):
                 emission=gbuffer.emission if gbuffer.emits else None, direct=lit,
                 visibility=visibility, indirect=indirect, sky_light=sky_light,
                 ambient=self._ambient.irradiance if shines else None, sky=self._sky,
-                radiance=self._radiance, camera=gbuffer.camera_struct,
+                radiance=self._radiance, light_over_pi=light, camera=gbuffer.camera_struct,
                 params=COMBINE.pack(values),
             )
         return self._radiance
@@ -183,7 +186,7 @@ class Shade(Prepared[ShadeParams]):
         """Bring what the environments look like to the device, unless it is there."""
         if are_same(environments, self._environments):
             return
-        sky = _sky_image(environments)
+        sky = sky_image(environments)
         if sky.size > self._sky.count:
             self._sky = DeviceArray(self.runtime, sky)
         self._sky.upload(sky)
@@ -263,7 +266,7 @@ def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
         raise ValueError(f"{name} has shape {tuple(shape)}: expected {size} as the G-buffer")
 
 
-def _sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
+def sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
     """Return [rows, columns, 3]: the sum of the environments, one texel if all are constant."""
     images = [np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
               if np.asarray(e.radiance).ndim == 1 else np.asarray(e.radiance)
@@ -292,9 +295,9 @@ DESCRIPTOR = Technique(
     kernels={
         "shade/shade_combine.cl": (
             "SHADE_DIRECT", "SHADE_AO", "SHADE_BOUNCES", "SHADE_INDIRECT", "SHADE_EMISSION",
-            "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "AMBIENT_SIZE",
+            "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "SHADE_LIGHT", "AMBIENT_SIZE",
         ),
-        "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS"),
+        "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS", "SHADE_LOBE"),
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),
     },

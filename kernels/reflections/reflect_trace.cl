@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+// reflect_trace: mean radiance that arrives within the lobes of pixels, of a sixteenth of a lobe's
+// rays each.
+//
+// Method:  a ray that meets what the image shows takes the radiance of that pixel, with what its lobe
+//          reflects spread all ways; one that leaves the occupancy grid, that of environments; any
+//          other, that of a volume of what surfaces send. Rays are distributed as the lobe;
+//          of 4 x 4 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
+// Reads:   linear, normal, albedo, specular, gloss  with margin
+//          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
+//          light     3 x [rows, columns] irradiance / pi
+//          sky, places  see sky.clh; volume  see volume.clh; occupancy, grid_box  see vpl/grid.clh
+// Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
+// Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most), VPL_GRID,
+//          REFLECT_CELLS
+// Params:  view to world rotation, margin, see the struct
+// Launch:  SSGI_LANES pixels of a row per work-item
+
+#include "common/phong.clh"
+#include "reflections/sky.clh"
+#include "reflections/trace.clh"
+#include "reflections/volume.clh"
+#include "vpl/grid.clh"
+
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS)
+#error "REFLECT_RAYS and REFLECT_STEPS must be defined by the host"
+#endif
+
+// Steps of the points of a lobe's rays: powers of 1 / the plastic number (Roberts 2018).
+#define REFLECT_FIRST 0.7548776662f
+#define REFLECT_SECOND 0.5698402910f
+#define REFLECT_THIRD 0.8191725134f // 1 / 1.2207, of how far a first step is shortened
+
+static inline vfloat reflect_fraction(const vfloat x)
+{
+    return x - v_floor(x);
+}
+
+// The direction that two numbers in [0, 1) give, distributed as the lobe.
+static inline SsgiWay reflect_way(const SsgiLobe *lobe, const SsgiWay mirrored, const vfloat u,
+                                  const vfloat v)
+{
+    const vfloat cosine = v_pow(1.0f - u, 1.0f / (lobe->gloss + 1.0f));
+    const vfloat sine = v_sqrt(v_max(v_fma(-cosine, cosine, v_splat(1.0f)), v_splat(0.0f)));
+    const vfloat angle = v * 2.0f;
+    const vfloat a = cospi(angle) * sine, b = sinpi(angle) * sine;
+    // Two directions across (Duff et al. 2017).
+    const vfloat sign = v_copysign(v_splat(1.0f), mirrored.z);
+    const vfloat p = -1.0f / (sign + mirrored.z);
+    const vfloat q = mirrored.x * mirrored.y * p;
+    const SsgiWay way = {
+        v_fma(a, v_fma(sign * mirrored.x * mirrored.x, p, v_splat(1.0f)),
+              v_fma(b, q, cosine * mirrored.x)),
+        v_fma(a, sign * q, v_fma(b, v_fma(mirrored.y * mirrored.y, p, sign), cosine * mirrored.y)),
+        v_fma(a, -sign * mirrored.x, v_fma(b, -mirrored.y, cosine * mirrored.z)),
+    };
+    return way;
+}
+
+// Where a ray leaves the grid, in cells of which it goes so many along each axis.
+static inline vfloat reflect_leave(const vfloat from, const vfloat way)
+{
+    const vfloat edge = v_select(v_splat(0.02f), v_splat((float)VPL_GRID - 0.02f),
+                                 v_gt(way, v_splat(0.0f)));
+    const vfloat along = v_select(way, v_splat(1e-6f), v_lt(v_abs(way), v_splat(1e-6f)));
+    return v_select(v_splat(1e9f), v_max((edge - from) / along, v_splat(0.0f)),
+                    v_gt(v_abs(way), v_splat(1e-6f)));
+}
+
+__kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
+                            ssgi_plane specular, ssgi_plane gloss, ssgi_plane radiance,
+                            ssgi_plane light, __global const float *restrict sky,
+                            __global const int *restrict places,
+                            __global const float *restrict volume,
+                            __global const int *restrict occupancy,
+                            __global const float *restrict grid_box,
+                            __global float *restrict reflected, const int2 size,
+                            const SsgiCamera camera, const VplParams rays,
+                            const ReflectParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole =
+        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int at_x = x + params.margin_columns;
+    const int at_y = y + params.margin_rows;
+    const vfloat zero = v_splat(0.0f);
+    const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
+    const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
+    const vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
+    vfloat sum[3] = {zero, zero, zero};
+    if (!v_any(there)) {
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(zero, reflected, size, c, x, y, 0.0f);
+        }
+        return;
+    }
+    const vfloat known = v_select(v_splat(1.0f), u, there);
+    const vfloat depth = camera.perspective != 0.0f ? 1.0f / known : known;
+    const vfloat k = ssgi_k(camera, depth);
+    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
+    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
+    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
+    const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
+    const SsgiWay mirrored = ssgi_mirrored(camera, px, py, -depth, nx, ny, nz);
+    // A pixel's width off the surface, so that it does not meet itself.
+    const vfloat lift = k * v_splat(fmax(fabs(camera.to_x), fabs(camera.to_y)));
+    const vfloat sx = v_fma(nx, lift, px), sy = v_fma(ny, lift, py);
+    const vfloat start = v_max(v_fma(-nz, lift, depth), depth * REFLECT_NEAREST);
+    const float per = rays.per_unit;
+    const VplCell from =
+        vpl_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box, rays);
+    const vint tile = ((v_iota() + x) & 3) + 4 * (y & 3);
+    for (int ray = 0; ray < REFLECT_RAYS; ++ray) {
+        const vfloat number = v_to_float(tile * REFLECT_RAYS + ray) + 0.5f;
+        const SsgiWay way = reflect_way(&lobe, mirrored, reflect_fraction(number * REFLECT_FIRST),
+                                        reflect_fraction(number * REFLECT_SECOND));
+        const vfloat rise = v_fma(way.x, nx, v_fma(way.y, ny, way.z * nz));
+        const vmask above = there & v_gt(rise, zero);
+        const ReflectLine line =
+            reflect_line(camera, whole, sx, sy, start, way.x, way.y, way.z, params);
+        ReflectHit hit =
+            reflect_meet(linear, whole, camera, &line,
+                          reflect_fraction(number * REFLECT_THIRD), above, params);
+        // Surfaces that turn away are seen from behind: their light is not known.
+        const vint hx = hit.column, hy = hit.row;
+        const vfloat facing = v_fma(ssgi_gather(normal, whole, 0, hx, hy), way.x,
+                                    v_fma(ssgi_gather(normal, whole, 1, hx, hy), way.y,
+                                          ssgi_gather(normal, whole, 2, hx, hy) * way.z));
+        const vint ix = v_iclamp(hx - params.margin_columns, 0, size.x - 1);
+        const vint iy = v_iclamp(hy - params.margin_rows, 0, size.y - 1);
+        hit.found = hit.found & v_lt(facing, zero) & v_ieq(ix + params.margin_columns, hx) &
+                    v_ieq(iy + params.margin_rows, hy);
+        // What the image shows between them does not tell whether the ray passes behind it.
+        const vfloat hit_u = ssgi_gather(linear, whole, 0, hx, hy);
+        const vfloat hit_known = v_select(v_splat(1.0f), hit_u, hit.found);
+        const vfloat hit_depth = camera.perspective != 0.0f ? 1.0f / hit_known : hit_known;
+        const vfloat away = (hit_depth - depth) / v_select(-way.z, v_splat(1e-6f),
+                                                           v_lt(v_abs(way.z), v_splat(1e-6f)));
+        vfloat open[3] = {zero, zero, zero}, sent[3] = {zero, zero, zero};
+        vmask blocked = above;
+        {
+            const vfloat beyond = v_min(v_min(reflect_leave(from.x, way.x),
+                                              reflect_leave(from.y, way.y)),
+                                        reflect_leave(from.z, way.z));
+            const vfloat until = v_select(beyond, v_clamp(away * (per * grid_box[3]), 0.0f, 1e6f), hit.found);
+            const vfloat length = v_min(beyond, until);
+            const VplCell to = {v_fma(way.x, length, from.x), v_fma(way.y, length, from.y),
+                                v_fma(way.z, length, from.z), -way.x, -way.y, -way.z};
+            vfloat where;
+            blocked = vpl_meets(occupancy, from, to, above, &where);
+            hit.found = hit.found & ~blocked;
+            const vmask missed = above & ~hit.found;
+            const vmask escapes = missed & ~blocked;
+            const vfloat wx = params.xx * way.x + params.xy * way.y + params.xz * way.z;
+            const vfloat wy = params.yx * way.x + params.yy * way.y + params.yz * way.z;
+            const vfloat wz = params.zx * way.x + params.zy * way.y + params.zz * way.z;
+            if (v_any(blocked)) {
+                // Cells that lie behind one another in the screen are told apart by the jitter.
+                const vfloat on = where * length, scale = v_splat(params.per_cell / grid_box[3]);
+                const vfloat ux = v_fma(way.x, on, from.x), uy = v_fma(way.y, on, from.y);
+                const vfloat uz = v_fma(way.z, on, from.z);
+                const vfloat gx = v_fma(ux, scale, v_splat(grid_box[0] * params.per_cell));
+                const vfloat gy = v_fma(uy, scale, v_splat(grid_box[1] * params.per_cell));
+                const vfloat gz = v_fma(uz, scale, v_splat(grid_box[2] * params.per_cell));
+                const vfloat jx = reflect_fraction(number * 0.3819660f) - 0.5f;
+                const vfloat jy = reflect_fraction(number * 0.7236068f) - 0.5f;
+                const vfloat jz = reflect_fraction(number * 0.1458980f) - 0.5f;
+                reflect_volume(
+                    volume, params.xx * gx + params.xy * gy + params.xz * gz + params.cell_x + jx,
+                    params.yx * gx + params.yy * gy + params.yz * gz + params.cell_y + jy,
+                    params.zx * gx + params.zy * gy + params.zz * gz + params.cell_z + jz, wx, wy,
+                    wz, sent);
+            }
+            if (params.levels > 0 && v_any(escapes)) {
+                const vfloat density =
+                    ssgi_lobe_value(&lobe, mirrored, way.x, way.y, way.z) *
+                    (16.0f * REFLECT_RAYS);
+                reflect_sky(sky, places, wx, wy, wz, 1.0f / v_max(density, v_splat(1e-3f)), params,
+                            open);
+            }
+        }
+        for (int c = 0; c < 3; ++c) {
+            // What a glossy surface mirrors goes every way, seen from another.
+            const vfloat left = 1.0f - ssgi_gather(albedo, whole, c, hx, hy);
+            const vfloat spread = v_max(v_min(ssgi_gather(specular, whole, c, hx, hy), left), zero);
+            const vfloat met = v_fma(spread, ssgi_gather(light, size, c, ix, iy),
+                                     ssgi_gather(radiance, size, c, ix, iy));
+            vfloat arriving = v_select(open[c], sent[c], blocked);
+            arriving = v_select(arriving, met, hit.found);
+            sum[c] = sum[c] + v_select(zero, arriving, above);
+        }
+    }
+    for (int c = 0; c < 3; ++c) {
+        ssgi_store(sum[c] * (1.0f / REFLECT_RAYS), reflected, size, c, x, y, 0.0f);
+    }
+}

@@ -1,0 +1,58 @@
+"""What glossy surfaces reflect, as a part of the stage that sums up all light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ssgi_cl.core.lights import Light
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
+from ssgi_cl.techniques.indirect.radiosity import Radiosity
+from ssgi_cl.techniques.shading.light_data import ShadowMap
+from ssgi_cl.techniques.shading.reflections import Reflections
+
+
+class Lobes:
+    """Adds what lobes reflect to radiance.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        gather: the final gather, whose occupancy grid blocks rays.
+        radiosity: knows what surfaces send that are not seen.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, gather: MultiresSplat, radiosity: Radiosity
+    ) -> None:
+        self.runtime = runtime
+        self._size = size
+        self._gather = gather
+        self._radiosity = radiosity
+        self._reflections: Reflections | None = None
+
+    def needs(self, gbuffer: DeviceGBuffer) -> Plane | None:
+        """Return the plane that `run` reads irradiance over pi from, None if it adds nothing."""
+        if not gbuffer.mirrors:
+            self.runtime.skip("reflect trace", "nothing that is seen mirrors light")
+            return None
+        if self._gather.rays is None or self._radiosity.volume is None:
+            self.runtime.skip("reflect trace", "nothing shines")
+            return None
+        return self.runtime.transient.plane(3, self._size)
+
+    def run(
+        self, gbuffer: DeviceGBuffer, radiance: Plane, light: Plane, lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None],
+    ) -> None:
+        """Queue the passes; see `Reflections.run`. `light` is what `needs` returned, filled."""
+        gather, volume = self._gather, self._radiosity.volume
+        assert gather.occupancy is not None and volume is not None  # noqa: S101  `needs` saw to it
+        if self._reflections is None:
+            self._reflections = Reflections(self.runtime, self._size)
+        self._reflections.run(
+            gbuffer, radiance, light, lights, shadows=shadows, occupancy=gather.occupancy,
+            rays=gather.rays, volume=volume,
+        )

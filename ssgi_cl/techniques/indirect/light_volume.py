@@ -1,0 +1,97 @@
+"""Radiance that a scene's surfaces send, by place and direction: for rays that leave the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Doubles = NDArray[np.float64]
+
+CELLS = 32
+"""Along a side of the volume."""
+FAINT = 1e-3
+"""Of a cell's side, that surfaces take up which stand in for others."""
+FACES = 6
+"""Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
+
+
+@dataclass(frozen=True, eq=False)
+class SentLight:
+    """Light that pieces of surfaces send, on the side of their normals.
+
+    Attributes:
+        position: [count, 3] float64, scene units.
+        normal: [count, 3], unit length.
+        area: [count], scene units squared; 0 of what lies on surfaces that others stand for.
+        flux: [count, 3], W.
+    """
+
+    position: Doubles
+    normal: Doubles
+    area: Doubles
+    flux: Doubles
+
+    def with_more(self, other: SentLight) -> SentLight:
+        """Return the pieces of both."""
+        return SentLight(*(
+            np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("position", "normal", "area", "flux")
+        ))
+
+
+@dataclass(frozen=True, eq=False)
+class LightVolume:
+    """Mean radiance of the surfaces in cells of a cube, by the six sides that they face.
+
+    A ray takes the mean of the three sides that it sees, weighted by how large the surfaces that
+    face them appear to it. Where a cell has no surface that faces a side, the nearest that has
+    counts, as if it were `FAINT` of the cell's side.
+
+    Attributes:
+        low: [3] float64, the corner of least coordinates, scene units.
+        side: of a cell, scene units.
+        radiance: [CELLS by z, CELLS by y, CELLS by x, FACES, 3] float64, W m^-2 sr^-1.
+        area: [CELLS, CELLS, CELLS, FACES] float64, in sides of cells squared.
+    """
+
+    low: Doubles
+    side: float
+    radiance: Doubles
+    area: Doubles
+
+    @classmethod
+    def of(cls, light: SentLight, low: Doubles, extent: float) -> LightVolume:
+        """Return the volume of light within a cube.
+
+        Args:
+            light: what surfaces send.
+            low: corner of the cube.
+            extent: of its side, scene units.
+        """
+        from scipy import ndimage  # takes a fifth of a second, which other commands do without
+
+        side = extent / CELLS
+        cell = np.clip(((light.position - low) / side).astype(np.intp), 0, CELLS - 1)
+        index = (cell[:, 2] * CELLS + cell[:, 1]) * CELLS + cell[:, 0]
+        faced = np.stack([light.normal, -light.normal], axis=-1).reshape(-1, FACES)
+        weight = np.maximum(faced, 0.0) ** 2
+        shape = (CELLS, CELLS, CELLS)
+        radiance, faces = np.zeros((*shape, FACES, 3)), np.full((*shape, FACES), FAINT)
+        for face in range(FACES):
+            own = weight[:, face]
+            area = np.bincount(index, own * light.area, CELLS**3)
+            flux = np.stack(
+                [np.bincount(index, own * light.flux[:, c], CELLS**3) for c in range(3)], axis=-1
+            )
+            known = (area > 1e-6 * area.max(initial=0.0)).reshape(shape)
+            if not known.any():
+                continue
+            mean = flux / (np.pi * np.maximum(area, 1e-300))[:, None]
+            nearest = ndimage.distance_transform_edt(
+                ~known, return_distances=False, return_indices=True
+            )
+            radiance[..., face, :] = mean.reshape(*shape, 3)[tuple(nearest)]
+            faces[known, face] = area.reshape(shape)[known] / side**2
+        return cls(low, side, radiance, np.maximum(faces, FAINT))

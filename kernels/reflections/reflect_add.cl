@@ -12,7 +12,7 @@
 #include "common/phong.clh"
 #include "common/surface.clh"
 
-// The struct ReflectParams is generated from ssgi_cl.techniques.shading.reflections.
+// The struct ReflectParams is generated from ssgi_cl.techniques.indirect.reflections.
 
 #define REFLECT_WIDE 2
 #define REFLECT_OFF_PLANE 50.0f // 1 / distance from the tangent plane, of depth, that counts no more

@@ -11,7 +11,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
 from ssgi_cl.techniques.shading.light_data import ShadowMap
-from ssgi_cl.techniques.shading.reflections import Reflections
+from ssgi_cl.techniques.indirect.reflections import Reflections
 
 
 class Lobes:

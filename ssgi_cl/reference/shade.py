@@ -13,6 +13,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.reference.ambient import ambient_reference
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
 from ssgi_cl.reference.multi_bounce import multi_bounce_reference
+from ssgi_cl.reference.phong import Lobes
 
 PunctualLight = SpotLight | PointLight | DirectionalLight
 
@@ -60,6 +61,15 @@ def shade_reference(
         dimmed = np.asarray(ao, np.float64)[..., None] if indirect_ao and ao is not None else 1.0
         irradiance += dimmed * np.asarray(indirect, np.float64)
     radiance = reflectance * irradiance / np.pi
+    specular, gloss = gbuffer.first("specular"), gbuffer.first("gloss")
+    if specular is not None and gloss is not None:
+        lobes = Lobes.of(gbuffer, position, normal)
+        for light, rsm in zip(lights, maps, strict=True):
+            if not isinstance(light, Environment):
+                share = np.ones(gbuffer.size)
+                if rsm is not None:
+                    share = shadow_reference(rsm, position, normal)
+                radiance += lobes.widened().reflected(light, position, normal) * share[..., None]
     emission = gbuffer.first("emission")
     if emission is not None:
         radiance += gbuffer.inner(emission)

@@ -109,7 +109,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._dark: frozenset[int] | None = None
         self._lit: object = None
         self._result: WorldVpls | None = None
-        self._light: SentLight | None = None
+        self._light: tuple[SentLight, SentLight | None] | None = None
         self._volume: LightVolume | None = None
         self.irradiance: Doubles = np.zeros((0, 3))
         self.vpls: Vpls | None = None
@@ -127,10 +127,11 @@ class Radiosity(Prepared[RadiosityParams]):
         None where nothing shines. Computed when it is asked for, once for a result.
         """
         if self._volume is None and self._light is not None:
-            device = self._device
-            half = device.half
-            low = device.camera.position - half
-            self._volume = LightVolume.of(self._light, low, 2.0 * half)
+            half = self._device.half
+            own, also = self._light
+            self._volume = LightVolume.of(
+                own, self._device.camera.position - half, 2.0 * half, also
+            )
         return self._volume
 
     def run(
@@ -194,25 +195,25 @@ class Radiosity(Prepared[RadiosityParams]):
         received = self._bounced(exitance.astype(np.float32), sky, first)
         self.irradiance = received * scale
         self.vpls = sent(surfels, self.irradiance, emission=self.params.emission)
-        self._light = self._sent_light(self.vpls, records)
+        parts = self.vpls.parts
+        assert parts is not None  # noqa: S101  those of surfels have some
+        own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
+        self._light = own, self._of_maps(records)
         if not self.vpls.flux.any():
             return None
         return WorldVpls(self.runtime, self.vpls, device.camera.position)
 
-    def _sent_light(self, vpls: Vpls, records: Floats | None) -> SentLight:
-        """Return what surfels send, and what surfaces reflect straight of the maps' lights."""
-        parts = vpls.parts
-        assert parts is not None  # noqa: S101  those of surfels have some
-        light = SentLight(parts.position, parts.normal, parts.area, parts.flux)
+    def _of_maps(self, records: Floats | None) -> SentLight | None:
+        """Return what surfaces reflect straight of the maps' lights."""
         if records is None:
-            return light
+            return None
         device, rows = self._device, records.astype(np.float64)
         turn = device.camera.view[:3, :3]
         watts = self._maps.values["gain"] * device.unit**2
-        return light.with_more(SentLight(
+        return SentLight(
             rows[:, :3] * device.unit @ turn + device.camera.position, -rows[:, 4:7] @ turn,
-            np.zeros(len(rows)), rows[:, 8:11] * watts,
-        ))
+            rows[:, 3] * device.unit**2, rows[:, 8:11] * watts,
+        )
 
     def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
         """Return irradiance [surfels, 3] after as many bounces as the parameters say.

@@ -118,6 +118,21 @@ class PunctualLights:
                 self.light(irradiance, gbuffer, light, shadow, add=number > 0, region=region)
         return irradiance
 
+    def add_lobes(
+        self, radiance: Plane, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
+        shadows: Sequence[ShadowMap | None] | None = None,
+    ) -> None:
+        """Queue the passes that add to radiance what the lobes of a G-buffer that mirrors reflect.
+
+        The arguments are as in `run`.
+        """
+        maps = list(shadows) if shadows is not None else [None] * len(lights)
+        for light, shadow in zip(lights, maps, strict=True):
+            if not isinstance(light, Environment) and power(light).any():
+                self.light(
+                    radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True
+                )
+
     def light(
         self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
         shadow: ShadowMap | None, *,

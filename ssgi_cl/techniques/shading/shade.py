@@ -90,10 +90,13 @@ class Shade(Prepared[ShadeParams]):
         show where nothing is.
         """
         lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
-        return self.combine(
+        radiance = self.combine(
             gbuffer, lights, lit, ambient=direct is None, visibility=visibility, indirect=indirect,
             multi_bounce=multi_bounce, indirect_ao=indirect_ao,
         )
+        if gbuffer.mirrors and self._punctual_lights is not None:
+            self._punctual_lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
+        return radiance
 
     def light(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
@@ -208,6 +211,10 @@ def shade(
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
+
+    Where the G-buffer has `specular` and `gloss`, lights other than environments are reflected by
+    a Phong lobe too (Phong 1975, normalised as in Lewis 1994), which is widened where the surface
+    bends within a pixel (after Kaplanyan et al. 2016).
 
     Shadows are percentage-closer filtered (Reeves, Salesin and Cook 1987, "Rendering Antialiased
     Shadows with Depth Maps"). Departs: each of 3 x 3 bilinearly weighted texels is compared with

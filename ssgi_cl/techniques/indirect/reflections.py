@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ssgi_cl.core.lights import Environment, Light, environments_of
+from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -17,7 +17,7 @@ from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.indirect.light_volume import CELLS, FACES, LightVolume
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
-from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap, power
+from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.sky_levels import SkyLevels
 
 REFLECT = Struct(
@@ -74,10 +74,7 @@ class Reflections:
             volume: what surfaces of the scene send.
         """
         region = gbuffer.seen
-        for one, shadow in zip(lights, shadows, strict=True):
-            if not isinstance(one, Environment) and power(one).any():
-                self._lights.light(radiance, gbuffer, one, shadow, add=True, region=region,
-                                   lobe=True)  # fmt: skip
+        self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
         self._trace(gbuffer, radiance, light, lights, occupancy, rays, volume, region)
 
     def _trace(

@@ -18,6 +18,7 @@ from .gltf_schema import Json
 from .metal_rough import Lobe, metal_rough_lobe, rough_lobe
 from .textures import TextureSet, mean_color, read_uri
 
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GltfMaterial:
     """A material and how it lays its texture.

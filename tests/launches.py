@@ -47,8 +47,8 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
             glossy_vpls=64 if visible is not made.scene else 0, rsm_size=32, runtime=own,
         )
     gi.render(
-        made.scene, made.camera(64, 48), [*made.lights, gi.Environment(1.0)], preset="low",
-        rsm_size=32, runtime=own,
+        polished(made.scene), made.camera(64, 48), [*made.lights, gi.Environment(1.0)],
+        preset="low", rsm_size=32, runtime=own,
     )
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=own)
     gi.vpl_splat(

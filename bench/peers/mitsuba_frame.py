@@ -1,8 +1,8 @@
 """Whole frames by Mitsuba 3's integrator `path`, by samples a pixel, denoised or not.
 
-Surfaces as in the reference, box filter, paths of at most 12 segments. The denoiser's guides are albedo and
-normals by rays of their own: asked for together with the paths they take twice the time. Emission
-counts on both sides, as in the reference.
+Surfaces as in the reference, box filter, paths of at most 12 segments. The denoiser's guides are
+albedo and normals by rays of their own: asked for together with the paths they take twice the time.
+Emission counts on both sides, as in the reference.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 //          sky, places  see sky.clh; volume  see volume.clh; occupancy, grid_box  see vpl/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
 // Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most), VPL_GRID,
-//          REFLECT_CELLS
+//          REFLECT_CELLS (of the volume, along a side)
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -22,14 +22,15 @@
 #include "reflections/volume.clh"
 #include "vpl/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS)
-#error "REFLECT_RAYS and REFLECT_STEPS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS)
+#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_CELLS must be defined by the host"
 #endif
 
 // Steps of the points of a lobe's rays: powers of 1 / the plastic number (Roberts 2018).
 #define REFLECT_FIRST 0.7548776662f
 #define REFLECT_SECOND 0.5698402910f
 #define REFLECT_THIRD 0.8191725134f // 1 / 1.2207, of how far a first step is shortened
+#define REFLECT_ASIDE 1.0f          // cells between two rays that both must leave the grid
 
 static inline vfloat reflect_fraction(const vfloat x)
 {
@@ -65,6 +66,24 @@ static inline vfloat reflect_leave(const vfloat from, const vfloat way)
     const vfloat along = v_select(way, v_splat(1e-6f), v_lt(v_abs(way), v_splat(1e-6f)));
     return v_select(v_splat(1e9f), v_max((edge - from) / along, v_splat(0.0f)),
                     v_gt(v_abs(way), v_splat(1e-6f)));
+}
+
+// Whether a ray is blocked that starts so many cells above its surface, besides the lift, and ends
+// after `until` cells or with the grid; `where` on its `length`, in cells.
+static inline vmask reflect_blocked(__global const int *restrict occupancy, const VplCell start,
+                                    const vfloat above, const SsgiWay way, const vfloat until,
+                                    const vmask wanted, vfloat *where, vfloat *length)
+{
+    const float most = (float)VPL_GRID - 0.01f;
+    VplCell from = start;
+    from.x = v_clamp(v_fma(start.nx, above, start.x), 0.0f, most);
+    from.y = v_clamp(v_fma(start.ny, above, start.y), 0.0f, most);
+    from.z = v_clamp(v_fma(start.nz, above, start.z), 0.0f, most);
+    *length = v_min(v_min(reflect_leave(from.x, way.x), reflect_leave(from.y, way.y)),
+                    v_min(reflect_leave(from.z, way.z), until));
+    const VplCell to = {v_fma(way.x, *length, from.x), v_fma(way.y, *length, from.y),
+                        v_fma(way.z, *length, from.z), -way.x, -way.y, -way.z};
+    return vpl_meets(occupancy, from, to, wanted, where);
 }
 
 __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
@@ -136,26 +155,29 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         hit.found = hit.found & v_lt(facing, zero) & v_ieq(ix + params.margin_columns, hx) &
                     v_ieq(iy + params.margin_rows, hy);
         // What the image shows between them does not tell whether the ray passes behind it.
-        const vfloat hit_u = ssgi_gather(linear, whole, 0, hx, hy);
-        const vfloat hit_known = v_select(v_splat(1.0f), hit_u, hit.found);
-        const vfloat hit_depth = camera.perspective != 0.0f ? 1.0f / hit_known : hit_known;
-        const vfloat away = (hit_depth - depth) / v_select(-way.z, v_splat(1e-6f),
-                                                           v_lt(v_abs(way.z), v_splat(1e-6f)));
+        const vfloat met_u = v_select(v_splat(1.0f), ssgi_gather(linear, whole, 0, hx, hy),
+                                      hit.found);
+        const vfloat met_depth = camera.perspective != 0.0f ? 1.0f / met_u : met_u;
+        const vmask level = v_lt(v_abs(way.z), v_splat(1e-6f));
+        const vfloat away = (depth - met_depth) / v_select(way.z, v_splat(1e-6f), level);
+        const vfloat until = v_select(v_splat(1e9f), v_max(away * (per * grid_box[3]), zero),
+                                      hit.found);
+        vfloat where, length;
+        vmask blocked = reflect_blocked(occupancy, from, zero, way, until, above, &where, &length);
+        hit.found = hit.found & ~blocked;
+        vmask escapes = above & ~hit.found & ~blocked;
+        if (v_any(escapes)) {
+            // Cells where surfaces meet at an edge may be empty: no two rays pass the same one.
+            vfloat where_too, length_too;
+            const vmask too = reflect_blocked(occupancy, from, v_splat(REFLECT_ASIDE), way, until,
+                                              escapes, &where_too, &length_too);
+            where = v_select(where, where_too, too);
+            length = v_select(length, length_too, too);
+            blocked = blocked | too;
+            escapes = escapes & ~too;
+        }
         vfloat open[3] = {zero, zero, zero}, sent[3] = {zero, zero, zero};
-        vmask blocked = above;
-        {
-            const vfloat beyond = v_min(v_min(reflect_leave(from.x, way.x),
-                                              reflect_leave(from.y, way.y)),
-                                        reflect_leave(from.z, way.z));
-            const vfloat until = v_select(beyond, v_clamp(away * (per * grid_box[3]), 0.0f, 1e6f), hit.found);
-            const vfloat length = v_min(beyond, until);
-            const VplCell to = {v_fma(way.x, length, from.x), v_fma(way.y, length, from.y),
-                                v_fma(way.z, length, from.z), -way.x, -way.y, -way.z};
-            vfloat where;
-            blocked = vpl_meets(occupancy, from, to, above, &where);
-            hit.found = hit.found & ~blocked;
-            const vmask missed = above & ~hit.found;
-            const vmask escapes = missed & ~blocked;
+        if (v_any(blocked | escapes)) {
             const vfloat wx = params.xx * way.x + params.xy * way.y + params.xz * way.z;
             const vfloat wy = params.yx * way.x + params.yy * way.y + params.yz * way.z;
             const vfloat wz = params.zx * way.x + params.zy * way.y + params.zz * way.z;

@@ -10,8 +10,8 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
-from ssgi_cl.techniques.shading.light_data import ShadowMap
 from ssgi_cl.techniques.indirect.reflections import Reflections
+from ssgi_cl.techniques.shading.light_data import ShadowMap
 
 
 class Lobes:
@@ -36,7 +36,7 @@ class Lobes:
     def needs(self, gbuffer: DeviceGBuffer) -> Plane | None:
         """Return the plane that `run` reads irradiance over pi from, None if it adds nothing."""
         if not gbuffer.mirrors:
-            self.runtime.skip("reflect trace", "nothing that is seen mirrors light")
+            self.runtime.skip("reflect trace", "no surface of the scene is glossy")
             return None
         if self._gather.rays is None or self._radiosity.volume is None:
             self.runtime.skip("reflect trace", "nothing shines")
@@ -49,10 +49,11 @@ class Lobes:
     ) -> None:
         """Queue the passes; see `Reflections.run`. `light` is what `needs` returned, filled."""
         gather, volume = self._gather, self._radiosity.volume
-        assert gather.occupancy is not None and volume is not None  # noqa: S101  `needs` saw to it
+        assert gather.occupancy is not None  # noqa: S101  `needs` saw to it
+        assert volume is not None  # noqa: S101  likewise
         if self._reflections is None:
             self._reflections = Reflections(self.runtime, self._size)
         self._reflections.run(
-            gbuffer, radiance, light, lights, shadows=shadows, occupancy=gather.occupancy,
-            rays=gather.rays, volume=volume,
+            gbuffer, radiance, light=light, lights=lights, shadows=shadows,
+            occupancy=gather.occupancy, rays=gather.rays, volume=volume,
         )

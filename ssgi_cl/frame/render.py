@@ -74,6 +74,8 @@ def render(
     distance (`sampled_lights`); surfaces that emit light the scene. Reflected light is carried
     between surfels until it changes no more (`Radiosity`), and gathered by `multires_splat`; what
     lies within two cells of the occupancy grid blocks sky and reflected light as ambient occlusion.
+    Glossy surfaces reflect lights, what rays meet within their lobes, and environments
+    (`Reflections`); where bounces are 0 and with `indirect`, their lobes count as albedo.
     What depends on scene and lights alone is kept from frame to frame.
 
     Args:

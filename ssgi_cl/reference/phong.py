@@ -45,7 +45,7 @@ class Lobes:
         specular, gloss = gbuffer.first("specular"), gbuffer.first("gloss")
         if specular is None or gloss is None:
             raise ValueError("the G-buffer has no specular and gloss: expected both")
-        own = np.clip(gbuffer.inner(specular), 0.0, 1.0 - albedo)
+        own = np.clip(gbuffer.inner(specular).astype(np.float64), 0.0, 1.0 - albedo)
         normals = view_normals(SurfaceView.of(gbuffer), gbuffer.first("normal"))
         bend = _bend(normals, 0) + _bend(normals, 1)
         rows, columns = gbuffer.margin

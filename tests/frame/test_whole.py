@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -184,3 +185,27 @@ def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
     assert one.bounces == 1
     assert one.vpls == PRESETS["low"].vpls
     assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
+
+
+def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
+    """The Cornell box with a wall of metal, which shows the boxes and the wall across."""
+    pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
+    built = make_scene("cornell_box")
+    metal = {"albedo": (0.05,) * 3, "specular": (0.8, 0.7, 0.5), "gloss": 60.0}
+    materials = tuple(
+        replace(m, **metal) if m.name == "green" else m
+        for m in built.scene.materials
+    )
+    scene = replace(built.scene, materials=materials)
+    camera = built.camera(64, 48)
+    truth = gi.truth.radiance(scene, camera, built.own_lights, 256, box_filter=True).mean
+    found = gi.render(
+        scene, camera, built.own_lights, outputs=("radiance",), runtime=runtime
+    ).radiance
+    assert abs(float(found.mean() / truth.mean()) - 1.0) < 0.06
+    drawn = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
+    assert drawn.specular is not None
+    mirrors = (np.asarray(drawn.specular) > 0.0).any(axis=-1)
+    assert mirrors.mean() > 0.05
+    off = np.abs(found - truth)[mirrors].mean() / truth[mirrors].mean()
+    assert off < 0.2

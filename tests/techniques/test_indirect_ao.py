@@ -106,9 +106,9 @@ def test_lights_with_lobes_are_drawn_chosen_and_shot(runtime: Runtime) -> None:
     )
     assert matt is not None
     assert glossy is not None
-    # The blur of interleaved lights may round a sum of more light down.
-    assert (glossy >= matt - 1e-5 * matt.max()).all()
+    # Without lobes what they reflect goes all ways: less where they point, more beside.
     assert glossy.mean() > 1.2 * matt.mean()
+    assert (glossy < matt - 1e-3 * matt.max()).any()
 
 
 @pytest.mark.parametrize(

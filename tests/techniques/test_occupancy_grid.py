@@ -49,7 +49,7 @@ def punctual_lights(at: tuple[float, float, float], normal: tuple[float, float, 
 
 def held_by(technique: MultiresSplat | VplSplat) -> NDArray[np.bool_]:
     """Return [z, y, x] which cells of a technique's grid are occupied."""
-    walls = technique._occupancy
+    walls = technique.occupancy
     assert walls is not None
     n = walls.cells // 4
     words = walls.grid.download()[: walls.cells**3 // 32].view(np.uint32)
@@ -113,7 +113,7 @@ def test_kernel_occupies_the_cells_of_the_reference(
     vpls = punctual_lights((shift, 1.0 + shift, shift), (0, -1, 0))
     _, technique = lit(variant_runtime, "multires", gbuffer, vpls, scene)
     held = held_by(technique)
-    box = technique._occupancy.box.download().astype(np.float64)
+    box = technique.occupancy.box.download().astype(np.float64)
     unit = technique._lights.unit
     view = camera.view
     corners = (scene.positions.astype(np.float64) + scene.origin) @ view[:3, :3].T + view[:3, 3]

@@ -32,6 +32,7 @@ from ssgi_cl.techniques.technique import FIRST
 OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""
 NEEDED = {
+    "Reflections": {"light", "lights", "shadows", "occupancy", "rays", "volume"},
     "SampledLights": {"scene"}, "Upsample": {"reduced"}, "UpsampleBlur": {"reduced"},
     "ViewImportance": {"occupancy", "packed"},
 }

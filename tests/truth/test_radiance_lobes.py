@@ -98,7 +98,8 @@ def box(gloss: float) -> tuple[Scene, list[Light]]:
     """Return a closed glossy box with a glowing patch and a point light."""
     patch = ((0.4, 0.9, 0.4), (0, 0, 0.2), (0.2, 0, 0))
     glow = Material(albedo=(0.3,) * 3, emission=(5.0,) * 3)
-    scene = quads(*BOX, patch, materials=[glossy(gloss, (0.5, 0.4, 0.3), (0.3, 0.3, 0.2))] * 6 + [glow])
+    wall = glossy(gloss, (0.5, 0.4, 0.3), (0.3, 0.3, 0.2))
+    scene = quads(*BOX, patch, materials=[wall] * 6 + [glow])
     return scene, [PointLight((0.5, 0.5, 0.5), 0.5)]
 
 

@@ -153,7 +153,7 @@ class VplSplat(Prepared[VplSplatParams]):
         parted = params.interleave and params.parted
         self._near = runtime.empty(tiles * NEAR_CAPACITY if parted else 1, np.int32)
         self._near_counts = runtime.empty(tiles, np.int32)
-        self._occupancy = (
+        self.occupancy = (
             OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         )
         self._importance = ViewImportance(runtime)
@@ -185,14 +185,14 @@ class VplSplat(Prepared[VplSplatParams]):
         """
         cut = self.params.cutoff > 0.0
         values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
-        if self._occupancy is not None:
+        if self.occupancy is not None:
             packed = VPL.pack(
                 {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
             )
-            self._occupancy.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
-            values["lift"] = self._occupancy.lift
+            self.occupancy.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
+            values["lift"] = self.occupancy.lift
             if vpls is None and self.params.importance:
-                self._choose_by_importance(gbuffer, rsms, self._occupancy, values)
+                self._choose_by_importance(gbuffer, rsms, self.occupancy, values)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -364,7 +364,7 @@ class VplSplat(Prepared[VplSplatParams]):
     def _interleaved(
         self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool
     ) -> None:
-        grid = self._occupancy if occupancy else None
+        grid = self.occupancy if occupancy else None
         macros |= grid.macros if grid else {"VPL_GRID": 32}
         macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)

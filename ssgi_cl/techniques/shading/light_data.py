@@ -129,19 +129,23 @@ class PunctualLights:
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         for light, shadow in zip(lights, maps, strict=True):
             if not isinstance(light, Environment) and power(light).any():
-                self.light(
+                self._pass(
                     radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True
                 )
 
     def light(
         self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
         shadow: ShadowMap | None, *,
-        add: bool, region: Region | None, lobe: bool = False,
+        add: bool, region: Region | None,
     ) -> None:
-        """Queue the pass of one light, which sets `irradiance` or adds to it.
+        """Queue the pass of one light, which sets `irradiance` or adds to it."""
+        self._pass(irradiance, gbuffer, light, shadow, add=add, region=region, lobe=False)
 
-        With `lobe` that is the radiance which the lobes of a G-buffer that mirrors reflect.
-        """
+    def _pass(
+        self, target: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
+        shadow: ShadowMap | None, *, add: bool, region: Region | None, lobe: bool,
+    ) -> None:
+        """Queue the pass of one light to a plane: irradiance, or the radiance of lobes."""
         blocks = shadow.blocks if shadow else None
         kernel = self.runtime.kernel(
             "shade/shade_light.cl",
@@ -160,9 +164,9 @@ class PunctualLights:
         kernel.run(
             f"{'lobe' if lobe else 'light'} {kind_name(light)}", self.size, region=region,
             depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
-            crops=shadow.table if shadow else None, irradiance=irradiance,
-            **({"albedo": gbuffer.albedo, "specular": gbuffer.specular, "gloss": gbuffer.gloss}
-               if lobe else {}),
+            crops=shadow.table if shadow else None, irradiance=target,
+            albedo=gbuffer.albedo if lobe else None,
+            specular=gbuffer.specular if lobe else None, gloss=gbuffer.gloss if lobe else None,
             camera=gbuffer.camera_struct, light_camera=CAMERA.pack(camera_values(light_camera)),
             light=LIGHT.pack({
                 **light_values(light, camera, light_camera, gbuffer),

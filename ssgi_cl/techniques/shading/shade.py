@@ -304,7 +304,9 @@ DESCRIPTOR = Technique(
             "SHADE_DIRECT", "SHADE_AO", "SHADE_BOUNCES", "SHADE_INDIRECT", "SHADE_EMISSION",
             "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "SHADE_LIGHT", "AMBIENT_SIZE",
         ),
-        "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS", "SHADE_LOBE"),
+        "shade/shade_light.cl": (
+            "SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS", "SHADE_LOBE",
+        ),
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),
     },

@@ -1,0 +1,39 @@
+"""Metal and roughness as albedo and a Phong lobe."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from ssgi_cl.rasterize.metal_rough import LEAST_GLOSS, MOST_GLOSS, Lobe, metal_rough_lobe
+
+BASE = np.array((0.9, 0.5, 0.2))
+
+
+def test_a_metal_mirrors_its_colour_and_is_black_otherwise() -> None:
+    lobe = metal_rough_lobe(BASE, 1.0, 0.5)
+    assert lobe.matt == 0.0
+    assert lobe.specular == pytest.approx(BASE)
+    # GGX of a = 1/4 and a Phong lobe of 2 / a^2 - 2 = 30 are equally wide.
+    assert lobe.gloss == pytest.approx(30.0)
+
+
+def test_what_is_no_metal_mirrors_4_percent_of_what_its_albedo_leaves() -> None:
+    lobe = metal_rough_lobe(np.array((0.99, 0.5, 0.0)), 0.0, 0.5)
+    assert lobe.matt == 1.0
+    assert lobe.specular == pytest.approx((0.01, 0.04, 0.04))
+
+
+def test_rough_surfaces_are_matt() -> None:
+    assert metal_rough_lobe(BASE, 1.0, 1.0) == Lobe()
+    roughness = np.linspace(0.0, 1.0, 101)
+    gloss = [metal_rough_lobe(BASE, 1.0, r).gloss for r in roughness]
+    assert gloss[0] == MOST_GLOSS
+    assert all(a >= b for a, b in itertools.pairwise(gloss))
+    assert all(g == 1.0 or g >= LEAST_GLOSS for g in gloss)
+
+
+def test_numbers_beyond_their_range_count_as_the_nearest_within() -> None:
+    assert metal_rough_lobe(BASE, 7.0, -1.0) == metal_rough_lobe(BASE, 1.0, 0.0)

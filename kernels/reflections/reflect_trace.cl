@@ -22,8 +22,9 @@
 #include "reflections/volume.clh"
 #include "vpl/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS)
-#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_CELLS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||               \
+    !defined(VPL_GRID)
+#error "REFLECT_RAYS, REFLECT_STEPS, REFLECT_CELLS and VPL_GRID must be defined by the host"
 #endif
 
 // Steps of the points of a lobe's rays: powers of 1 / the plastic number (Roberts 2018).

@@ -16,7 +16,8 @@
 //          albedo, specular, gloss  with margin (SHADE_LOBE 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set; with SHADE_LOBE
 //          radiance, W m^-2 sr^-1, likewise
-// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_ADD, SHADE_LOBE (0, 1)
+// Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_SOFT (it has a
+//          size, light.extent; with SHADE_SHADOW), SHADE_ADD, SHADE_LOBE (0, 1)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -26,10 +27,11 @@
 #include "common/phong.clh"
 #include "shade/facet.clh"
 #include "shade/light.clh"
-#include "shade/shadow.clh"
+#include "shade/soft_shadow.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD) || !defined(SHADE_LOBE)
-#error "SHADE_KIND, SHADE_SHADOW, SHADE_ADD and SHADE_LOBE must be defined by the host"
+#if !defined(SHADE_KIND) || !defined(SHADE_SHADOW) || !defined(SHADE_ADD) ||                       \
+    !defined(SHADE_LOBE) || !defined(SHADE_SOFT)
+#error "SHADE_KIND, SHADE_SHADOW, SHADE_SOFT, SHADE_ADD and SHADE_LOBE must be defined by the host"
 #endif
 
 // Cosine by which a facet must be turned away from the light to be dark: more than depths round.
@@ -111,18 +113,22 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         const vint axis = v_iselect(v_iselect(v_splat_int(4), v_splat_int(2), is_y),
                                     v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
+        const vfloat sx = v_select(side, -side, minus), sy = up, sz = v_abs(main);
+        const vfloat tx = v_select(side_n, -side_n, minus), ty = up_n;
+        const vfloat tz = v_select(-main_n, main_n, minus);
+#else
+        const vint face = v_splat_int(0);
+        const vfloat sx = qx, sy = qy, sz = -qz, tx = mx, ty = my, tz = mz;
+#endif
+        const int2 map_size = (int2)(light.map_size, light.map_size);
+#if SHADE_SOFT
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, crops,
-                        light.crops, (int2)(light.map_size, light.map_size),
-                        light_camera, lit, face, v_select(side, -side, minus), up, v_abs(main),
-                        v_select(side_n, -side_n, minus), up_n, v_select(-main_n, main_n, minus),
-                        facet.known);
+            ssgi_soft_shadow(map, crops, light.crops, map_size, light_camera, lit, face, sx, sy,
+                             sz, tx, ty, tz, facet.known, light.extent);
 #else
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, crops,
-                        light.crops, (int2)(light.map_size, light.map_size),
-                        light_camera, lit, v_splat_int(0), qx, qy, -qz, mx, my, mz,
-                        facet.known);
+            ssgi_shadow(map, blocks, light.blocks != 0, crops, light.crops, map_size,
+                        light_camera, lit, face, sx, sy, sz, tx, ty, tz, facet.known);
 #endif
         strength = strength * share;
     }

@@ -24,8 +24,8 @@ class SpotLight(Immutable):
         cone_angle: half-angle of the cone in radians, in (0, 1.5].
         intensity: [3] or a number, RGB radiant intensity in W/sr inside the cone, 0 outside;
             in [0, 1e30].
-        radius: of the sphere round `position` that shines, scene units, >= 0; screen-space
-            shadows soften by it, shadow maps and reflected light take a point.
+        radius: of the sphere round `position` that shines, scene units, >= 0: shadows soften by it.
+            Reflected light takes a point.
     """
 
     position: ArrayLike
@@ -74,7 +74,7 @@ class DirectionalLight(Immutable):
         irradiance: [3] or a number, RGB irradiance in W/m^2 of a surface that faces the light, in
             [0, 1e30].
         angle: between the centre of its disc and the rim, radians, in [0, 0.5]; the sun's is
-            0.00465. Screen-space shadows soften by it, shadow maps take a point.
+            0.00465. Shadows soften by it, reflected light takes a point.
     """
 
     direction: ArrayLike

@@ -38,8 +38,8 @@ def radiance(
     directions above the surface, where a is the angle to the mirrored view ray and n the gloss
     (Phong 1975; the lobe integrates to 1 over the sphere, as in Lewis 1994). Light comes from
     `lights` and from emissive materials, which emit on both sides. Surfaces reflect on both sides.
-    Holes that a texture's alpha
-    cuts out let view rays and light through. Lights' radius and angle are taken for 0.
+    Holes that a texture's alpha cuts out let view rays and light through. A light of some radius or
+    angle shines as strongly as a point in its middle, and is hidden as far as its disc is.
 
     Args:
         scene: what `rasterize.load_scene` returns.
@@ -70,7 +70,13 @@ def radiance(
     most = _most_bounces(bounces)
     emits = any(scene.materials[index].emits for index in np.unique(scene.material_ids))
     glossy = any(scene.materials[index].is_glossy for index in np.unique(scene.material_ids))
-    sampled = box_filter or emits or any(isinstance(light, Environment) for light in lights)
+    soft = any(
+        getattr(light, "radius", 0.0) > 0.0 or getattr(light, "angle", 0.0) > 0.0
+        for light in lights
+    )
+    sampled = (
+        box_filter or emits or soft or any(isinstance(light, Environment) for light in lights)
+    )
     exact = most == 0 and not sampled
     if exact:
         passes = per_pass = 1
@@ -86,6 +92,7 @@ def radiance(
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
         "estimator": versioned("glossy radiance" if glossy else "radiance"),
+        **({"lights' sizes": True} if soft else {}),
     }
     made: list[RadianceTracer] = []  # only if something has to be computed
 

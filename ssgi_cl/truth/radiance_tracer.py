@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light, environments_of
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, environments_of
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
@@ -51,6 +51,11 @@ class RadianceTracer(PathTracer):
         self._environments = environments_of(lights)
         self._emitters = Emitters.of(scene)
         self._both = self._world.has_sky_image
+        self._punctual: list[tuple[Any, Any]] = [
+            (emitter, lights[int(emitter.id().removeprefix("light_"))])
+            for emitter in self._punctual_lights
+        ]
+        self._soft = any(_extent(light) > 0.0 for _, light in self._punctual)
         names = ("corner", "first", "second", "radiance", "cumulative", "density")
         jit = self.dr.is_jit_v(self.mi.Float)
         self._tables = {
@@ -157,7 +162,8 @@ class RadianceTracer(PathTracer):
             at = Surface(active, *fields_)
             own = [dr.select(depth == 0, number, rng.next_float32()) for number in numbers]
             mirrored = self._mirrored(at, way)
-            light = self._by_punctual_lights(at, mirrored)
+            place = (rng.next_float32(), rng.next_float32()) if self._soft else None
+            light = self._by_punctual_lights(at, mirrored, place)
             pairs = iter(own[2:])
             if self._both:
                 light += self._by_environment(at, mirrored, next(pairs), next(pairs))
@@ -240,17 +246,33 @@ class RadianceTracer(PathTracer):
 
     # ---- light
 
-    def _by_punctual_lights(self, at: Surface, mirrored: Any) -> Any:
-        """Return the radiance reflected of punctual lights."""
-        if not self.lobes:
+    def _by_punctual_lights(self, at: Surface, mirrored: Any, place: Any) -> Any:
+        """Return the radiance reflected of punctual lights.
+
+        Those with a size shine from their middle, and are hidden as a point of their disc is, which
+        faces what they shine on: `place` has two numbers in [0, 1) for it.
+        """
+        if not self.lobes and not self._soft:
             return at.albedo * (self.lamp_irradiance(at) / math.pi)
         mi, dr = self.mi, self.dr
         here = dr.zeros(mi.SurfaceInteraction3f)
         here.p = at.point
         total = mi.Color3f(0.0)
-        for light in self._punctual_lights:
-            to, strength = light.sample_direction(here, mi.Point2f(0.5), at.there)
-            cosine = self.arriving(at, to.d, to.dist)
+        for emitter, light in self._punctual:
+            to, strength = emitter.sample_direction(here, mi.Point2f(0.5), at.there)
+            way, distance = to.d, to.dist
+            extent = _extent(light)
+            if extent > 0.0:
+                parallel = isinstance(light, DirectionalLight)
+                point = mi.warp.square_to_uniform_disk(mi.Point2f(*place)) * extent
+                frame = mi.Frame3f(to.d)
+                aside = frame.s * point.x + frame.t * point.y
+                way = to.d * (1.0 if parallel else to.dist) + aside
+                length = dr.norm(way)
+                way = way / length
+                distance = to.dist if parallel else length
+            visible = self.arriving(at, way, distance) > 0.0
+            cosine = dr.select(visible, dr.maximum(dr.dot(at.axis, to.d), 0.0), 0.0)
             reflected = self._reflected(at, mirrored, to.d, cosine)
             total += dr.select(cosine > 0.0, strength * reflected, 0.0)
         return total
@@ -343,6 +365,13 @@ class RadianceTracer(PathTracer):
         if name in self._tables:
             return self.dr.gather(self.mi.Vector3f, self._tables[name], index)
         return self.mi.Vector3f(*getattr(self._emitters, name)[index])
+
+
+def _extent(light: Light) -> float:
+    """Return the radius of a light, scene units, or the tangent of a directional light's angle."""
+    if isinstance(light, Environment):
+        return 0.0
+    return math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
 
 
 def environment_radiance(environments: Sequence[Environment], way: Floats) -> Floats:

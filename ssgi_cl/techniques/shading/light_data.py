@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,7 +29,7 @@ LIGHT = Struct(
     (
         *floats("position_x", "position_y", "position_z"),
         *floats("direction_x", "direction_y", "direction_z"),
-        *floats("least_cosine", "facing", "red", "green", "blue"),
+        *floats("least_cosine", "facing", "red", "green", "blue", "extent"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
         *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
         *((n, "int") for n in ("blocks", "crops", "facets")),
@@ -154,6 +155,7 @@ class PunctualLights:
                 "SHADE_SHADOW": int(shadow is not None),
                 "SHADE_ADD": int(add),
                 "SHADE_LOBE": int(lobe),
+                "SHADE_SOFT": int(shadow is not None and light_extent(light) > 0.0),
             },
             (CAMERA, LIGHT),
         )
@@ -181,6 +183,11 @@ def power(light: PunctualLight) -> NDArray[np.float64]:
     """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
     value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
     return np.asarray(value)
+
+
+def light_extent(light: PunctualLight) -> float:
+    """Return the radius of a light, scene units, or the tangent of a directional light's angle."""
+    return math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
 
 
 def kind_name(light: PunctualLight) -> str:
@@ -219,6 +226,7 @@ def light_values(
         "least_cosine": least,
         "facing": gbuffer.facing,
         "red": red, "green": green, "blue": blue,
+        "extent": light_extent(light),
         **rotation_values(to_light),
         **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),
         "map_size": light_camera.height,

@@ -23,6 +23,7 @@ from ssgi_cl.techniques.shading.light_data import (
     PunctualLights,
     ShadowMap,
     kind_name,
+    light_extent,
     light_values,
 )
 
@@ -106,7 +107,7 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
         )
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
-        extent = math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
+        extent = light_extent(light)
         packed = LIGHT_SHADOW.pack(
             {
                 "radius": params.radius,

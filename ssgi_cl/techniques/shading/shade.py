@@ -218,7 +218,8 @@ def shade(
 
     Shadows are percentage-closer filtered (Reeves, Salesin and Cook 1987, "Rendering Antialiased
     Shadows with Depth Maps"). Departs: each of 3 x 3 bilinearly weighted texels is compared with
-    the receiver's tangent plane.
+    the receiver's tangent plane. Those of lights with a radius or angle have penumbrae (Fernando
+    2005, "Percentage-Closer Soft Shadows").
 
     Args:
         gbuffer: what the camera sees.
@@ -305,7 +306,7 @@ DESCRIPTOR = Technique(
             "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "SHADE_LIGHT", "AMBIENT_SIZE",
         ),
         "shade/shade_light.cl": (
-            "SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_BLOCKS", "SHADE_LOBE",
+            "SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_LOBE", "SHADE_SOFT",
         ),
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),

@@ -1,0 +1,83 @@
+"""World truth of radiance by lights with a size: closed forms of their penumbrae."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Light, PointLight
+from ssgi_cl.core.scene import Material
+from ssgi_cl.truth import mitsuba_scene, store
+from ssgi_cl.truth.radiance import radiance
+
+from .test_radiance import closely, quads
+
+pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
+
+
+@pytest.fixture(autouse=True)
+def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
+
+
+ALBEDO = 0.6
+FLOOR = ((-5, 0, -5), (0, 0, 10), (10, 0, 0))
+BOARD = ((-5, 1, -5), (0, 0, 10), (5, 0, 0))
+"""Half a plane, up to x = 0, at height 1."""
+WALL = Material(albedo=(ALBEDO,) * 3)
+ABOVE = Camera.orthographic((0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=64, height=8)
+"""Between floor and board, 1.6 wide."""
+
+
+def beyond(x: np.ndarray) -> np.ndarray:
+    """Return the share of a unit disc on the side of a chord at x, of which x = -1 has all."""
+    x = np.clip(x, -1.0, 1.0)
+    share: np.ndarray = (np.arccos(x) - x * np.sqrt(1.0 - x * x)) / math.pi
+    return share
+
+
+@pytest.mark.parametrize("variant", ["best", "scalar_rgb"])
+def test_penumbra_of_a_sun_before_an_edge(variant: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if variant != "best":
+        monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: variant)
+    light = DirectionalLight((0, -1, 0), 2.0, angle=0.4)
+    scene = quads(FLOOR, BOARD, materials=[WALL])
+    camera = ABOVE if variant == "best" else Camera.orthographic(
+        (0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=16, height=2
+    )
+    found = radiance(scene, camera, [light], 256 if variant == "best" else 64, 0)
+    x = camera.unproject(np.full(camera.size, 0.5, np.float32))[..., 0]
+    expected = ALBEDO / math.pi * 2.0 * beyond(-x / math.tan(0.4))
+    assert expected.min() < 0.1 * expected.max()
+    closely(found, np.repeat(expected[..., None], 3, axis=-1), 1e-4)
+    # Pixel by pixel: 256 paths have a standard error of at most .03 of the light.
+    noise = 5.0 * 0.5 / math.sqrt(256 if variant == "best" else 64)
+    assert np.abs(found.mean[..., 0] - expected).max() < noise * expected.max()
+
+
+def test_penumbra_of_a_point_light_before_an_edge() -> None:
+    light = PointLight((0.0, 4.0, 0.0), 10.0, radius=1.0)
+    scene = quads(FLOOR, BOARD, materials=[WALL])
+    found = radiance(scene, ABOVE, [light], 256, 0)
+    x = ABOVE.unproject(np.full(ABOVE.size, 0.5, np.float32))[..., 0]
+    # Straight below, the board's edge cuts the disc at -3 x; the light's middle is 4 away.
+    expected = ALBEDO / math.pi * 10.0 / 16.0 * beyond(-3.0 * x)
+    middle = np.abs(x) < 0.4  # further off the disc is turned and the light weaker
+    assert np.abs(found.mean[..., 0] - expected)[middle].max() < 0.2 * expected.max()
+    assert abs(float((found.mean[..., 0] - expected)[middle].mean())) < 0.01 * expected.max()
+
+
+def test_light_that_nothing_hides_is_that_of_a_point() -> None:
+    scene = quads(FLOOR, materials=[WALL])
+    camera = Camera.look_at((0.5, 3.0, 1.5), (0.2, 0.0, -0.3), width=8, height=6)
+    pairs: tuple[tuple[Light, Light], ...] = (
+        (PointLight((0.4, 2.0, 0.1), 3.0, radius=0.5), PointLight((0.4, 2.0, 0.1), 3.0)),
+        (DirectionalLight((0.3, -1, 0.2), 3.0, angle=0.2), DirectionalLight((0.3, -1, 0.2), 3.0)),
+    )
+    for soft, hard in pairs:
+        found, expected = (radiance(scene, camera, [light], 16, 0).mean for light in (soft, hard))
+        np.testing.assert_allclose(found, expected, rtol=1e-5)

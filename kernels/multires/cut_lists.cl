@@ -11,10 +11,12 @@
 //          limits   [1] is the tolerance, W/m^2
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
 //          lists    [groups][params.capacity] numbers of records, in an order that depends on no
-//                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray
+//                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray, +
+//                   CUT_BRIGHT where those of a run of 4 do
 //          counts   [groups]
 // Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit;
-//          share of the tolerance below which the light of a run of 64 is faint
+//          share of the tolerance below which the light of a run of 64 is faint, and above which
+//          that of a run of 16 is bright
 // Launch:  any number of work-items, each of which takes every so-many-th group
 // Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
 //          and 90 for each run of 4 in those that are open
@@ -124,6 +126,8 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const int fours_width = 4 * width;
     const float tolerance = limits[1] * cut.scale;
     const float faint = tolerance * cut.faint;
+    // Where no error is allowed, all lights share rays alike.
+    const float bright = tolerance > 0.0f ? tolerance * cut.bright : INFINITY;
     bounds += params.segment * tree_first_bound(stride, 4);
     __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
@@ -135,7 +139,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         __global int *restrict to = lists + own * params.capacity;
         // Of runs of 64 and 16.
         int states[TREE_MOST_RUNS];
-        int shared[TREE_MOST_RUNS]; // CUT_SHARED or 0
+        int shared[TREE_MOST_RUNS]; // CUT_SHARED, CUT_BRIGHT or 0
         for (int run = 0; run < runs; run += SSGI_LANES) {
             const CutTest whole = cut_test(most, width, run, &group, tolerance);
             const CutTest part = cut_test(sixteens, width, run, &group, tolerance);
@@ -144,7 +148,9 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
             const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
             v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
             const vmask weak = cut_faint(most, width, run, &group, faint);
-            v_ikeep(v_iselect(v_splat_int(0), v_splat_int(CUT_SHARED), weak), shared + run);
+            const vmask strong = ~cut_faint(sixteens, width, run, &group, bright);
+            const vint rays = v_iselect(v_splat_int(0), v_splat_int(CUT_BRIGHT), strong);
+            v_ikeep(v_iselect(rays, v_splat_int(CUT_SHARED), weak), shared + run);
         }
         int count = 0;
         const int next = (cut.first + cut_own(turn + 1, end)) * CUT_GROUP;

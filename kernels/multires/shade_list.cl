@@ -14,7 +14,7 @@
 //          each light is read once for all of them; 1 to 4),
 //          VPL_VISIBILITY (1: walls block light), VPL_GRID (32..256 cells along a side),
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
-//          that are listed with CUT_SHARED: of 64),
+//          that are listed with CUT_SHARED: of 64; with CUT_BRIGHT: of 4),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
 // Params:  CutParams: first group, groups at most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
@@ -136,7 +136,8 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 const int record = chosen[i] & (CUT_SHARED - 1);
                 __global const float *restrict light = records + record * TREE_RECORD;
 #if VPL_VISIBILITY
-                const int line = chosen[i] == record ? SHADE_LINE : 3;
+                const int kind = chosen[i] - record;
+                const int line = kind == CUT_SHARED ? 3 : kind == CUT_BRIGHT ? 1 : SHADE_LINE;
                 const int run = shade_run(record, params.stride, line);
                 if (run != latest) {
                     latest = run;

@@ -101,6 +101,8 @@ CUT_SAMPLE = 6
 """Floats of a sample: position and normal."""
 CUT_SHARED = 1 << 16
 """Is added to the number of a listed record whose run of 64 lights has one shadow ray."""
+CUT_BRIGHT = 1 << 17
+"""Likewise, of which every run of 4 lights has one."""
 
 VPL_TILE = 16
 """Pixels along the side of a tile with lists of lights: a multiple of every number of lanes."""

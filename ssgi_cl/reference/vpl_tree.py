@@ -19,7 +19,7 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
-FAINT = 0.25
+BRIGHT, FAINT = 0.35, 0.25
 """Of the error of runs: 64 lights that send less share a shadow ray."""
 PARTS = 16
 GOLDEN = 0.618034
@@ -128,12 +128,27 @@ class VplTreeReference:
         """Return whether the runs of 64 lights that records belong to send less than `FAINT` of the
         tolerance in W/m^2, unhidden and face to face at the centre of a group.
         """
+        return self._sends_less(records, group, FAINT * tolerance, 3)
+
+    def bright(self, records: Numbers, group: Group, tolerance: float) -> NDArray[np.bool_]:
+        """Return whether the runs of 16 lights that records belong to, or begin, send more than
+        `BRIGHT` of the tolerance and are not faint."""
+        limit = BRIGHT * tolerance if tolerance > 0.0 else math.inf
+        less = self._sends_less(records, group, limit, 2)
+        return ~less & ~self.faint(records, group, tolerance)
+
+    def _sends_less(
+        self, records: Numbers, group: Group, limit: float, wanted: int
+    ) -> NDArray[np.bool_]:
         level = np.searchsorted(self.first, records, side="right") - 1
-        runs = self.first[3] + (records - np.array(self.first)[level]) // 4 ** (3 - level)
+        number = records - np.array(self.first)[level]
+        # Of a run that is longer, the first of those of the wanted length.
+        number = number * 4 ** np.maximum(level - wanted, 0) // 4 ** np.maximum(wanted - level, 0)
+        runs = self.first[wanted] + number
         centres = self._low[runs] + self._high[runs] - group.low - group.high
         squared = np.sum((0.5 * centres) ** 2, axis=1) + self.deviation[runs] ** 2
         spread = math.pi * squared + self.area[runs]
-        result: NDArray[np.bool_] = self.flux[runs].max(axis=1) <= FAINT * tolerance * spread
+        result: NDArray[np.bool_] = self.flux[runs].max(axis=1) <= limit * spread
         return result
 
     def cut(self, group: Group, tolerance: float) -> Numbers:
@@ -160,7 +175,7 @@ class VplTreeReference:
     def irradiance(
         self, records: Numbers, point: Doubles, normal: Doubles,
         occupancy: OccupancyGridReference | None = None, share: int = 16, refine: float = 0.0,
-        shared: NDArray[np.bool_] | None = None,
+        shared: NDArray[np.bool_] | None = None, bright: NDArray[np.bool_] | None = None,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
@@ -168,7 +183,8 @@ class VplTreeReference:
         of lights don't.
         What belongs to a run of `share` lights, 4, 16 or 64, shares a shadow ray to its light
         before which a fraction of its flux lies, of a golden-ratio sequence over the runs. A longer
-        run has its own. Records that are `shared` have that of their run of 64.
+        run has its own. Records that are `shared` have that of their run of 64, those that are
+        `bright` that of their run of 4.
         """
         way = self.position[records] - point[:, None]
         squared = np.maximum(np.sum(way * way, axis=-1), 1e-300)
@@ -180,6 +196,7 @@ class VplTreeReference:
             level = np.searchsorted(self.first, records, side="right") - 1
             line = np.maximum(level, round(math.log(share, 4)))
             line = line if shared is None else np.where(shared, 3, line)
+            line = line if bright is None else np.where(bright, np.maximum(level, 1), line)
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
             for run in np.unique(runs):

@@ -153,6 +153,26 @@ def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
     assert 0.1 < np.mean(np.concatenate(wanted)) < 0.9
 
 
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_bright_runs_are_those_of_the_reference(
+    runtime: Runtime, rng: np.random.Generator, kind: str
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, 1.0)
+    tree = VplTreeReference(vpls, gbuffer.camera)
+    point, normal = lit.in_view(gbuffer)
+    starts = range(0, len(point), GROUP)
+    listed = zip(lit.tree.cuts(len(starts)), lit.tree.bright(len(starts)), strict=True)
+    found, wanted = [], []
+    for start, (records, bright) in zip(starts, listed, strict=True):
+        group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
+        found.append(bright)
+        wanted.append(tree.bright(records, group, lit.tolerance))
+    # What is next to the tolerance may round to either side.
+    assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
+    assert 0.05 < np.mean(np.concatenate(wanted)) < 0.95
+
+
 @pytest.mark.parametrize("light_error", [0.0, 3e-3])
 def test_near_lights_give_way_to_their_parts_as_in_the_reference(
     variant_runtime: Runtime, rng: np.random.Generator, light_error: float

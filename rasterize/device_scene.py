@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.constants import START_BATCH
+from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
 
 from .textures import srgb_to_linear
@@ -28,6 +28,7 @@ class DeviceScene:
         shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
             [triangles, 4] vertices and material; see kernels/raster/records.clh.
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
+        few_boxes: [runs of `START_FEW` triangles, 6] likewise.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
     """
@@ -48,7 +49,9 @@ class DeviceScene:
         parts = [scene.positions, none, scene.normals, u, scene.colors, v]
         self.shading = runtime.array(np.column_stack(parts))
         self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
-        self.boxes = runtime.array(_boxes(scene))
+        self.boxes, self.few_boxes = (
+            runtime.array(_boxes(scene, count)) for count in (BOXED, START_FEW)
+        )
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]
@@ -84,9 +87,9 @@ _LINEAR_TO_SRGB = np.searchsorted(
 ).astype(np.uint8)
 
 
-def _boxes(scene: Scene) -> NDArray[np.float32]:
-    """Return middle and half size of a box round each run of triangles, [runs, 6]."""
-    firsts = np.arange(0, len(scene.triangles), BOXED)
+def _boxes(scene: Scene, count: int) -> NDArray[np.float32]:
+    """Return middle and half size of a box round each run of so many triangles, [runs, 6]."""
+    firsts = np.arange(0, len(scene.triangles), count)
     points = scene.positions[scene.triangles].astype(np.float64)
     low = np.minimum.reduceat(points.min(axis=1), firsts)
     high = np.maximum.reduceat(points.max(axis=1), firsts)

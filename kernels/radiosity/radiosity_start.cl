@@ -9,6 +9,7 @@
 //          corners    3 x [size.y triangles, rounded up to 16] vertices
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
 //          boxes      [batches of START_BATCH triangles][6] middle and half size, likewise
+//          few        [START_FEW triangles][6] likewise
 //          cutouts    [size.y] >= 0 where a triangle has holes: those block nothing here
 //          occupancy, grid_box  see vpl/grid.clh
 // Writes:  surfels    SURFEL_START
@@ -16,7 +17,8 @@
 // Macros:  VPL_GRID
 // Params:  lift       cells above the surface; shift: of the scene's origin; per_unit: of the surfels
 // Launch:  SSGI_LANES surfels per work-item, one row
-// Cost:    20 operations per surfel and batch, 50 per surfel and triangle of a batch nearby
+// Cost:    20 operations per surfel and batch, and box of a batch nearby; 50 per surfel and triangle
+//          of a box nearby
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
@@ -24,8 +26,8 @@
 #ifndef VPL_GRID
 #error "VPL_GRID must be defined"
 #endif
-#ifndef START_BATCH
-#error "ssgi_cl/device/constants.py defines START_BATCH"
+#if !defined(START_BATCH) || !defined(START_FEW)
+#error "ssgi_cl/device/constants.py defines START_BATCH, START_FEW"
 #endif
 
 #define START_TRIES 6     // parts
@@ -69,10 +71,27 @@ static inline vmask start_meets(const vfloat p[3], const vfloat d[3], const Star
            v_gt(t, v_splat(START_NEAR)) & v_le(t, one);
 }
 
+// Lanes whose segment from p along d comes near a box.
+static inline vmask start_near(const vfloat p[3], const vfloat d[3],
+                               __global const float *restrict box, const StartParams params,
+                               const vmask wanted)
+{
+    vmask near = wanted;
+    const float shift[3] = {params.shift_x, params.shift_y, params.shift_z};
+    for (int j = 0; j < 3; ++j) {
+        const float middle = (box[j] + shift[j]) * params.per_unit;
+        const vfloat away = v_abs(p[j] + d[j] * 0.5f - middle);
+        near = near & v_le(away, v_fma(v_abs(d[j]), v_splat(0.5f),
+                                       v_splat(box[3 + j] * params.per_unit + 1e-6f)));
+    }
+    return near;
+}
+
 __kernel void radiosity_start(__global const float *restrict parts,
                               __global const int *restrict corners,
                               __global const float *restrict positions,
                               __global const float *restrict boxes,
+                              __global const float *restrict few,
                               __global const int *restrict cutouts,
                               __global const int *restrict occupancy,
                               __global const float *restrict grid_box,
@@ -108,21 +127,16 @@ __kernel void radiosity_start(__global const float *restrict parts,
         }
         vmask clear = searching & ~surfel_occupied(occupancy, cell[0], cell[1], cell[2]);
         for (int batch = 0; batch < batches && v_any(clear); ++batch) {
-            __global const float *restrict box = boxes + batch * 6;
-            const float middle[3] = {(box[0] + params.shift_x) * params.per_unit,
-                                     (box[1] + params.shift_y) * params.per_unit,
-                                     (box[2] + params.shift_z) * params.per_unit};
-            vmask near = clear;
-            for (int j = 0; j < 3; ++j) {
-                const vfloat away = v_abs(p[j] + d[j] * 0.5f - middle[j]);
-                near = near & v_le(away, v_fma(v_abs(d[j]), v_splat(0.5f),
-                                               v_splat(box[3 + j] * params.per_unit + 1e-6f)));
-            }
-            if (!v_any(near)) {
+            if (!v_any(start_near(p, d, boxes + batch * 6, params, clear))) {
                 continue;
             }
             const int end = min((batch + 1) * START_BATCH, size.y);
             for (int i = batch * START_BATCH; i < end; ++i) {
+                if (i % START_FEW == 0 &&
+                    !v_any(start_near(p, d, few + i / START_FEW * 6, params, clear))) {
+                    i += START_FEW - 1;
+                    continue;
+                }
                 if (cutouts[i] >= 0) {
                     continue;
                 }

@@ -116,6 +116,8 @@ SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
 FIRST_GROUP = 16
 """Surfels, one after the other, that trace rays to the same virtual point lights."""
+START_FEW = 16
+"""Triangles that share a box within a batch; a divisor of `START_BATCH`."""
 START_BATCH = 256
 """Triangles, one after the other, that share a box."""
 VPL_LOBE_LIGHT = 16

@@ -205,7 +205,7 @@ class DeviceSurfels:
         self._start.run(
             "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.variant.lanes),
             parts=runtime.array(parts), corners=solid.corners, positions=solid.positions,
-            boxes=solid.boxes, cutouts=solid.cutouts, occupancy=occupancy.grid,
+            boxes=solid.boxes, few=solid.few_boxes, cutouts=solid.cutouts, occupancy=occupancy.grid,
             grid_box=occupancy.box,
             surfels=self._rows, part=chosen, params=START.pack(values),
         )

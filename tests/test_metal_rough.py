@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import ssgi_cl as gi
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.metal_rough import LEAST_GLOSS, MOST_GLOSS, Lobe, metal_rough_lobe
 
 BASE = np.array((0.9, 0.5, 0.2))
@@ -37,3 +40,24 @@ def test_rough_surfaces_are_matt() -> None:
 
 def test_numbers_beyond_their_range_count_as_the_nearest_within() -> None:
     assert metal_rough_lobe(BASE, 7.0, -1.0) == metal_rough_lobe(BASE, 1.0, 0.0)
+
+
+def test_frames_without_lobes_take_metals_for_matt(runtime: Runtime) -> None:
+    built = gi.rasterize.scenes.make_scene("cornell_box")
+    metal = {"albedo": (0.0,) * 3, "specular": (0.5,) * 3, "gloss": 30.0}
+    matt = {"albedo": (0.5,) * 3}
+    frames = []
+    for change in (metal, matt):
+        materials = tuple(
+            m if m.emits else replace(m, **change)  # type: ignore[arg-type]
+            for m in built.scene.materials
+        )
+        scene = replace(built.scene, materials=materials)
+        for options in ({"bounces": 0}, {"indirect": "multires", "vpls": 64}):
+            frames.append(gi.render(
+                scene, built.camera(32, 24), built.lights, outputs=("radiance",), rsm_size=32,
+                runtime=runtime, **options,  # type: ignore[arg-type]
+            ).radiance)
+    for one, other in zip(frames[:2], frames[2:], strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.mean() > 0.0

@@ -7,11 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.lights import Environment, SpotLight
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.indirect.light_volume import CELLS, FAINT, LightVolume, SentLight
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
 
 Doubles = NDArray[np.float64]
 
@@ -94,3 +96,20 @@ def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> 
     total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
     sent = float(vpls.parts.flux.sum()) / math.pi / volume.side**2
     assert abs(total / sent - 1.0) < 0.02  # what is fainter is left out
+
+
+def test_light_of_maps_that_surfaces_reflect_straight_is_in_it(runtime: Runtime) -> None:
+    built = BUILTIN_SCENES["parlour"]()
+    spot = next(one for one in built.lights if isinstance(one, SpotLight))
+    drawn = rsm(built.scene, spot, size=64, runtime=runtime)
+    (seen,) = on_device_rsms([drawn], runtime)
+    radiosity = Radiosity(runtime, RadiosityParams(surfels=512, bounces=1))
+    radiosity.run(built.scene, [], rsms=[seen])
+    volume, vpls = radiosity.volume, radiosity.vpls
+    assert volume is not None
+    assert vpls is not None
+    total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
+    bounced = float(vpls.flux.sum()) / math.pi / volume.side**2
+    straight = float(np.asarray(drawn.flux).sum()) / math.pi / volume.side**2
+    # What lies in cells without a surfel that faces as it does is lost.
+    assert bounced + 0.6 * straight < total < 1.1 * (bounced + straight)

@@ -18,12 +18,14 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer, rsm
+from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.reference.radiosity import form_factors, radiosity_reference
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
-from ssgi_cl.techniques.indirect.surfels import scene_surfels
+from ssgi_cl.techniques.indirect.surfels import TriangleShares, scene_surfels
+from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
 
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -445,3 +447,23 @@ def test_emission_can_be_left_to_others(runtime: Runtime) -> None:
 def test_bad_parameters_are_named(params: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         RadiosityParams(**params)
+
+
+def test_starts_do_not_depend_on_the_order_of_triangles(runtime: Runtime) -> None:
+    """In their own order most lie in boxes that a surfel is not near; shuffled, in none."""
+    made = make_scene("workshop").scene
+    order = np.random.default_rng(2).permutation(len(made.triangles))
+    shuffled = replace(
+        made, triangles=made.triangles[order], material_ids=made.material_ids[order]
+    )
+    device = DeviceSurfels(runtime, 128)
+    device.enter(made)
+    surfels = scene_surfels(made, 2048, TriangleShares.of(made))
+    found = []
+    for scene in (made, shuffled):
+        device._upload(surfels)
+        found.append(device._find_starts(surfels, device_scene(scene, runtime)))
+    np.testing.assert_array_equal(*found)
+    assert (found[0] < 0).any()
+    assert (found[0] > 0).any()
+    assert (found[0] == 0).any()

@@ -174,6 +174,57 @@ def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     # What of lobes lies below the surface is lost at grazing angles alone.
     assert (found < expected * 1.001).all()
     assert np.quantile(found / expected, 0.1) > 0.99
+    assert (found / expected).min() > 0.8
+
+
+def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
+    """In a volume whose surfaces that face along x are bright slivers, along z half as large."""
+    made = camera("perspective", (24, 32), eye=(0.0, 2.0, 2.0), target=(0.0, 0.0, 0.0))
+    gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), 1e5)
+    wall = quads(((-7, -1, -4.0), (14, 0, 0), (0, 6, 0)))
+    volume = even(0.0)
+    for face, radiance, area in ((0, 1e3, 1e-7), (1, 1e3, 1e-7), (2, 2.0, 1.0), (3, 2.0, 1.0),
+                                 (4, 6.0, 0.5), (5, 6.0, 0.5)):  # fmt: skip
+        volume.radiance[..., face, :] = radiance
+        volume.area[..., face] = area
+    zero = np.zeros((24, 32, 3))
+    found = added(runtime, gbuffer, zero, zero, Environment(0.0), blocks=wall, volume=volume)
+    lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
+    y, z = np.abs(lobes.axis[..., 1]), np.abs(lobes.axis[..., 2])
+    expected = lobes.specular * ((2.0 * y + 6.0 * 0.5 * z) / (y + 0.5 * z))[..., None]
+    blocked = found[..., 0] > 0.0
+    assert blocked.mean() > 0.3
+    # All rays of a pixel and its neighbours that reach the wall; others find no sky.
+    inner = np.all([np.roll(blocked, k, 0) for k in range(-5, 6)], axis=0)
+    inner[:5], inner[-5:] = False, False
+    assert inner.sum() > 100
+    np.testing.assert_allclose(found[inner], expected[inner], rtol=0.03)
+
+
+def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(
+    runtime: Runtime,
+) -> None:
+    """A ball close to the eye, in front of which no mirrored ray comes."""
+    made = camera("perspective", (45, 61), eye=(0.0, 1.0, 4.0), target=(0.0, 0.6, 0.0))
+    floor, ball = Plane((0, -0.3, 0), (0, 1, 0)), Ball((0.0, 1.0, 2.8), 0.25)
+    gbuffer = trace(made, [floor, ball])
+    depth = np.asarray(gbuffer.depth)
+    seen = made.unproject(np.where(np.isfinite(depth), depth, 1.0).astype(np.float32))
+    on_ball = (seen[..., 1] > 0.2) & np.isfinite(depth)
+    matt = glossy(gbuffer, 3000.0)
+    assert matt.specular is not None
+    matt = replace(matt, specular=np.where(on_ball[..., None], 0.0, matt.specular))
+    radiance = np.where(on_ball[..., None], 50.0, 0.0) * np.ones(3)
+    found = added(runtime, matt, radiance, np.zeros_like(radiance), Environment(1.0))
+    on_floor = np.isfinite(depth) & ~on_ball
+    behind = on_floor.copy()
+    behind[:, (~on_ball).all(axis=0)] = False
+    assert behind.sum() > 50
+    share = found[on_floor] / (0.5, 0.4, 0.3)
+    # Of the sky alone, a part of the lobe lies below the floor at its horizon.
+    assert share.min() > 0.8
+    assert share.max() < 1.001
+    assert (found[behind][:, 0] > 0.49).mean() > 0.9
 
 
 def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(

@@ -65,7 +65,9 @@ def test_kernel_agrees_with_reference(variant_runtime: Runtime, name: str) -> No
     assert (off < 1e-4).mean() > 0.9
     assert np.quantile(off, 0.995) < 0.05
     assert (off < 0.25).all()
-    assert (np.abs(expected - shade_reference(gbuffer, [hard(light)], rsms=maps)) > 0.01).any()
+    penumbra = np.abs(expected - shade_reference(gbuffer, [hard(light)], rsms=maps))[..., 0] > 0.01
+    assert penumbra.sum() > 20
+    assert (off[penumbra] < 2e-3).mean() > 0.8
 
 
 @pytest.mark.parametrize("name", LIGHTS)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
+    CUT_BRIGHT,
     CUT_GROUP,
     CUT_SAMPLE,
-    CUT_BRIGHT,
     CUT_SHARED,
     TREE_BOUNDS,
     TREE_LEAF,
@@ -23,7 +23,9 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
-CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
+CUT = Struct(
+    "CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright"))
+)
 
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
@@ -37,10 +39,11 @@ With walls half of them, as view rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
-"""Of the error that is allowed of runs: of 16 lights that send more, every 4 have a shadow ray. FLIP
-of whole frames of 400 x 300, without it and with: parlour .095 and .090, hall .151 and .148,
-workshop .169 and .167, terrace .060 and .060; kept frames take 7 to 17 % more indoors, and as long as
-before outdoors. 4 lights for every ray give .090, .146, .168 and .060 in 1.2 to 1.7 times the time."""
+"""Of the error that is allowed of runs: of 16 lights that send more, every 4 have a shadow ray.
+FLIP of whole frames of 400 x 300, without it and with: parlour .095 and .090, hall .151 and .148,
+workshop .169 and .167, terrace .060 and .060; kept frames take 7 to 17 % more indoors, and as long
+as before outdoors. 4 lights for every ray give .090, .146, .168 and .060 in 1.2 to 1.7 times the
+time."""
 FAINT = 0.25
 """Of the error that is allowed of runs: 64 lights that send less have one shadow ray. In whole
 frames of 400 x 300, 0.5 raises the FLIP of the parlour from .119 to .129."""
@@ -187,7 +190,9 @@ class VplTree:
         occupancy = self._occupancy
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
-            cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT})
+            cut = CUT.pack({
+                "first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT,
+            })
             for batch in self.lights.batches():
                 shared = {
                     "list": samples, "lists": self._lists, "counts": self._counts, "cut": cut,

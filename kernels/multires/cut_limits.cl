@@ -2,15 +2,21 @@
 // cut_limits: errors that are allowed, from the mean irradiance.
 //
 // Reads:   found   [count], see cut_mean
-// Writes:  limits  [2] of interpolation and of runs of lights, W/m^2
-// Params:  count; shares of the mean: interpolation, runs
+// Writes:  limits  [3] of interpolation and of runs of lights, W/m^2; mean irradiance by all light over
+//          that by the lights, 1 or more
+// Params:  count; shares of the mean: interpolation, runs; stage: CUT_OWN before other light is
+//          added to what is found, CUT_ALL then, CUT_ALONE where there is none
 // Launch:  one work-item
 
 #include "common/lanes.clh"
 
+#if !defined(CUT_OWN) || !defined(CUT_ALL) || !defined(CUT_ALONE)
+#error "ssgi_cl/device/constants.py defines CUT_OWN, CUT_ALL, CUT_ALONE"
+#endif
+
 __kernel void cut_limits(__global const float *restrict found, __global float *restrict limits,
                          const int2 size, const int count, const float interpolation,
-                         const float runs)
+                         const float runs, const int stage)
 {
     if (get_global_id(0) > 0) {
         return;
@@ -19,6 +25,11 @@ __kernel void cut_limits(__global const float *restrict found, __global float *r
     for (int i = 0; i < count; ++i) {
         sum += found[i] * (1.0f / (float)count);
     }
+    if (stage == CUT_OWN) {
+        limits[2] = sum; // until the other stage
+        return;
+    }
+    limits[2] = stage == CUT_ALL && limits[2] > 0.0f ? max(sum / limits[2], 1.0f) : 1.0f;
     // Where no light is found none is looked for, but with an error of 0.
     limits[0] = interpolation > 0.0f ? max(sum * interpolation, 1e-37f) : 0.0f;
     limits[1] = sum * runs;

@@ -8,7 +8,7 @@
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
 //          bounds   of all segments, see cluster.clh
-//          limits   [1] is the tolerance, W/m^2
+//          limits   [1] is the tolerance, W/m^2, [2] all light over that of the lights
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
 //          lists    [groups][params.capacity] numbers of records, in an order that depends on no
 //                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray, +
@@ -24,6 +24,8 @@
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
+
+#define CUT_OUTSHONE 0.2f // 1 / that ratio from which on more lights share a shadow ray
 
 // What bounds the samples of a group, which are kept.
 static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
@@ -125,7 +127,8 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const int width = tree_width(stride);
     const int fours_width = 4 * width;
     const float tolerance = limits[1] * cut.scale;
-    const float faint = tolerance * cut.faint;
+    // Where other light outshines what the lights give, their shadows are hard to see.
+    const float faint = tolerance * cut.faint * clamp(limits[2] * CUT_OUTSHONE, 1.0f, 2.0f);
     // Where no error is allowed, all lights share rays alike.
     const float bright = tolerance > 0.0f ? tolerance * cut.bright : INFINITY;
     bounds += params.segment * tree_first_bound(stride, 4);

@@ -60,7 +60,8 @@ class Lit:
     """Irradiance of all pixels of an image, group by group in the order of rows."""
 
     def __init__(
-        self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float, **values: float
+        self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float,
+        other: float = 0.0, **values: float
     ) -> None:
         self.seen, self.point, self.normal = receivers(gbuffer)
         device = DeviceVpls(runtime, max(len(vpls), 1), parts=vpls.parts is not None)
@@ -71,10 +72,14 @@ class Lit:
         shares.upload(np.full((1, *gbuffer.size), SHARE, np.float32))
         self.tree.reserve(self.seen.size)
         self.tree.update()
-        self.tree.measure(source, samples, values, 0.01, light_error)
+        beside = runtime.plane(3, gbuffer.size)
+        beside.upload(np.full((3, *gbuffer.size), other, np.float32))
+        self.tree.measure(
+            source, samples, values, 0.01, light_error, [beside] if other > 0.0 else []
+        )
         self.tree.shine(source, samples, self.seen.size, shares, result, values)
         self.irradiance = np.moveaxis(result.download(), 0, -1) / SHARE
-        self.tolerance = float(self.tree.limits.download()[1])
+        self.tolerance, self.outshone = self.tree.limits.download()[1:].astype(float).tolist()
 
     def in_view(self, gbuffer: GBuffer) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         view = gbuffer.camera.view
@@ -151,6 +156,30 @@ def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
     # What is next to the tolerance may round to either side.
     assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
     assert 0.1 < np.mean(np.concatenate(wanted)) < 0.9
+
+
+def test_more_lights_share_a_ray_where_other_light_outshines_them(
+    runtime: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(size=(24, 32)), rng), lights(rng)
+    alone = Lit(runtime, gbuffer, vpls, 6.0)
+    assert alone.outshone == 1.0
+    mean = alone.tolerance / 6.0
+    tree = VplTreeReference(vpls, gbuffer.camera)
+    for other, factor in ((2.0, 1.0), (7.0, 1.6), (50.0, 2.0)):
+        # A tolerance of the same size, so that the same runs are listed.
+        lit = Lit(runtime, gbuffer, vpls, 6.0 / (1.0 + other), other * mean)
+        assert lit.outshone == pytest.approx(1.0 + other, rel=1e-3)
+        assert lit.tolerance == pytest.approx(alone.tolerance, rel=1e-3)
+        point, normal = lit.in_view(gbuffer)
+        starts = range(0, len(point), GROUP)
+        listed = zip(lit.tree.cuts(len(starts)), lit.tree.shared(len(starts)), strict=True)
+        found, wanted = [], []
+        for start, (records, shared) in zip(starts, listed, strict=True):
+            group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
+            found.append(shared)
+            wanted.append(tree.faint(records, group, factor * lit.tolerance))
+        assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
 
 
 @pytest.mark.parametrize("kind", CAMERAS)

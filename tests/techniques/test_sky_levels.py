@@ -55,7 +55,7 @@ def test_levels_on_the_device(runtime: Runtime) -> None:
     sky.set([environment, Environment((1.0, 0.0, 0.0))])
     first, rows, columns = sky.places.download().reshape(-1, 3)[0].tolist()
     found = sky.texels.download()[first : first + rows * columns * 3].reshape(rows, columns, 3)
-    np.testing.assert_allclose(found, (*image, 1.0, 0.0, 0.0), rtol=1e-6)
+    np.testing.assert_allclose(found, image + np.array((1.0, 0.0, 0.0)), rtol=1e-6)
     kept = sky.texels
     sky.set([environment, Environment((1.0, 0.0, 0.0))])
     assert sky.texels is kept or sky.count == 4

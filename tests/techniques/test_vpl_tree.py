@@ -4,6 +4,7 @@ groups."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -54,6 +55,9 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
 def every_pixel(runtime: Runtime, seen: NDArray[np.bool_]) -> DeviceArray:
     row, column = np.nonzero(seen)
     return runtime.array(np.concatenate([[len(row)], row << 16 | column]).astype(np.int32))
+
+
+Kinds = Callable[[int], list[NDArray[np.bool_]]]
 
 
 class Lit:
@@ -138,68 +142,67 @@ def test_cuts_and_their_light_are_those_of_the_reference(
     assert other < 0.01 * total
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
-def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
-    runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
-    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
-    lit = Lit(runtime, gbuffer, vpls, 6.0)
-    tree = VplTreeReference(vpls, gbuffer.camera)
+def kinds_of_runs(
+    lit: Lit, gbuffer: GBuffer, found: Kinds, wanted: Callable[[Any, Any], NDArray[np.bool_]]
+) -> tuple[float, float]:
+    """Return in which share of records the kernels' flags and the reference's differ, and which
+    share of the latter are set.
+
+    Args:
+        lit: what is lit, group by group.
+        gbuffer: the image.
+        found: returns the flags of the first groups' records.
+        wanted: returns them of records and a group.
+    """
     point, normal = lit.in_view(gbuffer)
     starts = range(0, len(point), GROUP)
-    listed = zip(lit.tree.cuts(len(starts)), lit.tree.shared(len(starts)), strict=True)
-    found, wanted = [], []
-    for start, (records, shared) in zip(starts, listed, strict=True):
-        group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
-        found.append(shared)
-        wanted.append(tree.faint(records, group, lit.tolerance))
-    # What is next to the tolerance may round to either side.
-    assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
-    assert 0.1 < np.mean(np.concatenate(wanted)) < 0.9
+    cuts, flags = lit.tree.cuts(len(starts)), found(len(starts))
+    expected = [
+        wanted(records, group_of(point[start : start + GROUP], normal[start : start + GROUP]))
+        for start, records in zip(starts, cuts, strict=True)
+    ]
+    one, other = np.concatenate(flags), np.concatenate(expected)
+    return float(np.mean(one != other)), float(np.mean(other))
 
 
+NEXT = 0.01
+"""Share of runs that may round to the other side of a tolerance."""
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("flag", "light_error"), [("shared", 6.0), ("bright", 1.0)])
+def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
+    runtime: Runtime, rng: np.random.Generator, kind: str, flag: str, light_error: float
+) -> None:
+    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
+    lit = Lit(runtime, gbuffer, vpls, light_error)
+    tree = VplTreeReference(vpls, gbuffer.camera)
+    expected = tree.faint if flag == "shared" else tree.bright
+    off, share = kinds_of_runs(
+        lit, gbuffer, getattr(lit.tree, flag),
+        lambda records, group: expected(records, group, lit.tolerance),
+    )
+    assert off < NEXT
+    assert 0.05 < share < 0.95
+
+
+@pytest.mark.parametrize(("other", "factor"), [(2.0, 1.0), (7.0, 1.6), (50.0, 2.0)])
 def test_more_lights_share_a_ray_where_other_light_outshines_them(
-    runtime: Runtime, rng: np.random.Generator
+    runtime: Runtime, rng: np.random.Generator, other: float, factor: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(24, 32)), rng), lights(rng)
     alone = Lit(runtime, gbuffer, vpls, 6.0)
     assert alone.outshone == 1.0
-    mean = alone.tolerance / 6.0
+    # A tolerance of the same size, so that the same runs are listed.
+    lit = Lit(runtime, gbuffer, vpls, 6.0 / (1.0 + other), other * alone.tolerance / 6.0)
+    assert lit.outshone == pytest.approx(1.0 + other, rel=1e-3)
+    assert lit.tolerance == pytest.approx(alone.tolerance, rel=1e-3)
     tree = VplTreeReference(vpls, gbuffer.camera)
-    for other, factor in ((2.0, 1.0), (7.0, 1.6), (50.0, 2.0)):
-        # A tolerance of the same size, so that the same runs are listed.
-        lit = Lit(runtime, gbuffer, vpls, 6.0 / (1.0 + other), other * mean)
-        assert lit.outshone == pytest.approx(1.0 + other, rel=1e-3)
-        assert lit.tolerance == pytest.approx(alone.tolerance, rel=1e-3)
-        point, normal = lit.in_view(gbuffer)
-        starts = range(0, len(point), GROUP)
-        listed = zip(lit.tree.cuts(len(starts)), lit.tree.shared(len(starts)), strict=True)
-        found, wanted = [], []
-        for start, (records, shared) in zip(starts, listed, strict=True):
-            group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
-            found.append(shared)
-            wanted.append(tree.faint(records, group, factor * lit.tolerance))
-        assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
-
-
-@pytest.mark.parametrize("kind", CAMERAS)
-def test_bright_runs_are_those_of_the_reference(
-    runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
-    gbuffer, vpls = scene("bumpy", camera(kind, size=(24, 32)), rng), lights(rng)
-    lit = Lit(runtime, gbuffer, vpls, 1.0)
-    tree = VplTreeReference(vpls, gbuffer.camera)
-    point, normal = lit.in_view(gbuffer)
-    starts = range(0, len(point), GROUP)
-    listed = zip(lit.tree.cuts(len(starts)), lit.tree.bright(len(starts)), strict=True)
-    found, wanted = [], []
-    for start, (records, bright) in zip(starts, listed, strict=True):
-        group = group_of(point[start : start + GROUP], normal[start : start + GROUP])
-        found.append(bright)
-        wanted.append(tree.bright(records, group, lit.tolerance))
-    # What is next to the tolerance may round to either side.
-    assert np.mean(np.concatenate(found) != np.concatenate(wanted)) < 0.01
-    assert 0.05 < np.mean(np.concatenate(wanted)) < 0.95
+    off, _ = kinds_of_runs(
+        lit, gbuffer, lit.tree.shared,
+        lambda records, group: tree.faint(records, group, factor * lit.tolerance),
+    )
+    assert off < NEXT
 
 
 @pytest.mark.parametrize("light_error", [0.0, 3e-3])

@@ -15,6 +15,7 @@ from ssgi_cl.reference.shade import world_surface
 Mask = NDArray[np.bool_]
 
 HALVINGS, NEAREST, ROUNDING = 5, 0.02, 1e-4
+SHARP = 1000.0
 """See kernels/reflections/trace.clh."""
 FIRST, SECOND, THIRD = 0.7548776662, 0.5698402910, 0.8191725134
 """Steps of the rays' numbers, see kernels/reflections/reflect_trace.cl."""
@@ -189,10 +190,20 @@ def added_reference(gbuffer: GBuffer, arriving: Doubles) -> Doubles:
     """Return what the lobes of a G-buffer without margin add to radiance, [rows, columns, 3].
 
     A pixel takes the mean of 5 x 5 pixels of its own surface, of which those at the sides count
-    half.
+    half, and then of such means 4 pixels apart unless its lobe is sharp.
     """
     position, normal, there = world_surface(gbuffer)
     lobes = Lobes.of(gbuffer, position, normal)
+    glossy = there & (lobes.specular > 0.0).any(axis=-1)
+    near = np.where(glossy[..., None], _mean(gbuffer, lobes, arriving, 1), 0.0)
+    far = _mean(gbuffer, lobes, near, 4)
+    mean = np.where((lobes.gloss < SHARP)[..., None], far, near)
+    result: Doubles = np.where(there[..., None], lobes.specular * mean, 0.0)
+    return result
+
+
+def _mean(gbuffer: GBuffer, lobes: Lobes, arriving: Doubles, stride: int) -> Doubles:
+    """Return the mean of 5 x 5 pixels of the same surface, so many pixels apart."""
     view = SurfaceView.of(gbuffer)
     camera = gbuffer.camera
     depth = np.asarray(gbuffer.first("depth"), np.float64)
@@ -211,10 +222,10 @@ def added_reference(gbuffer: GBuffer, arriving: Doubles) -> Doubles:
     total, weights = np.zeros_like(arriving), np.zeros(depth.shape)
     for dy in range(-2, 3):
         for dx in range(-2, 3):
-            y, x = np.arange(rows)[:, None] + dy, np.arange(columns) + dx
+            y, x = np.arange(rows)[:, None] + stride * dy, np.arange(columns) + stride * dx
             inside = (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
             at = np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)
-            plane = u + change * (n[..., 0] * sx * dx + n[..., 1] * sy * dy)
+            plane = u + change * (stride * (n[..., 0] * sx * dx + n[..., 1] * sy * dy))
             off = (50.0 * (u[at] - plane) / np.abs(u)) ** 2
             turned = 20.0 * (1.0 - np.sum(n * n[at], axis=-1))
             fit = np.maximum(1.0 - off - turned, 0.0)
@@ -224,7 +235,5 @@ def added_reference(gbuffer: GBuffer, arriving: Doubles) -> Doubles:
             weight = np.ones(depth.shape) if dx == dy == 0 else np.where(alike, fit * share, 0.0)
             total += weight[..., None] * arriving[at]
             weights += weight
-    result: Doubles = np.where(
-        there[..., None], lobes.specular * total / weights[..., None], 0.0
-    )
+    result: Doubles = total / weights[..., None]
     return result

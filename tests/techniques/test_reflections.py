@@ -159,7 +159,7 @@ def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     made = camera("perspective", (48, 64), eye=(0.3, 1.2, 2.0), target=(0.0, 0.0, -0.5))
     planes = [Plane(a, n) for n in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     planes += [Plane(b, n) for n in ((-1, 0, 0), (0, -1, 0), (0, 0, -1))]
-    gbuffer = glossy(trace(made, planes), 400.0)
+    gbuffer = glossy(trace(made, planes), 2000.0)
     size = (*made.size, 3)
     found = added(
         runtime, gbuffer, np.full(size, 3.0), np.zeros(size), Environment(1000.0), blocks=room,

@@ -31,6 +31,8 @@ REFLECT = Struct(
 RAYS = 1
 """Of a pixel: of 4 x 4 pixels, whose mean is taken, 16. Twice as many change no view's FLIP by more
 than .001 and take twice the time."""
+STRIDE = 4
+"""Pixels between those whose means the second pass takes."""
 STEPS = 64
 """Of a ray on the screen, at most."""
 THICK_CELLS = 2.0
@@ -119,7 +121,14 @@ class Reflections:
                 occupancy=occupancy.grid, grid_box=occupancy.box, reflected=reflected,
                 camera=gbuffer.camera_struct, rays=rays, params=params,
             )
-            self.runtime.kernel("reflections/reflect_add.cl", structs=(CAMERA, REFLECT)).run(
-                "reflect add", self.size, region=over, **seen, reflected=reflected,
-                radiance=radiance, camera=gbuffer.camera_struct, params=params,
-            )
+            mean = self.runtime.transient.plane(3, self.size)
+            passes = ((reflected, mean, 1), (mean, radiance, STRIDE))
+            for source, target, stride in passes:
+                self.runtime.kernel(
+                    "reflections/reflect_add.cl",
+                    {"REFLECT_STRIDE": stride, "REFLECT_LAST": int(target is radiance)},
+                    (CAMERA, REFLECT),
+                ).run(
+                    "reflect add", self.size, region=over, **seen, reflected=source,
+                    radiance=target, camera=gbuffer.camera_struct, params=params,
+                )

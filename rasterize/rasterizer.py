@@ -240,10 +240,11 @@ class Rasterizer:
         self._write_gloss(step, scene, self._last_visible.triangles, specular, gloss)
 
     def _write_gloss(
-        self, step: int, scene: DeviceScene, seen: DeviceArray, specular: Plane, gloss: Plane
+        self, step: int, scene: DeviceScene, seen: DeviceArray, specular: Plane, gloss: Plane,
+        region: Region | None = None,
     ) -> None:
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
-            "raster gloss", gloss.size,
+            "raster gloss", gloss.size, region=region,
             triangles=seen, faces=scene.faces, lobes=scene.lobes, specular=specular, gloss=gloss,
             tiles=self._tiles,
         )
@@ -384,7 +385,7 @@ class Rasterizer:
                     view=view, **self._attribute_arguments(scene, target, seen),
                 )
                 if target.mirrors and layer == 0:
-                    self._write_gloss(1, scene, seen, target.specular, target.gloss)
+                    self._write_gloss(1, scene, seen, target.specular, target.gloss, over)
         return None
 
     def _attributes(

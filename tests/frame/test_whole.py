@@ -11,10 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
+from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.whole import PRESETS, cell_size, whole_params
+from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.rasterize.view import device_scene
 
 Floats = NDArray[np.float32]
 
@@ -209,3 +212,41 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     assert mirrors.mean() > 0.05
     off = np.abs(found - truth)[mirrors].mean() / truth[mirrors].mean()
     assert off < 0.2
+
+
+def test_glossy_scenes_out_of_sight_leave_the_sky(runtime: Runtime) -> None:
+    built = make_scene("cornell_box")
+    scene = polished(built.scene)
+    away = gi.Camera.look_at((0, 50, 50), (0, 100, 100), width=20, height=10)
+    for camera in (built.camera(61, 47), away, built.camera(1, 1), away):
+        found = gi.render(
+            scene, camera, (*built.lights, SKY), outputs=("radiance",), runtime=runtime
+        ).radiance
+        assert np.isfinite(found).all()
+        if camera is away:
+            np.testing.assert_allclose(found, np.broadcast_to(SKY.radiance, found.shape), rtol=1e-6)
+
+
+def test_nothing_is_glossy_where_nothing_is_drawn(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numbers of triangles that were left in memory, here of the first, are not looked up."""
+    scene = polished(make_scene("cornell_box").scene)
+    rasterizer = Rasterizer(
+        runtime, (10, 20), regions=True, world="until derived", lobes=True
+    )
+    array = runtime.transient.array
+
+    def left_over(count: int, dtype: type[np.generic]) -> Any:
+        made = array(count, dtype)
+        made.upload(np.zeros(count, dtype))
+        return made
+
+    monkeypatch.setattr(runtime.transient, "array", left_over)
+    away = gi.Camera.look_at((0, 50, 50), (0, 100, 100), width=20, height=10)
+    with runtime.frame():
+        rasterizer.render(device_scene(scene, runtime), away)  # the first clears all
+        target = rasterizer.render(device_scene(scene, runtime), away)
+        assert target.mirrors
+        assert not target.specular.download().any()
+        assert not target.gloss.download().any()

@@ -70,7 +70,7 @@ class DeviceScene:
         self.textures = runtime.array(table)
         self.texels = runtime.array(texels.view("<i4"))
         self.decode = runtime.array(SRGB_TO_LINEAR)
-        used = [scene.materials[i] for i in np.unique(ids)]
+        used = scene.used_materials
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(m.emits for m in used)

@@ -127,7 +127,7 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
             normal_depth, albedo_material = draw.layer(layer)
             material = albedo_material[..., 3].astype(np.int32)
             there = material > 0
-            if layer == 0 and any(scene.materials[i].is_glossy for i in set(scene.material_ids)):
+            if layer == 0 and any(m.is_glossy for m in scene.used_materials):
                 seen = lobes[material]
                 mirrored = {"specular": seen[..., :3].copy(), "gloss": seen[..., 3].copy()}
             if not there.any():

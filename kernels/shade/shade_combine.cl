@@ -16,10 +16,10 @@
 //          ambient   W/m^2 (SHADE_AMBIENT 1), see shade/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
-//          light     3 x [rows, columns] irradiance of all light over pi (SHADE_LIGHT 1)
+//          light_over_pi  3 x [rows, columns] irradiance of all light over pi (SHADE_LIGHT 1)
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT
-//          (any ambient light), SHADE_SKY, SHADE_LIGHT: 0 or 1; SHADE_INDIRECT 2 and 3, SHADE_SKY_LIGHT 2 too;
-//          AMBIENT_SIZE, see `ambient`
+//          (any ambient light), SHADE_SKY, SHADE_LIGHT: 0 or 1; SHADE_INDIRECT 2 and 3,
+//          SHADE_SKY_LIGHT 2 too; AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
 

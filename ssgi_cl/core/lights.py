@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -146,6 +147,16 @@ def light_tuple(lights: Iterable[Light]) -> tuple[Light, ...]:
         if not isinstance(light, Light):
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")
     return result
+
+
+def light_extent(light: Light) -> float:
+    """Return the radius of a light, scene units, or the tangent of a directional light's angle.
+
+    0 of an environment.
+    """
+    if isinstance(light, Environment):
+        return 0.0
+    return math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
 
 
 def environments_of(lights: Iterable[Light]) -> tuple[Environment, ...]:

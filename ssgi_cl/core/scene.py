@@ -157,6 +157,11 @@ class Scene(Immutable):
         return object()
 
     @cached_property
+    def used_materials(self) -> tuple[Material, ...]:
+        """Those that any triangle is made of."""
+        return tuple(self.materials[index] for index in np.unique(self.material_ids))
+
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """[2, 3] float64, world space: least and greatest corner of the box round all triangles."""
         used = np.zeros(len(self.positions), np.bool_)

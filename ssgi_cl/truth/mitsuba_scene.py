@@ -121,7 +121,7 @@ class MitsubaScene:
                 parts["environment"] = _environment(mi, skies)
             return cls(
                 variant, scene.origin, mi.load_dict(parts),
-                any(scene.materials[i].has_holes for i in np.unique(scene.material_ids)),
+                any(m.has_holes for m in scene.used_materials),
                 any(sky.ndim == 3 for sky in skies),
             )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment, Light
+from ssgi_cl.core.lights import Environment, Light, light_extent
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
@@ -68,12 +68,9 @@ def radiance(
     checks.switch("box_filter", box_filter)
     passes, per_pass = passes_of(paths)
     most = _most_bounces(bounces)
-    emits = any(scene.materials[index].emits for index in np.unique(scene.material_ids))
-    glossy = any(scene.materials[index].is_glossy for index in np.unique(scene.material_ids))
-    soft = any(
-        getattr(light, "radius", 0.0) > 0.0 or getattr(light, "angle", 0.0) > 0.0
-        for light in lights
-    )
+    emits = any(m.emits for m in scene.used_materials)
+    glossy = any(m.is_glossy for m in scene.used_materials)
+    soft = any(light_extent(light) > 0.0 for light in lights)
     sampled = (
         box_filter or emits or soft or any(isinstance(light, Environment) for light in lights)
     )

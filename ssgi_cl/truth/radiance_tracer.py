@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, environments_of
+from ssgi_cl.core.lights import (
+    DirectionalLight,
+    Environment,
+    Light,
+    environments_of,
+    light_extent,
+)
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
@@ -43,8 +49,8 @@ class RadianceTracer(PathTracer):
         self, scene: Scene, lights: Sequence[Light], variant: str, *,
         bounces: int = MOST_BOUNCES, box_filter: bool = False,
     ) -> None:
-        self._emits = any(scene.materials[i].emits for i in np.unique(scene.material_ids))
-        lobes = any(scene.materials[i].is_glossy for i in np.unique(scene.material_ids))
+        self._emits = any(m.emits for m in scene.used_materials)
+        lobes = any(m.is_glossy for m in scene.used_materials)
         super().__init__(scene, lights, variant, emission=self._emits, lobes=lobes)
         self._bounces = bounces
         self._box = box_filter
@@ -55,7 +61,7 @@ class RadianceTracer(PathTracer):
             (emitter, lights[int(emitter.id().removeprefix("light_"))])
             for emitter in self._punctual_lights
         ]
-        self._soft = any(_extent(light) > 0.0 for _, light in self._punctual)
+        self._soft = any(light_extent(light) > 0.0 for _, light in self._punctual)
         names = ("corner", "first", "second", "radiance", "cumulative", "density")
         jit = self.dr.is_jit_v(self.mi.Float)
         self._tables = {
@@ -261,7 +267,7 @@ class RadianceTracer(PathTracer):
         for emitter, light in self._punctual:
             to, strength = emitter.sample_direction(here, mi.Point2f(0.5), at.there)
             way, distance = to.d, to.dist
-            extent = _extent(light)
+            extent = light_extent(light)
             if extent > 0.0:
                 parallel = isinstance(light, DirectionalLight)
                 point = mi.warp.square_to_uniform_disk(mi.Point2f(*place)) * extent
@@ -365,13 +371,6 @@ class RadianceTracer(PathTracer):
         if name in self._tables:
             return self.dr.gather(self.mi.Vector3f, self._tables[name], index)
         return self.mi.Vector3f(*getattr(self._emitters, name)[index])
-
-
-def _extent(light: Light) -> float:
-    """Return the radius of a light, scene units, or the tangent of a directional light's angle."""
-    if isinstance(light, Environment):
-        return 0.0
-    return math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
 
 
 def environment_radiance(environments: Sequence[Environment], way: Floats) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import (
+    DirectionalLight,
+    Environment,
+    Light,
+    PointLight,
+    SpotLight,
+    light_extent,
+)
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -183,11 +189,6 @@ def power(light: PunctualLight) -> NDArray[np.float64]:
     """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
     value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
     return np.asarray(value)
-
-
-def light_extent(light: PunctualLight) -> float:
-    """Return the radius of a light, scene units, or the tangent of a directional light's angle."""
-    return math.tan(light.angle) if isinstance(light, DirectionalLight) else light.radius
 
 
 def kind_name(light: PunctualLight) -> str:

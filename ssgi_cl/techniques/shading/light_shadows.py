@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight, light_extent
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
@@ -23,7 +23,6 @@ from ssgi_cl.techniques.shading.light_data import (
     PunctualLights,
     ShadowMap,
     kind_name,
-    light_extent,
     light_values,
 )
 

@@ -30,6 +30,7 @@ class DeviceScene:
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         few_boxes: [runs of `START_FEW` triangles, 6] likewise.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
+        through: [materials, 4] share of light that passes what is there, and whether it blends.
         textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
     """
 
@@ -62,6 +63,9 @@ class DeviceScene:
         self.materials = runtime.array(materials)
         self.lobes = runtime.array(
             np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32)
+        )
+        self.through = runtime.array(
+            np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32)
         )
         cut = np.array([m.has_holes for m in scene.materials])
         ids = scene.material_ids

@@ -14,7 +14,7 @@ from ssgi_cl.core.scene import Material
 
 from .metal_rough import Lobe, metal_rough_lobe
 from .parts import Part
-from .textures import TextureSet, mean_color, rgba_of, srgb_to_linear
+from .textures import TextureSet, lets_through, mean_color, rgba_of, srgb_to_linear
 
 _GREY = Material()
 _WHITE = Material(albedo=(1.0, 1.0, 1.0))
@@ -127,6 +127,8 @@ class _Reader:
         cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
         mode = source.alphaMode or "OPAQUE"
         lobe = _lobe(source, color)
+        laid = source.baseColorTexture
+        image = None if laid is None else rgba_of(laid, "a texture")
         return Material(
             name=str(source.name or ""),
             albedo=_rgb(lobe.matt * color.clip(0.0, 1.0)),
@@ -135,6 +137,7 @@ class _Reader:
             texture=self._texture(source.baseColorTexture),
             alpha=float(color[3].clip(0.0, 1.0)),
             alpha_cutoff={"MASK": min(max(cutoff, 0.0), 1.0), "BLEND": 0.5}.get(mode, 0.0),
+            blends=mode == "BLEND" and lets_through(float(color[3]), image),
             emission=_rgb(emission.clip(0.0, None)),
         )
 
@@ -151,6 +154,7 @@ class _Reader:
             texture=texture,
             alpha=float(color[3]),
             alpha_cutoff=0.5 if color[3] < 1.0 else 0.0,
+            blends=bool(color[3] < 1.0),
             emission=_rgb(_triple(fields.get("ke"), np.zeros(3)).clip(0.0, None)),
             specular=_rgb(_triple(fields.get("ks"), np.zeros(3)).clip(0.0, 1.0)),
             gloss=min(max(gloss, 1.0), 1e6) if math.isfinite(gloss) else 1.0,

@@ -16,7 +16,7 @@ from ssgi_cl.core.scene import Material
 from .gltf_document import item
 from .gltf_schema import Json
 from .metal_rough import Lobe, metal_rough_lobe, rough_lobe
-from .textures import TextureSet, mean_color, read_uri
+from .textures import TextureSet, lets_through, mean_color, read_uri
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,20 +89,21 @@ class GltfMaterials:
         if laid is not None:
             texture = self._textures.add(self._image(laid["index"]))
             uv_set, uv_matrix = _layout(laid)
-        base = color[:3] if laid is None else color[:3] * mean_color(self._image(laid["index"]))
+        image = None if laid is None else self._image(laid["index"])
+        base = color[:3] if image is None else color[:3] * mean_color(image)
         lobe = self._lobe(source, base)
+        matt = lobe.matt * (1.0 - self._through(source))
         return GltfMaterial(
             material=Material(
                 name=str(source.get("name", "")),
                 specular=lobe.specular,
                 gloss=lobe.gloss,
-                albedo=(
-                    lobe.matt * float(color[0]), lobe.matt * float(color[1]),
-                    lobe.matt * float(color[2]),
-                ),
+                albedo=(matt * float(color[0]), matt * float(color[1]), matt * float(color[2])),
                 texture=texture,
                 alpha_cutoff=min(max(cutoff, 0.0), 1.0),
                 alpha=float(color[3]),
+                blends=mode == "BLEND" and lets_through(float(color[3]), image),
+                transmission=self._transmission(source, lobe.matt * base),
                 emission=self._emission(source, index),
             ),
             uv_set=uv_set,
@@ -127,6 +128,23 @@ class GltfMaterials:
             roughness *= float(image[..., 1].mean()) / 255.0
             metal *= float(image[..., 2].mean()) / 255.0
         return metal_rough_lobe(base, metal, roughness)
+
+    def _through(self, source: Json) -> float:
+        """Return the share of the base colour that light passes by; a texture counts with its
+        mean."""
+        thin: Json = source.get("extensions", {}).get("KHR_materials_transmission", {})
+        factor = float(thin.get("transmissionFactor", 0.0))
+        laid = thin.get("transmissionTexture")
+        if laid is not None:
+            factor *= float(self._image(laid["index"])[..., 0].mean()) / 255.0
+        return min(max(factor, 0.0), 1.0)
+
+    def _transmission(
+        self, source: Json, base: NDArray[np.float64]
+    ) -> tuple[float, float, float]:
+        """Return what passes of light, with the base colour as a filter."""
+        red, green, blue = (self._through(source) * base).tolist()
+        return red, green, blue
 
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""

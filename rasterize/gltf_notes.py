@@ -16,8 +16,7 @@ _MATERIAL_FIELDS = {
 }
 
 _MATERIAL_EXTENSIONS = {
-    "KHR_materials_transmission": "light that passes through is not drawn, the surface is opaque",
-    "KHR_materials_volume": "volumes are not drawn",
+    "KHR_materials_volume": "volumes are not drawn, they are thin walls",
     "KHR_materials_clearcoat": "a clear coat is not drawn",
     "KHR_materials_sheen": "sheen is not drawn",
     "KHR_materials_iridescence": "iridescence is not drawn",
@@ -27,7 +26,10 @@ _MATERIAL_EXTENSIONS = {
     "KHR_materials_ior": "its index of refraction is not used",
     "KHR_materials_unlit": "it is lit like others",
 }
-_DRAWN_EXTENSIONS = ("KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness")
+_DRAWN_EXTENSIONS = (
+    "KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+)
 
 _MOST_NAMES = 4
 
@@ -58,11 +60,13 @@ def notes_of(document: Json, materials: Iterable[int]) -> Iterator[str]:
 def _features(material: Json) -> Iterator[str]:
     """Yield what of a material is not drawn."""
     if material.get("alphaMode") == "BLEND":
-        yield "blended surfaces are cut out where their opacity is below 0.5"
+        yield "G-buffers and shadows have blended surfaces where their opacity is 0.5 or more"
     yield from (text for field, text in _MATERIAL_FIELDS.items() if field in material)
     if "metallicRoughnessTexture" in material.get("pbrMetallicRoughness", {}):
         yield "a texture of metal and roughness counts with its mean"
     extensions = material.get("extensions", {})
+    if "KHR_materials_transmission" in extensions:
+        yield "light passes straight through it, neither bent nor scattered; G-buffers show it"
     yield from (text for name, text in _MATERIAL_EXTENSIONS.items() if name in extensions)
 
 

@@ -126,6 +126,9 @@ _MATERIAL = {
     },
     "extensions": {
         "KHR_materials_emissive_strength": {"emissiveStrength": _number},
+        "KHR_materials_transmission": {
+            "transmissionFactor": _number, "transmissionTexture": _TEXTURE_INFO,
+        },
         "KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": _numbers(4),
             "diffuseTexture": _TEXTURE_INFO,

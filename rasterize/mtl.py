@@ -174,6 +174,7 @@ def _material(entry: _Entry, texture: int) -> MtlMaterial:
             texture=texture,
             alpha=opacity,
             alpha_cutoff=0.5 if opacity < 1.0 or "map_d" in entry.maps else 0.0,
+            blends=opacity < 1.0,
             emission=_clipped(_rgb(numbers.get("ke", [0.0])), math.inf),
             specular=_clipped(_rgb(numbers.get("ks", [0.0]))),
             gloss=min(max(numbers.get("ns", [1.0])[0], 1.0), 1e6),

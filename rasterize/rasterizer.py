@@ -160,8 +160,13 @@ class Rasterizer:
         self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
         self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
 
-    def render(self, scene: DeviceScene, camera: Camera) -> DeviceGBuffer:
+    def render(
+        self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None
+    ) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
+
+        `behind` has the `depths` of an image drawn before with the same camera: only what lies
+        behind that is drawn.
 
         Reads 8 bytes back before pixels are drawn, and with `regions` 4 for each tile: if lists
         were too small they grow, and it begins again. The size of the lists stays for the next
@@ -187,7 +192,7 @@ class Rasterizer:
             self._capacity = max(self._capacity, records + records // 4)
             self._pair_capacity = max(self._pair_capacity, int(pairs * share) + pairs // 4)
             del lists
-        self._visible = self._draw(scene, camera, lists)
+        self._visible = self._draw(scene, camera, lists, behind)
         return self.target
 
     def release(self) -> None:
@@ -207,6 +212,36 @@ class Rasterizer:
             depths=visible.depths, depth=depth, camera=visible.camera,
             view=VIEW.pack({**visible.view, "layer": image}),
         )
+
+    def hide_behind(self, front: DeviceGBuffer, found: DeviceArray) -> None:
+        """Queue the pass that takes what lies behind others out of the image drawn last.
+
+        Args:
+            front: of the same camera; with its margin, which the image need not have.
+            found: [1] int32, 0; becomes 1 if anything is left.
+        """
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_hidden.cl", structs=STRUCTS).run(
+            "raster hidden", self.target.size,
+            depths=visible.depths, front=front.depth, triangles=visible.triangles, found=found,
+            whole=front.whole, camera=visible.camera, view=VIEW.pack(visible.view),
+        )
+
+    def write_opacity(self, scene: DeviceScene, target: DeviceGBuffer) -> None:
+        """Queue the pass that fills `opacity` and `transmitted` of `target`, which has no margin,
+        from the image drawn last."""
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_opacity.cl", structs=STRUCTS).run(
+            "raster opacity", target.size,
+            triangles=visible.triangles, faces=scene.faces, vertices=scene.shading,
+            **_surface(scene), through=scene.through, opacity=target.opacity,
+            transmitted=target.transmitted, camera=visible.camera, view=VIEW.pack(visible.view),
+        )
+
+    @property
+    def depths(self) -> DeviceArray:
+        """What the depth test compared in the image drawn last, which is not shaded."""
+        return self._last_visible.depths
 
     def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
         """Queue the pass that fills `target` from the last layer of the image drawn last.
@@ -329,7 +364,9 @@ class Rasterizer:
         end = region.end[0], region.column + wide
         return Region.between(region.first, end).inside(self.target.whole)
 
-    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> _Visible | None:
+    def _draw(
+        self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None
+    ) -> _Visible | None:
         """Queue the passes that draw pixels; return what they show unless they are shaded."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
@@ -348,7 +385,7 @@ class Rasterizer:
             tiles = self.runtime.kernel(
                 "raster/raster_tiles.cl",
                 {
-                    "RASTER_PEEL": int(layer > 0),
+                    "RASTER_PEEL": int(layer > 0 or behind is not None),
                     "RASTER_CUTOUT": int(scene.has_cutouts),
                     "RASTER_WIDE": wide,
                     "RASTER_HIGH": high,
@@ -360,6 +397,7 @@ class Rasterizer:
             values["layer"] = layer
             view = VIEW.pack(values)
             now, before = depths[layer % 2], depths[layer % 2 - 1]
+            before = behind if layer == 0 and behind is not None else before
             suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
@@ -453,7 +491,7 @@ class Rasterizer:
         }
 
 
-def _surface(scene: DeviceScene) -> dict[str, DeviceArray]:
+def _surface(scene: DeviceScene) -> dict[str, Any]:
     """Return the arguments of kernels that say what surfaces are made of."""
     return {
         "materials": scene.materials, "textures": scene.textures, "texels": scene.texels,

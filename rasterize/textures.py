@@ -38,6 +38,11 @@ def mean_color(texture: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.array([linear @ count / count.sum() for count in counts])
 
 
+def lets_through(alpha: float, texture: NDArray[np.uint8] | None) -> bool:
+    """Return whether anything of a surface of that opacity and texture [..., 4] is seen through."""
+    return alpha < 1.0 or (texture is not None and bool(texture[..., 3].min() < 255))
+
+
 def read_beside(folder: Path, name: str, what: str, *, within: Path | None = None) -> bytes:
     """Return the bytes of the file `name`, relative to `folder`.
 

@@ -75,7 +75,8 @@ def test_a_file_is_told_with_all_that_it_brings(file: Path) -> None:
     assert (material["name"], material["triangles"]) == ("pane", 1)
     assert (material["albedo"], material["emission"]) == ([0.5, 0.25, 1], [0, 0.5, 0])
     assert facts["notes"] == [
-        "material 'pane': blended surfaces are cut out where their opacity is below 0.5"
+        "material 'pane': G-buffers and shadows have blended surfaces where their opacity is "
+        "0.5 or more"
     ]
     front, plan = facts["cameras"]["Front"], facts["cameras"]["Plan"]
     assert front["eye"] == [0, 1, 5]

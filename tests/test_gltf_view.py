@@ -293,8 +293,10 @@ def test_what_is_not_drawn_has_a_line_each(tmp_path: Path) -> None:
     primitives += [{"attributes": {"POSITION": 0}, "material": 1 + index} for index in range(6)]
     primitives.append({"attributes": {"POSITION": 0}, "mode": 1})
     assert gi.rasterize.load_scene(saved(tmp_path, made)).notes == (
-        "material 'glass': blended surfaces are cut out where their opacity is below 0.5",
-        "material 'glass': light that passes through is not drawn, the surface is opaque",
+        "material 'glass': G-buffers and shadows have blended surfaces where their opacity is "
+        "0.5 or more",
+        "material 'glass': light passes straight through it, neither bent nor scattered; "
+        "G-buffers show it",
         "materials 'm0', 'm1', 'm2', 'm3' and 2 more: sheen is not drawn",
         "1 primitive(s) of points and lines are not drawn",
         "animations are not played: nodes stand as the file places them",

@@ -46,11 +46,13 @@ class PathFrames:
         self, scene: Scene, lights: Sequence[Light], samples: int, *, denoised: bool
     ) -> None:
         self._samples, self._denoised = samples, denoised
-        path: dict[str, Any] = {"type": "path", "max_depth": MAX_DEPTH}
+        # `path` takes what is seen through for opaque on the way from a light.
+        kind = "volpath" if scene.is_seen_through else "path"
+        path: dict[str, Any] = {"type": kind, "max_depth": MAX_DEPTH}
         guides: dict[str, Any] = {"type": "aov", "aovs": "albedo:albedo,nn:sh_normal"}
         with within(VARIANT) as mi:
             self._world = MitsubaScene.of(
-                scene, lights, VARIANT, emission="emitters", lobes="surfaces"
+                scene, lights, VARIANT, emission="emitters", lobes="surfaces", through="surfaces"
             )
             self._path, self._guides = mi.load_dict(path), mi.load_dict(guides)
         self._sensor: Any = None

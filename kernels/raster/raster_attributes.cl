@@ -15,10 +15,9 @@
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
+#include "raster/look_up.clh"
 #include "raster/records.clh"
 #include "raster/seen.clh"
-#include "raster/texture.clh"
-#include "raster/triangle.clh"
 
 #if !defined(RASTER_STEP) || !defined(RASTER_SHADED) || !defined(RASTER_TEXTURED) ||               \
     !defined(RASTER_COLORED) || !defined(RASTER_EMISSION)
@@ -77,18 +76,8 @@ RASTER_INLINE void raster_write(
     const vmask textured = there & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
-        const RasterHit right =
-            raster_meet(camera, view, &t, slope_x + camera.to_x * RASTER_STEP, slope_y);
-        const RasterHit below =
-            raster_meet(camera, view, &t, slope_x, slope_y + camera.to_y * RASTER_STEP);
-        const RasterAttribute us = turned.w;
-        const RasterAttribute vs = own.w;
-        const vfloat u = raster_at(us, hit);
-        const vfloat v = raster_at(vs, hit);
-        const RasterColor color =
-            raster_texture(from, v_imax(texture, v_splat_int(0)), u, v, raster_at(us, right) - u,
-                           raster_at(vs, right) - v, raster_at(us, below) - u,
-                           raster_at(vs, below) - v);
+        const RasterColor color = raster_look_up(from, texture, camera, view, &t, hit, slope_x,
+                                                 slope_y, turned.w, own.w);
         const vfloat one = v_splat(1.0f);
         r = r * v_select(one, color.r, textured);
         g = g * v_select(one, color.g, textured);

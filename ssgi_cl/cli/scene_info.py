@@ -66,7 +66,8 @@ def _facts(
             {"name": material.name, "triangles": int(count), "albedo": list(material.albedo),
              "texture": material.texture, "alpha_cutoff": material.alpha_cutoff,
              "emission": list(material.emission), "specular": list(material.specular),
-             "gloss": material.gloss}
+             "gloss": material.gloss, "alpha": material.alpha, "blends": material.blends,
+             "transmission": list(material.transmission)}
             for material, count in zip(scene.materials, used, strict=True)
         ],
         "textures": [[texture.shape[1], texture.shape[0]] for texture in scene.textures],
@@ -153,6 +154,10 @@ def _material_line(material: dict[str, Any]) -> str:
         parts.append(f"texture {material['texture']}")
     if material["alpha_cutoff"]:
         parts.append(f"cut out below {material['alpha_cutoff']:g}")
+    if material["blends"]:
+        parts.append(f"blended, opacity {material['alpha']:.4g}")
+    if any(material["transmission"]):
+        parts.append(f"transmission {_numbers(material['transmission'])}")
     if any(material["emission"]):
         parts.append(f"emission {_numbers(material['emission'])}")
     if any(material["specular"]):

@@ -26,12 +26,18 @@ class Material:
         albedo: [3] linear reflectance in [0, 1]; multiplies the texture and the vertex colour.
         texture: index into `Scene.textures`, or -1.
         alpha_cutoff: where the texture's alpha times `alpha` is below it, there is a hole;
-            0 for an opaque surface.
-        alpha: opacity factor in [0, 1], used for the cut-out only.
+            0 for a surface without holes.
+        alpha: opacity factor in [0, 1], used where there are holes or `blends`.
         emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
         specular: [3] reflectance of the Phong lobe in [0, 1]; where albedo and it are more than 1
             together, it counts as what the albedo leaves.
         gloss: exponent of the Phong lobe, in [1, 1e6].
+        blends: whether only `alpha` times the texture's alpha of the surface is there, in whole
+            frames and `truth.radiance`: the rest of the light passes (Porter and Duff 1984).
+            G-buffers, and what blocks light from others, are as with `alpha_cutoff`.
+        transmission: [3] share of light in [0, 1] that passes straight through what is there, as
+            through thin glass; where albedo, specular and it are more than 1 together, it counts as
+            what the others leave.
     """
 
     name: str = ""
@@ -42,15 +48,21 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gloss: float = 1.0
+    blends: bool = False
+    transmission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0)):
+        for name, high in (
+            ("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0),
+            ("transmission", 1.0),
+        ):
             unit = "W m^-2 sr^-1" if name == "emission" else ""
             values = checks.rgb(name, getattr(self, name), unit, high=high)
             object.__setattr__(self, name, tuple(float(v) for v in values))
         checks.number("alpha_cutoff", self.alpha_cutoff, low=0, high=1)
         checks.number("alpha", self.alpha, low=0, high=1)
         checks.number("gloss", self.gloss, low=1, high=1e6)
+        checks.switch("blends", self.blends)
 
     @property
     def has_holes(self) -> bool:
@@ -61,6 +73,19 @@ class Material:
     def is_glossy(self) -> bool:
         """Whether it has a lobe."""
         return any(self.specular)
+
+    @property
+    def transmitted(self) -> tuple[float, float, float]:
+        """[3] share of light that passes through what is there."""
+        matt, mirrored = np.array(self.albedo), np.array(self.specular)
+        left = np.maximum(1.0 - matt - np.minimum(mirrored, 1.0 - matt), 0.0)
+        red, green, blue = np.minimum(self.transmission, left).tolist()
+        return red, green, blue
+
+    @property
+    def is_seen_through(self) -> bool:
+        """Whether whole frames show what is behind it."""
+        return self.blends or any(self.transmission)
 
     @property
     def emits(self) -> bool:
@@ -160,6 +185,11 @@ class Scene(Immutable):
     def used_materials(self) -> tuple[Material, ...]:
         """Those that any triangle is made of."""
         return tuple(self.materials[index] for index in np.unique(self.material_ids))
+
+    @cached_property
+    def is_seen_through(self) -> bool:
+        """Whether whole frames show what is behind some of it, see `ssgi_cl.core.scene_parts`."""
+        return any(material.is_seen_through for material in self.used_materials)
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

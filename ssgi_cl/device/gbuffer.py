@@ -41,6 +41,8 @@ class DeviceGBuffer:
         emission: likewise; one pixel before the first contents that emit.
         mirrors: whether there are `specular`, 3 images, and `gloss`, 1 image: reflectance and
             exponent of the Phong lobe of layer 0.
+        opacity, transmitted: 1 image, which share of the surface of layer 0 is there, and 3, what
+            passes it of light from behind; of what was drawn of surfaces that are seen through.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over.
         sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
@@ -88,6 +90,7 @@ class DeviceGBuffer:
         self.emits = False
         self.mirrors = False
         self._lobes: tuple[Plane, Plane] | None = None
+        self._through: tuple[Plane, Plane] | None = None
         self.has_facets = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
@@ -118,6 +121,21 @@ class DeviceGBuffer:
         if self._lobes is None:
             self._lobes = self.runtime.plane(3, self.whole), self.runtime.plane(1, self.whole)
         return self._lobes
+
+    @property
+    def opacity(self) -> Plane:
+        """Which share of the surface of layer 0 is there."""
+        return self._through_planes()[0]
+
+    @property
+    def transmitted(self) -> Plane:
+        """What passes it of light from behind."""
+        return self._through_planes()[1]
+
+    def _through_planes(self) -> tuple[Plane, Plane]:
+        if self._through is None:
+            self._through = self.runtime.plane(1, self.whole), self.runtime.plane(3, self.whole)
+        return self._through
 
     @property
     def normal_world(self) -> Plane:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -33,14 +34,16 @@ class Lobes:
         self._radiosity = radiosity
         self._reflections: Reflections | None = None
 
-    def needs(self, gbuffer: DeviceGBuffer) -> Plane | None:
-        """Return the plane that `run` reads irradiance over pi from, None if it adds nothing."""
+    def needs(self, gbuffer: DeviceGBuffer, scene: Scene) -> Plane | None:
+        """Return the plane that `run` reads irradiance over pi from, None if it adds nothing.
+
+        `scene` is what blocks rays.
+        """
         if not gbuffer.mirrors:
             self.runtime.skip("reflect trace", "no surface of the scene is glossy")
             return None
-        if self._gather.rays is None or self._radiosity.volume is None:
-            self.runtime.skip("reflect trace", "nothing shines")
-            return None
+        if self._gather.rays is None:
+            self._gather.block(gbuffer, scene)
         return self.runtime.transient.plane(3, self._size)
 
     def run(

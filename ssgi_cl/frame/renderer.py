@@ -10,11 +10,13 @@ from typing import Any
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.core.suns import lights_with_suns
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
+from ssgi_cl.frame.blended import Blended
 from ssgi_cl.frame.graph import Graph
 from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
 from ssgi_cl.frame.lobes import Lobes
@@ -27,6 +29,7 @@ from ssgi_cl.frame.stages import (
     AO,
     AO_PARAMS,
     CAMERA,
+    CASTING,
     DIRECT,
     EXPOSURE,
     GBUFFER,
@@ -138,6 +141,8 @@ class Renderer:
         near: list[Stage] = []
         lobes: Lobes | None = None
         light = [DIRECT]
+        direct = direct_stage(shade)
+        of_layers = [direct]
         look: Callable[[DeviceGBuffer], None] | None = None
         if isinstance(indirect, SsdoParams):
             params = replace(indirect, bent_normals=False)  # a picture has none
@@ -178,12 +183,13 @@ class Renderer:
                     maps, SeenDepths(runtime, size), keep=keep, reflects=reflects,
                     all_lights=reflects,
                 ),
-                direct_stage(shade),
+                direct,
             ]
             if whole is not None:
                 stages, lobes = whole.stages(runtime, size)
                 near += stages
                 light += [INDIRECT, SKY_LIGHT]
+                of_layers += [stage for stage in stages if GBUFFER in stage.reads]
             elif self._bounce is not None:
                 near.append(one_bounce_stage(self._bounce, runtime))
                 self._indirect = self._bounce
@@ -195,6 +201,8 @@ class Renderer:
             combine_stage(
                 shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao,
                 gaps=whole is not None, lobes=lobes,
+                blended=Blended(runtime, size, matt=whole is None), layer_stages=of_layers,
+                layer_ambient=whole is None,
             ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
@@ -253,7 +261,7 @@ class Renderer:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._log is not None:
             return self._log.record()
-        given = (SCENE, CAMERA, LIGHTS, SKY, MULTI_BOUNCE, *self._params())
+        given = (SCENE, CASTING, CAMERA, LIGHTS, SKY, MULTI_BOUNCE, *self._params())
         return self._graph.planned(given, self._resources(Needs.of(None, self.skips))).record()
 
     def _resources(self, needs: Needs) -> set[str]:
@@ -278,8 +286,8 @@ class Renderer:
         shown = tuple(lights)
         lights, suns = lights_with_suns(shown) if self._splits_suns else (shown, None)
         given = {
-            SCENE: scene, CAMERA: camera, LIGHTS: lights, SKY: shown, MULTI_BOUNCE: multi_bounce,
-            EXPOSURE: exposure, **self._params(),
+            SCENE: scene, CASTING: scene_parts(scene).casting, CAMERA: camera, LIGHTS: lights,
+            SKY: shown, MULTI_BOUNCE: multi_bounce, EXPOSURE: exposure, **self._params(),
         }
         self._rest.begin(scene.key, len(lights))
         if gbuffer or "gbuffer" in needs.outputs:

@@ -5,18 +5,20 @@ Each function returns the record of one stage; a new one is added to the list th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.lights import Environment, Light, shines
+from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
+from ssgi_cl.frame.blended import Blended
 from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
@@ -37,6 +39,7 @@ from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
 from ssgi_cl.techniques.tiles import Tiles
 
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
+CASTING = "surfaces that light meets"
 SKY = "lights as the background shows them"
 AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect light"
 GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
@@ -47,6 +50,7 @@ RADIANCE, PIXELS, EXPOSURE, IMAGE = "radiance", "radiance on the host", "exposur
 
 RESOURCES = (
     Resource(SCENE, given=True, key=lambda scene: scene.key),
+    Resource(CASTING, given=True, key=lambda scene: scene.key),
     Resource(CAMERA, given=True),
     Resource(LIGHTS, given=True),
     Resource(SKY, given=True),
@@ -68,10 +72,13 @@ def gbuffer_stage(
         rasterizer: draws it.
         look: queues what needs normals in world space, whose memory goes to others then; or None.
     """
-    runtime = rasterizer.runtime
+    runtime, regions = rasterizer.runtime, rasterizer.regions
 
     def run(r: Values) -> DeviceGBuffer:
-        seen: DeviceGBuffer = rasterizer.render(device_scene(r[SCENE], runtime), r[CAMERA])
+        parts = scene_parts(r[SCENE])
+        # What is seen through may lie beyond the region of what is not.
+        rasterizer.regions = regions and parts.blended is None
+        seen: DeviceGBuffer = rasterizer.render(device_scene(parts.solid, runtime), r[CAMERA])
         if seen.region is not None:
             rows, columns = seen.region.rows, seen.region.columns
             why = f"nothing is seen outside of {columns} x {rows} pixels"
@@ -186,11 +193,11 @@ def maps_stage(
             for index, light in enumerate(r[LIGHTS])
         )
         seen = depths.find(r[GBUFFER]) if depths is not None and lit else None
-        shadows, rsm = maps.draw(r[SCENE], r[LIGHTS], idle=idle, keep=keep, seen=seen)
+        shadows, rsm = maps.draw(r[CASTING], r[LIGHTS], idle=idle, keep=keep, seen=seen)
         return (shadows, rsm) if reflects else shadows
 
     return Stage(
-        name="shadow maps", reads=(SCENE, LIGHTS, *((GBUFFER,) if depths is not None else ())),
+        name="shadow maps", reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
         hints=() if all_lights else (IDLE_LIGHTS,),
         writes=(SHADOWS, RSM) if reflects else (SHADOWS,), run=run, reuse="on demand",
     )
@@ -218,18 +225,18 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
     """
     def run(r: Values) -> WorldVpls | None:
         maps = r.get(RSM)
-        return radiosity.run(r[SCENE], r[LIGHTS], rsms=[] if maps is None else [maps])
+        return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 
     return Stage(
-        name="radiosity", reads=(SCENE, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
+        name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
     )
 
 
 def sky_light_stage(sky: SampledLights) -> Stage:
     """Return the stage of the light of environments, which all triangles block."""
     return Stage(
-        name="sky light", reads=(GBUFFER, SCENE, LIGHTS), writes=(SKY_LIGHT,),
-        run=lambda r: sky.run(r[GBUFFER], r[LIGHTS], scene=r[SCENE]),
+        name="sky light", reads=(GBUFFER, CASTING, LIGHTS), writes=(SKY_LIGHT,),
+        run=lambda r: sky.run(r[GBUFFER], r[LIGHTS], scene=r[CASTING]),
         condition=lambda given: None if any(map(_is_ambient, given[LIGHTS]))
         else "no environment shines",
     )
@@ -243,25 +250,25 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
         other = [r.get(name) for name in (SKY_LIGHT, DIRECT)]
         return splat.run(
             r[GBUFFER], rsms=[] if maps is None else [maps],
-            scene=device_scene(r[SCENE], runtime), surfels=r[SCENE_LIGHT],
+            scene=device_scene(r[CASTING], runtime), surfels=r[SCENE_LIGHT],
             other_light=[plane for plane in other if plane is not None],
         )
 
     return Stage(
-        name="bounce", reads=(GBUFFER, SCENE, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT), hints=(RSM,),
-        writes=(INDIRECT,), run=run, label=splat.name,
+        name="bounce", reads=(GBUFFER, CASTING, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT),
+        hints=(RSM,), writes=(INDIRECT,), run=run, label=splat.name,
     )
 
 
 def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect once."""
     def run(r: Values) -> Plane:
-        scene = device_scene(r[SCENE], runtime) if bounce.blocked else None
+        scene = device_scene(r[CASTING], runtime) if bounce.blocked else None
         return bounce.run(r[GBUFFER], r[RSM], scene=scene)
 
     return Stage(
         name="bounce",
-        reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((SCENE,) if bounce.blocked else ())),
+        reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((CASTING,) if bounce.blocked else ())),
         writes=(INDIRECT,), run=run, label=bounce.name,
     )
 
@@ -279,7 +286,7 @@ def ssdo_stages(
     """
     def run(r: Values) -> tuple[Plane | None, Plane | None]:
         seen, lights = r[GBUFFER], r[LIGHTS]
-        extra = views.drawn(r[SCENE], r[CAMERA], seen, lights) if views is not None else ()
+        extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
         known = None if r.get(TILES) is None else tiles
         open_ = opener.find(seen, known, ssdo.reach(seen))
         found = ssdo.run(seen, lights, shadows=r[SHADOWS], views=extra, tiles=open_)
@@ -290,14 +297,14 @@ def ssdo_stages(
         condition=lambda facts: "ssdo hides ambient light by itself",
     )
     return [replaced, Stage(
-        name="ssdo", reads=(GBUFFER, SCENE, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
+        name="ssdo", reads=(GBUFFER, CASTING, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
         hints=(AO,) if tiles is None else (AO, TILES), writes=(DIRECT, INDIRECT), run=run,
     )]
 
 
 def combine_stage(
     shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool,
-    lobes: Lobes | None,
+    lobes: Lobes | None, blended: Blended, layer_stages: Sequence[Stage], layer_ambient: bool,
 ) -> Stage:
     """Return the stage that sums up all light.
 
@@ -308,10 +315,15 @@ def combine_stage(
         indirect_ao: whether ambient occlusion dims indirect light too.
         gaps: whether it does so at least where it is below 1/2.
         lobes: adds what glossy surfaces reflect; None: nothing does.
+        blended: adds surfaces that are seen through.
+        layer_stages: which of those before run for each layer of these too.
+        layer_ambient: whether the light of environments is in none of them.
     """
-    def run(r: Values) -> Plane:
+    made = {name for stage in layer_stages for name in stage.writes}
+
+    def combined(r: Values, *, ambient: bool) -> Plane:
         seen = r[GBUFFER]
-        light = None if lobes is None else lobes.needs(seen)
+        light = None if lobes is None else lobes.needs(seen, r[CASTING])
         radiance = shade.combine(
             seen, r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
             indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
@@ -321,10 +333,29 @@ def combine_stage(
             lobes.run(seen, radiance, light, r[LIGHTS], r[SHADOWS])
         return radiance
 
-    also = () if lobes is None else (LIGHTS, SHADOWS, SCENE_LIGHT)
+    def shaded(r: Values, layer: DeviceGBuffer) -> Plane:
+        values = {**r, GBUFFER: layer, **dict.fromkeys((AO, DIRECT, INDIRECT, SKY_LIGHT))}
+        for stage in layer_stages:
+            (name,) = stage.writes
+            values[name] = stage.run(values)
+        return combined(values, ambient=layer_ambient)
+
+    def run(r: Values) -> Plane:
+        radiance = combined(r, ambient=ambient)
+        blended.run(
+            r[SCENE], r[CAMERA], r[GBUFFER], radiance, lambda layer: shaded(r, layer),
+            overwritten=[r.get(name) for name in sorted(made)],
+        )
+        return radiance
+
+    of_layers = {name for stage in layer_stages for name in stage.reads} - made - {GBUFFER}
+    also = () if lobes is None else (CASTING, LIGHTS, SHADOWS, SCENE_LIGHT)
+    names = dict.fromkeys(
+        (GBUFFER, SCENE, CAMERA, SKY, MULTI_BOUNCE, *reads, *also, *sorted(of_layers))
+    )
+    hints = {name for stage in layer_stages for name in stage.hints} - set(names)
     return Stage(
-        name="combine", reads=(GBUFFER, SKY, MULTI_BOUNCE, *reads, *also), writes=(RADIANCE,),
-        run=run,
+        name="combine", reads=tuple(names), hints=tuple(sorted(hints)), writes=(RADIANCE,), run=run
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Material, Scene
 
 LARGEST_LISTED = 64
 """Numbers of an array that a description still spells out; of a larger one it holds the hash."""
@@ -48,12 +48,20 @@ def scene_digest(scene: Scene) -> str:
             continue  # those in use are described by themselves
         value = getattr(scene, field.name)
         if field.name == "materials":
-            parts += [[_values(material) for material in value]]
+            parts += [[_material(material) for material in value]]
         elif field.name == "textures":
             parts += [len(value), *value]
         else:
             parts.append(value)
     return digest(*parts)
+
+
+def _material(material: Material) -> dict[str, Any]:
+    """Return its fields; those that tell what is seen through it only where there is anything."""
+    values = _values(material)
+    if not material.is_seen_through:
+        del values["blends"], values["transmission"]
+    return values
 
 
 def camera_description(camera: Camera) -> dict[str, Any]:

@@ -17,8 +17,8 @@ class Emitters:
     """The emissive triangles of a scene that samples are drawn from: both sides of each emit.
 
     A triangle is chosen by area times mean radiance, so that the density of a point is
-    proportional to its radiance. Surfaces with alpha cut-outs are left out, as a sample may fall
-    into a hole: paths find those by themselves.
+    proportional to its radiance. Surfaces with alpha cut-outs, and such as are seen through, are
+    left out, as a sample may fall into a hole: paths find those by themselves.
 
     Attributes:
         corner, first, second: [m, 3] float64, a corner relative to the scene's origin, and the
@@ -43,7 +43,7 @@ class Emitters:
         """Collect those of a scene; none may be there."""
         emission = np.array([m.emission for m in scene.materials])
         brightness = emission.mean(axis=1)
-        sampled = [not m.has_holes for m in scene.materials]
+        sampled = [not m.has_holes and not m.is_seen_through for m in scene.materials]
         brightness = np.where(sampled, brightness, 0.0)
         chosen = np.flatnonzero(brightness[scene.material_ids] > 0.0)
         corners = scene.positions[scene.triangles[chosen]].astype(np.float64)

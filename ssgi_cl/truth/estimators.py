@@ -13,6 +13,7 @@ VERSIONS = {
     "light": 1,
     "radiance": 1,
     "glossy radiance": 1,
+    "blended radiance": 1,
 }
 """Name of an estimator -> version. Raise it with every change that alters a result: truths that
 were stored before are then computed anew. `tests/truth/test_estimators.py` holds the result of each

@@ -51,6 +51,12 @@ SPECULAR = "face_specular"
 GLOSS = "face_gloss"
 """Mesh attribute: Phong exponent of that lobe."""
 
+TRANSMISSION = "face_transmission"
+"""Mesh attribute: share of light that passes through what is there of a triangle."""
+
+BLENDS = "face_blends"
+"""Mesh attribute: 1 for a triangle whose opacity is a share of its surface, else 0."""
+
 DENSITY = "face_emission_density"
 """Mesh attribute: density of a sample at a point of an emissive triangle, per area."""
 
@@ -72,6 +78,7 @@ class MitsubaScene:
         origin: [3] float64, world space: Mitsuba's coordinates count from here.
         scene: the `mitsuba.Scene`. Its shapes have the attribute `SIZE`.
         has_holes: whether a texture's alpha cuts something out.
+        blends: whether something is seen through, and asked for.
         has_sky_image: whether the environment is an image.
     """
 
@@ -79,12 +86,13 @@ class MitsubaScene:
     origin: Doubles
     scene: Any
     has_holes: bool
+    blends: bool
     has_sky_image: bool
 
     @classmethod
     def of(
         cls, scene: Scene, lights: Sequence[Light], variant: str, *, emission: str = "none",
-        lobes: str = "none",
+        lobes: str = "none", through: str = "none",
     ) -> MitsubaScene:
         """Bring a scene and those lights that shine into a variant of Mitsuba.
 
@@ -95,7 +103,12 @@ class MitsubaScene:
                 each, turned round.
             lobes: what becomes of the Phong lobes of materials: "none", "attributes" for the
                 attributes `SPECULAR` and `GLOSS` of shapes, or "surfaces" for a BSDF of ours.
+            through: what becomes of surfaces that are seen through: "none" cuts them out where
+                `Material.alpha_cutoff` says so; "attributes" keeps their opacity as a mask, with
+                the attributes `BLENDS` and `TRANSMISSION` of shapes; "surfaces" makes one mask of
+                both, without colour, for Mitsuba's own integrators.
         """
+        blends = through != "none" and scene.is_seen_through
         emitters = Emitters.of(scene) if emission == "attributes" else None
         with within(variant) as mi:
             parts: dict[str, Any] = {"type": "scene"}
@@ -104,13 +117,19 @@ class MitsubaScene:
                 if emits:
                     back = _turned_round(scene, int(index))
                     parts[f"back_{index}"] = _mesh(
-                        mi, back, int(index), emits=True, glossy=lobes == "surfaces"
+                        mi, back, int(index), emits=True, glossy=lobes == "surfaces",
+                        through=through,
                     )
-                mesh = _mesh(mi, scene, int(index), emits=emits, glossy=lobes == "surfaces")
+                mesh = _mesh(
+                    mi, scene, int(index), emits=emits, glossy=lobes == "surfaces",
+                    through=through,
+                )
                 if emitters is not None:
                     _add_emission(mesh, scene, int(index), emitters)
                 if lobes == "attributes":
                     _add_lobe(mesh, scene, int(index))
+                if blends and through == "attributes":
+                    _add_transmission(mesh, scene, int(index))
                 parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
@@ -121,7 +140,7 @@ class MitsubaScene:
                 parts["environment"] = _environment(mi, skies)
             return cls(
                 variant, scene.origin, mi.load_dict(parts),
-                any(m.has_holes for m in scene.used_materials),
+                any(m.has_holes for m in scene.used_materials), blends,
                 any(sky.ndim == 3 for sky in skies),
             )
 
@@ -211,10 +230,14 @@ def libllvm() -> str | None:
     return max(found)[1] if found else None
 
 
-def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool) -> Any:
+def _mesh(
+    mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool, through: str
+) -> Any:
     """Return the triangles of one material, as an emitter if it is to emit, with its lobe if
-    `glossy`."""
-    material = scene.materials[index]
+    `glossy`; for `through` see `MitsubaScene.of`."""
+    material = own = scene.materials[index]
+    if through == "surfaces":
+        material = _masked(own)
     chosen = scene.triangles[scene.material_ids == index]
     used, numbers = np.unique(chosen, return_inverse=True)
     corners = scene.positions[chosen]
@@ -222,7 +245,10 @@ def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool) -> An
     uniform = bool((colors == colors[0]).all())
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(
-        _surface(mi, scene, material, colors[0] if uniform else None, glossy=glossy)
+        _surface(
+            mi, scene, material, colors[0] if uniform else None, glossy=glossy,
+            masks=through != "none" and material.blends, textured_mask=own.blends,
+        )
     )
     if emits:
         properties["emitter"] = mi.load_dict({
@@ -247,6 +273,19 @@ def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool) -> An
     if not uniform:
         mesh.add_attribute("vertex_color", 3, colors.ravel())
     return mesh
+
+
+def _masked(material: Material) -> Material:
+    """Return a material that lets as much light through by its opacity, without colour."""
+    if not any(material.transmission):
+        return material
+    stopped = max(1.0 - float(np.mean(material.transmitted)), 1e-6)
+    shares = [np.minimum(np.array(c) / stopped, 1.0) for c in (material.albedo, material.specular)]
+    albedo, specular = ((float(r), float(g), float(b)) for r, g, b in shares)
+    return replace(
+        material, blends=True, alpha=(material.alpha if material.blends else 1.0) * stopped,
+        transmission=(0.0, 0.0, 0.0), albedo=albedo, specular=specular,
+    )
 
 
 def _turned_round(scene: Scene, index: int) -> Scene:
@@ -281,10 +320,22 @@ def _add_lobe(mesh: Any, scene: Scene, index: int) -> None:
     mesh.add_attribute(GLOSS, 1, np.full(count, material.gloss, np.float32))
 
 
+def _add_transmission(mesh: Any, scene: Scene, index: int) -> None:
+    count = int(np.count_nonzero(scene.material_ids == index))
+    material = scene.materials[index]
+    through = np.tile(np.array(material.transmitted, np.float32), count)
+    mesh.add_attribute(TRANSMISSION, 3, through)
+    mesh.add_attribute(BLENDS, 1, np.full(count, material.blends, np.float32))
+
+
 def _surface(
-    mi: Any, scene: Scene, material: Material, color: Floats | None, *, glossy: bool
+    mi: Any, scene: Scene, material: Material, color: Floats | None, *, glossy: bool, masks: bool,
+    textured_mask: bool,
 ) -> dict[str, Any]:
-    """Return the BSDF of a material; with no `color` the mesh has an attribute of that name."""
+    """Return the BSDF of a material; with no `color` the mesh has an attribute of that name.
+
+    `masks`: it has its opacity; `textured_mask`: which the texture's alpha is a factor of.
+    """
     reflectance: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_color"}
     if color is not None:
         reflectance = {"type": "rgb", "value": color.tolist()}
@@ -306,10 +357,16 @@ def _surface(
             "specular": {"type": "rgb", "value": list(material.specular)},
         }
     surface: dict[str, Any] = {"type": "twosided", "material": inner}
-    if material.has_holes:
+    if masks:
+        opacity: dict[str, Any] | float = material.alpha
+        if material.texture >= 0 and textured_mask:
+            alpha = scene.textures[material.texture][..., 3:] / 255.0
+            opacity = _bitmap(mi, alpha * material.alpha)
+        surface = {"type": "mask", "opacity": opacity, "material": surface}
+    elif material.has_holes:
         alpha = scene.textures[material.texture][..., 3:] / 255.0
-        opacity = alpha * (material.alpha * HOLE / material.alpha_cutoff)
-        surface = {"type": "mask", "opacity": _bitmap(mi, opacity), "material": surface}
+        scaled = alpha * (material.alpha * HOLE / material.alpha_cutoff)
+        surface = {"type": "mask", "opacity": _bitmap(mi, scaled), "material": surface}
     return surface
 
 

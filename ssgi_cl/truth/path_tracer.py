@@ -76,7 +76,7 @@ class PathTracer(ABC):
 
     def __init__(
         self, scene: Scene, lights: Sequence[Light], variant: str, *, emission: bool = False,
-        lobes: bool = False,
+        lobes: bool = False, blends: bool = False,
     ) -> None:
         import drjit
         import mitsuba
@@ -85,7 +85,7 @@ class PathTracer(ABC):
         self.mi: Any = mitsuba
         self._world = MitsubaScene.of(
             scene, lights, variant, emission="attributes" if emission else "none",
-            lobes="attributes" if lobes else "none",
+            lobes="attributes" if lobes else "none", through="attributes" if blends else "none",
         )
         self.lobes = lobes
         emitters = self._world.scene.emitters()
@@ -188,8 +188,11 @@ class PathTracer(ABC):
 
     def hit(self, ray: Any, active: Any) -> tuple[Surface, Any]:
         """Return the same with Mitsuba's record of it, a `SurfaceInteraction3f`."""
+        return self.first_hit(self._past_holes(ray, active), active)
+
+    def first_hit(self, ray: Any, active: Any) -> tuple[Surface, Any]:
+        """Return the same of what a ray meets first, hole or not."""
         mi, dr = self.mi, self.dr
-        ray = self._past_holes(ray, active)
         si = self._world.scene.ray_intersect(ray, active)
         there = active & si.is_valid()
         size, albedo = mi.Float(0.0), mi.Color3f(0.0)
@@ -285,11 +288,15 @@ class PathTracer(ABC):
 
     def arriving(self, at: Surface, way: Any, distance: Any) -> Any:
         """Return the cosine of a direction, or 0 where light from there does not arrive."""
+        cosine, faces = self.facing(at, way)
+        return self.dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
+
+    def facing(self, at: Surface, way: Any) -> tuple[Any, Any]:
+        """Return the cosine of a direction, 0 where it is below the surface, and where not."""
         dr = self.dr
         cosine = dr.dot(at.axis, way)
         faces = at.there & (cosine > 0.0) & (dr.dot(at.normal, way) > 0.0)
-        cosine = dr.select(faces, cosine, 0.0)
-        return dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
+        return dr.select(faces, cosine, 0.0), faces
 
     def _cosine_distributed(self, at: Surface, numbers: Sequence[Any]) -> Any:
         local = self.mi.warp.square_to_cosine_hemisphere(self.mi.Point2f(*numbers[:2]))

@@ -38,8 +38,11 @@ def radiance(
     directions above the surface, where a is the angle to the mirrored view ray and n the gloss
     (Phong 1975; the lobe integrates to 1 over the sphere, as in Lewis 1994). Light comes from
     `lights` and from emissive materials, which emit on both sides. Surfaces reflect on both sides.
-    Holes that a texture's alpha cuts out let view rays and light through. A light of some radius or
-    angle shines as strongly as a point in its middle, and is hidden as far as its disc is.
+    Holes that a texture's alpha cuts out let view rays and light through. Of a surface that
+    blends, the share alpha times its texture's alpha is there; of that, `Material.transmission`
+    is the share [3] of light that passes straight through, to the eye and from lights. A light of
+    some radius or angle shines as strongly as a point in its middle, and is hidden as far as its
+    disc is.
 
     Args:
         scene: what `rasterize.load_scene` returns.
@@ -72,7 +75,8 @@ def radiance(
     glossy = any(m.is_glossy for m in scene.used_materials)
     soft = any(light_extent(light) > 0.0 for light in lights)
     sampled = (
-        box_filter or emits or soft or any(isinstance(light, Environment) for light in lights)
+        box_filter or emits or soft or scene.is_seen_through
+        or any(isinstance(light, Environment) for light in lights)
     )
     exact = most == 0 and not sampled
     if exact:
@@ -88,7 +92,10 @@ def radiance(
         "box filter": box_filter,
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
-        "estimator": versioned("glossy radiance" if glossy else "radiance"),
+        "estimator": versioned(
+            "blended radiance" if scene.is_seen_through
+            else "glossy radiance" if glossy else "radiance"
+        ),
         **({"lights' sizes": True} if soft else {}),
     }
     made: list[RadianceTracer] = []  # only if something has to be computed

@@ -20,8 +20,15 @@ from ssgi_cl.core.lights import (
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
-from ssgi_cl.truth.mitsuba_scene import DENSITY, EMISSION
-from ssgi_cl.truth.path_tracer import OFFSET, PIXELS, PathTracer, Surface
+from ssgi_cl.truth.mitsuba_scene import (
+    BLENDS,
+    DENSITY,
+    EMISSION,
+    HOLE,
+    SIZE,
+    TRANSMISSION,
+)
+from ssgi_cl.truth.path_tracer import MOST_CROSSINGS, OFFSET, PIXELS, PathTracer, Surface
 from ssgi_cl.truth.phong_bsdf import phong_direction, phong_lobe
 
 Floats = NDArray[np.float32]
@@ -31,6 +38,9 @@ MOST_BOUNCES = 1024
 
 SURE_BOUNCES = 4
 """Bounces after which Russian roulette may end a path."""
+
+LEAST_COSINE = 1.0 / 64.0
+"""Between a ray and the normal of a surface that it passes, for how far behind it goes on."""
 
 MOST_LASTING = 0.95
 """Probability that a path goes on, at most."""
@@ -43,6 +53,9 @@ class RadianceTracer(PathTracer):
     environment image's direction by importance; the path's next direction finds emission and
     environments too, both weighted by the balance heuristic (Veach and Guibas 1995). Directions
     are distributed by the cosine or by the surface's lobe, chosen by how much each reflects.
+
+    A path goes through surfaces that are seen through as probably as they let light pass; on its
+    way from a light to a vertex, light is dimmed by what each lets through.
     """
 
     def __init__(
@@ -51,7 +64,10 @@ class RadianceTracer(PathTracer):
     ) -> None:
         self._emits = any(m.emits for m in scene.used_materials)
         lobes = any(m.is_glossy for m in scene.used_materials)
-        super().__init__(scene, lights, variant, emission=self._emits, lobes=lobes)
+        super().__init__(
+            scene, lights, variant, emission=self._emits, lobes=lobes,
+            blends=scene.is_seen_through,
+        )
         self._bounces = bounces
         self._box = box_filter
         self._environments = environments_of(lights)
@@ -123,34 +139,39 @@ class RadianceTracer(PathTracer):
             labels: [n] of the pixels, with `path` [n] the seed of all further random numbers.
         """
         if self.dr.is_jit_v(self.mi.Float):
-            found, there = self._traced(rays, numbers, labels, path)
+            found, there, dimmed = self._traced(rays, numbers, labels, path)
         else:
             each = [
                 self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), int(path[i]))
                 for i in range(len(labels))
             ]
-            found = np.concatenate([one[0] for one in each], axis=1)
-            there = np.concatenate([one[1] for one in each])
-        return np.where(there, found, environment_radiance(self._environments, rays[1]))
+            found, there, dimmed = (
+                np.concatenate([one[i] for one in each], axis=-1) for i in range(3)
+            )
+        return np.where(
+            there, found, environment_radiance(self._environments, rays[1]) * dimmed
+        )
 
     def _traced(
         self, rays: Sequence[Floats], numbers: Floats, label: Any, path: Any
-    ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return radiance of surfaces [3, n] and where there are any [n]."""
+    ) -> tuple[Floats, NDArray[np.bool_], Floats]:
+        """Return radiance of surfaces [3, n], where there are any [n], and the weight [3, n] that
+        what is behind all surfaces has."""
         mi, dr = self.mi, self.dr
         start, way, length = rays
         ray = mi.Ray3f(
             mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
             mi.Float(length), 0.0, [],
         )
-        seen, si = self.hit(ray, mi.Bool(length > 0.0))
         rng = mi.PCG32()
         rng.seed(*mi.sample_tea_32(mi.UInt32(label), mi.UInt32(path)))
+        seen, si, dimmed, rng = self._met(ray, mi.Bool(length > 0.0), rng)
         light = self._path(seen, mi.Vector3f(ray.d), [mi.Float(row) for row in numbers], rng)
-        light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0)
-        there = mi.Bool(seen.there)
-        dr.eval(light, there)
-        return np.array(light, np.float32).reshape(3, -1), np.array(there).reshape(-1)
+        light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0) * dimmed
+        there, dimmed = mi.Bool(seen.there), mi.Color3f(dimmed)
+        dr.eval(light, there, dimmed)
+        found, share = (np.array(a, np.float32).reshape(3, -1) for a in (light, dimmed))
+        return found, np.array(there).reshape(-1), share
 
     # ---- paths
 
@@ -193,7 +214,10 @@ class RadianceTracer(PathTracer):
             if not onward:
                 active &= goes_on
             weight = weight / dr.maximum(lasting, 1e-30)
-            met, si = self.hit(mi.Ray3f(at.front, way, math.inf, 0.0, []), active)
+            met, si, dimmed, rng = self._met(
+                mi.Ray3f(at.front, way, math.inf, 0.0, []), active, rng
+            )
+            weight = weight * dimmed
             if self._sky is not None:
                 escapes = dr.select(met.there, False, active)
                 total += weight * self._environment(at, way, density, escapes)
@@ -207,6 +231,75 @@ class RadianceTracer(PathTracer):
             *seen[1:fields],
         )
         return dr.while_loop(state, lambda *now: now[3], step)[1]
+
+    # ---- surfaces that are seen through
+
+    def _met(self, ray: Any, active: Any, rng: Any) -> tuple[Surface, Any, Any, Any]:
+        """Return what `hit` does, a weight, and the generator after what it was asked for: rays
+        pass what is seen through by chance."""
+        if not self._world.blends:
+            return *self.hit(ray, active), 1.0, rng
+        mi, dr = self.mi, self.dr
+
+        def step(
+            start: Any, length: Any, weight: Any, crossed: Any, searching: Any, rng: Any
+        ) -> Any:
+            found, opacity, through, behind = self._crossed(start, ray.d, length, searching)
+            share = dr.max(through)
+            passes = found & (rng.next_float32() < share)
+            kept = dr.select(
+                passes, through / dr.maximum(share, 1e-20), opacity / dr.maximum(1.0 - share, 1e-20)
+            )
+            weight = dr.select(found, weight * kept, weight)
+            start = dr.select(passes, start + behind * ray.d, start)
+            length = dr.select(passes, length - behind, length)
+            return start, length, weight, crossed + 1, passes & (crossed < MOST_CROSSINGS), rng
+
+        start, length, weight, _, _, rng = dr.while_loop(
+            (mi.Point3f(ray.o), mi.Float(ray.maxt), mi.Color3f(1.0), mi.UInt32(0),
+             mi.Bool(active), rng),
+            lambda *state: state[4], step,
+        )  # fmt: skip
+        return *self.first_hit(mi.Ray3f(start, ray.d, length, 0.0, []), active), weight, rng
+
+    def _crossed(self, start: Any, way: Any, length: Any, active: Any) -> tuple[Any, ...]:
+        """Return whether a ray meets anything, which share of that surface is there, the share of
+        light [3] that passes, and the distance of the point behind."""
+        mi, dr = self.mi, self.dr
+        si = self._world.scene.ray_intersect(mi.Ray3f(start, way, length, 0.0, []), active)
+        found = active & si.is_valid()
+        opacity, through, behind = mi.Float(1.0), mi.Color3f(0.0), mi.Float(0.0)
+        if found is not False:
+            opacity = 1.0 - si.bsdf().eval_null_transmission(si, found)[0]
+            blends = si.shape.eval_attribute_1(BLENDS, si, found) > 0.5
+            opacity = dr.select(blends, opacity, dr.select(opacity < HOLE, 0.0, 1.0))
+            own = mi.Color3f(si.shape.eval_attribute_3(TRANSMISSION, si, found))
+            through = (1.0 - opacity) + opacity * own
+            size = si.shape.eval_attribute_1(SIZE, si, found)
+            # Along the ray, lest it end behind what it just reached: a light on a surface.
+            passed = OFFSET * size / dr.maximum(dr.abs(dr.dot(si.n, way)), LEAST_COSINE)
+            behind = si.t + passed
+        return found, opacity, through, behind
+
+    def _arriving(self, at: Surface, way: Any, distance: Any) -> tuple[Any, Any]:
+        """Return what `arriving` does, and the share of the light that is let through."""
+        if not self._world.blends:
+            return self.arriving(at, way, distance), 1.0
+        mi, dr = self.mi, self.dr
+        cosine, faces = self.facing(at, way)
+
+        def step(start: Any, length: Any, weight: Any, searching: Any) -> Any:
+            found, _, through, behind = self._crossed(start, way, length, searching)
+            weight = dr.select(found, weight * through, weight)
+            start = dr.select(found, start + behind * way, start)
+            length = dr.select(found, length - behind, length)
+            return start, length, weight, found & (dr.max(weight) > 0.0)
+
+        state = (
+            mi.Point3f(at.front), mi.Float(distance), mi.Color3f(1.0), mi.Bool(faces)
+        )
+        weight = dr.while_loop(state, lambda *now: now[3], step)[2]
+        return dr.select(dr.max(weight) > 0.0, cosine, 0.0), weight
 
     # ---- reflection
 
@@ -258,7 +351,7 @@ class RadianceTracer(PathTracer):
         Those with a size shine from their middle, and are hidden as a point of their disc is, which
         faces what they shine on: `place` has two numbers in [0, 1) for it.
         """
-        if not self.lobes and not self._soft:
+        if not self.lobes and not self._soft and not self._world.blends:
             return at.albedo * (self.lamp_irradiance(at) / math.pi)
         mi, dr = self.mi, self.dr
         here = dr.zeros(mi.SurfaceInteraction3f)
@@ -277,9 +370,9 @@ class RadianceTracer(PathTracer):
                 length = dr.norm(way)
                 way = way / length
                 distance = to.dist if parallel else length
-            visible = self.arriving(at, way, distance) > 0.0
-            cosine = dr.select(visible, dr.maximum(dr.dot(at.axis, to.d), 0.0), 0.0)
-            reflected = self._reflected(at, mirrored, to.d, cosine)
+            arriving, through = self._arriving(at, way, distance)
+            cosine = dr.select(arriving > 0.0, dr.maximum(dr.dot(at.axis, to.d), 0.0), 0.0)
+            reflected = self._reflected(at, mirrored, to.d, cosine) * through
             total += dr.select(cosine > 0.0, strength * reflected, 0.0)
         return total
 
@@ -289,10 +382,10 @@ class RadianceTracer(PathTracer):
         here = dr.zeros(mi.SurfaceInteraction3f)
         here.p = at.point
         to, strength = self._sky.sample_direction(here, mi.Point2f(u, v), at.there)
-        cosine = self.arriving(at, to.d, math.inf)
+        cosine, through = self._arriving(at, to.d, math.inf)
         density = self._density(at, mirrored, to.d, cosine)
         share = to.pdf / dr.maximum(to.pdf + density, 1e-20)
-        return strength * self._reflected(at, mirrored, to.d, cosine) * share
+        return strength * self._reflected(at, mirrored, to.d, cosine) * share * through
 
     def _environment(self, at: Surface, way: Any, density: Any, escapes: Any) -> Any:
         """Return radiance of the environment along a direction of that density, weighted."""
@@ -323,11 +416,11 @@ class RadianceTracer(PathTracer):
         squared = dr.maximum(dr.squared_norm(to), 1e-30)
         distance = dr.sqrt(squared)
         way = to / distance
-        cosine = self.arriving(at, way, distance)
+        cosine, through = self._arriving(at, way, distance)
         density = self._density(at, mirrored, way, cosine)
         n_dot_w = dr.abs(dr.dot(normal, way))
         own = self._entry("density", index) * squared / dr.maximum(n_dot_w, 1e-12)
-        reflected = self._reflected(at, mirrored, way, cosine)
+        reflected = self._reflected(at, mirrored, way, cosine) * through
         return radiance * reflected / dr.maximum(own + density, 1e-30)
 
     def _met_emission(self, at: Surface, met: Surface, si: Any, way: Any, density: Any) -> Any:

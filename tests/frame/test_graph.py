@@ -18,7 +18,7 @@ from ssgi_cl.frame.graph import UNCHANGED, Graph
 from ssgi_cl.frame.graph_record import device_bytes
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.stage import Resource, Stage, Values
-from ssgi_cl.frame.stages import AO, GBUFFER, SCENE
+from ssgi_cl.frame.stages import AO, CASTING, GBUFFER, SCENE
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
@@ -342,8 +342,9 @@ def test_a_frame_has_its_graph(runtime: Runtime) -> None:
     lives = {r.name: (r.first, r.last, r.output) for r in frame.graph.resources}
     assert lives[GBUFFER] == ("G-buffer", "picture", True)
     assert lives[AO] == ("gtao", "combine", True)
-    assert lives["shadow maps"] == ("shadow maps", "direct light", False)
-    assert lives[SCENE] == ("G-buffer", "shadow maps", False)
+    assert lives["shadow maps"] == ("shadow maps", "combine", False), "layers are lit too"
+    assert lives[SCENE] == ("G-buffer", "combine", False)
+    assert lives[CASTING] == ("shadow maps", "shadow maps", False)
     assert renderer.graph() == frame.graph
 
 

@@ -214,6 +214,31 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     assert off < 0.2
 
 
+@pytest.mark.parametrize("sky", [False, True])
+@pytest.mark.parametrize("sun", [False, True])
+def test_a_glossy_wall_alone_reflects_sun_and_sky(
+    runtime: Runtime, sun: bool, sky: bool
+) -> None:
+    # No surface sees another, so that there are no surfels and, without the sun, no lights either.
+    corners = np.float32([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
+    wall = Scene(
+        positions=corners, normals=np.zeros((4, 3), np.float32), uvs=corners[:, :2].copy(),
+        colors=np.ones((4, 3), np.float32), triangles=np.int32([[0, 1, 2], [0, 2, 3]]),
+        material_ids=np.zeros(2, np.int32),
+        materials=(Material(albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=50.0),),
+    )
+    camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
+    lights = [
+        *([gi.DirectionalLight((0.0, 0.0, -1.0), 2.0)] if sun else []),
+        *([gi.Environment((1.0, 1.0, 1.0))] if sky else []),
+    ]
+    found = radiance(wall, camera, lights, runtime, ao=False)[23, 30]
+    lobe = (50.0 + 1.0) / (2.0 * math.pi)  # straight back
+    expected = 2.0 * (0.3 / math.pi + 0.5 * lobe) * sun + (0.3 + 0.5) * sky
+    # The sky's directions sum to 1 within 1 %.
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+
+
 def test_glossy_scenes_out_of_sight_leave_the_sky(runtime: Runtime) -> None:
     built = make_scene("cornell_box")
     scene = polished(built.scene)

@@ -33,6 +33,11 @@ class SentLight:
     area: Doubles
     flux: Doubles
 
+    @classmethod
+    def none(cls) -> SentLight:
+        """Return no piece."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
+
 
 @dataclass(frozen=True, eq=False)
 class LightVolume:

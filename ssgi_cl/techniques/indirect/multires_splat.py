@@ -21,8 +21,9 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.device_scene import DeviceScene
+from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.methods import Method, chosen_params
-from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGridParams, Source
 from ssgi_cl.techniques.indirect.multires_published import (
     MultiresPublished,
     MultiresPublishedParams,
@@ -196,7 +197,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         else:
             self._lights.place(None, camera, more=surfels)
         if self.occupancy is not None:
-            self.rays = packed = self._block(gbuffer, rsms, self.occupancy, scene)
+            self.rays = packed = self._block(
+                gbuffer, self.grid.half(gbuffer), rsms, self.occupancy, scene, self._lights
+            )
             if curve is not None and params.importance:
                 importance = self._importance.run(
                     gbuffer, curve, occupancy=self.occupancy, packed=packed
@@ -216,12 +219,24 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             )
         return self.grid.result
 
+    def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> None:
+        """Queue the passes that fill `occupancy` and `rays` where nothing shone, for other rays."""
+        assert self.occupancy is not None  # noqa: S101  of an object with `visibility`
+        corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
+        dark = Vpls(corners, np.tile([0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 3)), np.ones(8))
+        lights = DeviceVpls(self.runtime, 16)
+        lights.upload(dark, camera_of(gbuffer, self.size))
+        solid = device_scene(scene, self.runtime)
+        self.rays = self._block(gbuffer, gbuffer, (), self.occupancy, solid, lights)
+
     def _block(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid,
-        scene: DeviceScene | None,
+        self, gbuffer: DeviceGBuffer, seen: Source, rsms: Sequence[DeviceRsm],
+        occupancy: OccupancyGrid, scene: DeviceScene | None, lights: DeviceVpls,
     ) -> Any:
-        """Queue the passes that mark what blocks light; return the struct for rays through it."""
-        lights, seen = self._lights, self.grid.half(gbuffer)
+        """Queue the passes that mark what blocks light; return the struct for rays through it.
+
+        The grid spans the lights and what is `seen`: some pixels of the G-buffer, or all.
+        """
         values = {
             **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values,
             "margin_columns": seen.margin[1], "margin_rows": seen.margin[0],

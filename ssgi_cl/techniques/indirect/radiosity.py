@@ -124,7 +124,7 @@ class Radiosity(Prepared[RadiosityParams]):
     def volume(self) -> LightVolume | None:
         """What the surfaces of the latest run send, light of maps that they reflect included.
 
-        None where nothing shines. Computed when it is asked for, once for a result.
+        None before the first run. Computed when it is asked for, once for a result.
         """
         if self._volume is None and self._light is not None:
             half = self._device.half
@@ -179,6 +179,7 @@ class Radiosity(Prepared[RadiosityParams]):
         device, surfels = self._device, self._device.surfels
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
+            self._light = self._of_maps(records) or SentLight.none(), None
             return None
         ways, solid, radiance = sky_directions(environments, self.params.directions)
         # Kernels count light in that of the brightest source, so that none leaves their range.

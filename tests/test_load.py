@@ -211,7 +211,8 @@ def test_opacity_makes_a_material_cut_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.textures[0][..., 3], [[0, 255], [255, 0]])
     assert scene.materials[0].alpha_cutoff == 0.5
     glass = obj_with(tmp_path, "Tr 0.75").materials[0]
-    assert (glass.alpha, glass.alpha_cutoff) == (0.25, 0.5)
+    assert (glass.alpha, glass.alpha_cutoff, glass.blends) == (0.25, 0.5, True)
+    assert not scene.is_seen_through, "a mask alone cuts out"
 
 
 @pytest.mark.parametrize("name", ["../../etc/x", "/etc/hostname", "C:\\x.png", "a/../../x.png"])
@@ -455,6 +456,52 @@ def test_gltf_alpha_mode_gives_the_cutoff(
     made.triangle(material=made.material([1, 1, 1, 0.75], **fields))
     material = made.load(tmp_path).materials[0]
     assert (material.alpha_cutoff, material.alpha) == (cutoff, 0.75)
+
+
+@pytest.mark.parametrize(
+    ("factor", "texel", "blends"),
+    [(1.0, None, False), (0.75, None, True), (1.0, 255, False), (1.0, 254, True), (0.5, 255, True)],
+)
+def test_gltf_blends_where_anything_is_seen_through(
+    tmp_path: Path, factor: float, texel: int | None, blends: bool
+) -> None:
+    made = Gltf()
+    index = made.material([1, 1, 1, factor], alphaMode="BLEND")
+    if texel is not None:
+        texels = np.full((2, 2, 4), 255)
+        texels[1, 0, 3] = texel
+        made.json["images"] = [{"bufferView": made.view(png(texels))}]
+        made.json["textures"] = [{"source": 0}]
+        made.json["materials"][index]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    made.triangle(material=index)
+    material = made.load(tmp_path).materials[0]
+    assert (material.blends, material.is_seen_through) == (blends, blends)
+
+
+def test_gltf_transmission_takes_its_share_of_the_base_colour(tmp_path: Path) -> None:
+    made = Gltf()
+    thin = {"KHR_materials_transmission": {"transmissionFactor": 0.75}}
+    rough = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    made.triangle(material=made.material([0.8, 0.4, 0.2, 1.0], extensions=thin))
+    made.json["materials"][0]["pbrMetallicRoughness"].update(rough)
+    material = made.load(tmp_path).materials[0]
+    assert material.transmission == pytest.approx((0.6, 0.3, 0.15))
+    assert material.albedo == pytest.approx((0.2, 0.1, 0.05))
+    assert not material.blends
+    # A metal lets nothing through (KHR_materials_transmission: it takes from the diffuse part).
+    made.json["materials"][0]["pbrMetallicRoughness"].update(metallicFactor=1, roughnessFactor=0.2)
+    assert made.load(tmp_path).materials[0].transmission == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 7.0])
+def test_gltf_transmission_beyond_its_range_is_the_nearest_within(
+    tmp_path: Path, factor: float
+) -> None:
+    made = Gltf()
+    thin = {"KHR_materials_transmission": {"transmissionFactor": factor}}
+    made.triangle(material=made.material([0.5, 0.5, 0.5, 1.0], extensions=thin))
+    material = made.load(tmp_path).materials[0]
+    assert material.transmission == pytest.approx((0.5 * (factor > 0),) * 3)
 
 
 def test_gltf_texture_coordinates_run_upwards_and_beyond_one(tmp_path: Path) -> None:

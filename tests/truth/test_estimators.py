@@ -38,6 +38,11 @@ GLOSSY = replace(VIEW.scene, materials=tuple(
     for m in VIEW.scene.materials
 ))
 
+BLENDED = replace(VIEW.scene, materials=tuple(
+    replace(m, albedo=(0.4, 0.4, 0.4), transmission=(0.1, 0.2, 0.3), alpha=0.7, blends=True)
+    for m in VIEW.scene.materials
+))
+
 ESTIMATES: dict[str, Callable[[], Truth]] = {
     "occlusion": lambda: truth.ambient_occlusion(VIEW.scene, CAMERA, 0.5, 64, rebuild=True),
     "bent normals": lambda: truth.bent_normals(VIEW.scene, FACING, 0.5, 64, rebuild=True),
@@ -49,6 +54,7 @@ ESTIMATES: dict[str, Callable[[], Truth]] = {
     "light": lambda: truth.one_bounce(VIEW.scene, CAMERA, VIEW.lights, 16, rebuild=True),
     "radiance": lambda: truth.radiance(VIEW.scene, CAMERA, VIEW.lights, 16, 2, rebuild=True),
     "glossy radiance": lambda: truth.radiance(GLOSSY, CAMERA, VIEW.lights, 16, 2, rebuild=True),
+    "blended radiance": lambda: truth.radiance(BLENDED, CAMERA, VIEW.lights, 16, 2, rebuild=True),
 }
 
 RECORDED: dict[str, tuple[int, float, float]] = {
@@ -60,6 +66,7 @@ RECORDED: dict[str, tuple[int, float, float]] = {
     "light": (1, 0.0615814, -4.335898e-05),
     "radiance": (1, 0.1801964, 0.0004950036),
     "glossy radiance": (1, 0.2130869, 2.599315e-05),
+    "blended radiance": (1, 0.1004600, 0.001567964),
 }
 """Estimator -> its version, the mean of the result, and its mean weighted by a pattern that no two
 pixels have alike."""

@@ -6,19 +6,22 @@
 //          through its centre. So a ray that visits every cell that it crosses passes no surface,
 //          surfaces are as thin as that allows, and what is narrower than a cell occupies cells in
 //          proportion to its width, not all that it touches. For each axis the triangle is drawn at
-//          the centres of the columns of cells along it.
-// Reads:   corners    3 x [size.x triangles, rounded up to 16] vertices
-//          positions  3 x [size.y vertices, likewise] scene units, relative to the scene's origin
-//          uvs        2 x [vertices, likewise]; cutouts, materials, textures, texels, decode: of
+//          the centres of the columns of cells along it. Most triangles of a fine mesh lie between all
+//          of these; a triangle a lane, they are found first.
+// Reads:   faces      [size.x triangles][RASTER_FACE], vertices [count][RASTER_VERTEX] quads: scene
+//                     units, relative to the scene's origin
+//          uvs        2 x [size.y vertices, rounded up to 16]; cutouts, materials, textures, texels, decode: of
 //                     triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
 //          grid_box   see vpl/grid.clh
 // Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
 // Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's alpha)
 // Params:  from positions to view space in lengths of params.per_unit
-// Launch:  a work-item for each triangle and slice, which takes every so-many-th row of columns
-// Cost:    9 reads per triangle, and an atomic operation per cell that was empty
+// Launch:  a work-item for SSGI_LANES triangles and each slice, which takes every so-many-th row of
+//          columns
+// Cost:    12 reads per triangle, and an atomic operation per cell that was empty
 
 #include "common/gbuffer.clh"
+#include "raster/quads.clh"
 #include "raster/records.clh"
 #include "raster/texture.clh"
 #include "vpl/grid.clh"
@@ -34,21 +37,66 @@ typedef struct {
     float at[3]; // in cells
 } VoxelCorner;
 
-static inline VoxelCorner voxel_corner(__global const float *restrict positions, const int stride,
-                                       const int vertex, __global const float *restrict grid_box,
-                                       const VplTurn turn)
+typedef struct {
+    vfloat at[3];
+} VoxelCorners;
+
+// Corners of the triangles of the lanes, which are vertices number `vertex`.
+static inline VoxelCorners voxel_corners(__global const float *restrict vertices,
+                                         const vint vertex, __global const float *restrict grid_box,
+                                         const VplTurn turn)
 {
-    const float x = positions[vertex];
-    const float y = positions[stride + vertex];
-    const float z = positions[2 * stride + vertex];
-    VoxelCorner corner;
-    corner.at[0] = (fma(turn.xx, x, fma(turn.xy, y, fma(turn.xz, z, turn.x))) - grid_box[0]) *
-                   grid_box[3];
-    corner.at[1] = (fma(turn.yx, x, fma(turn.yy, y, fma(turn.yz, z, turn.y))) - grid_box[1]) *
-                   grid_box[3];
-    corner.at[2] = (fma(turn.zx, x, fma(turn.zy, y, fma(turn.zz, z, turn.z))) - grid_box[2]) *
-                   grid_box[3];
+    const RasterQuad from = raster_quad(vertices, vertex * RASTER_VERTEX, false);
+    const vfloat x = v_from_bits(from.x), y = v_from_bits(from.y), z = v_from_bits(from.z);
+    VoxelCorners corners;
+    corners.at[0] =
+        (v_fma(v_splat(turn.xx), x, v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z,
+                                                                     v_splat(turn.x)))) -
+         grid_box[0]) * grid_box[3];
+    corners.at[1] =
+        (v_fma(v_splat(turn.yx), x, v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z,
+                                                                     v_splat(turn.y)))) -
+         grid_box[1]) * grid_box[3];
+    corners.at[2] =
+        (v_fma(v_splat(turn.zx), x, v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z,
+                                                                     v_splat(turn.z)))) -
+         grid_box[2]) * grid_box[3];
+    return corners;
+}
+
+// The corners of one lane, out of what voxel_keep stored.
+typedef struct {
+    float at[3][SSGI_LANES];
+} VoxelKept;
+
+static inline void voxel_keep(const VoxelCorners *corners, VoxelKept *kept)
+{
+    for (int k = 0; k < 3; ++k) {
+        v_keep(corners->at[k], kept->at[k]);
+    }
+}
+
+static inline VoxelCorner voxel_lane(const VoxelKept *kept, const int lane)
+{
+    const VoxelCorner corner = {{kept->at[0][lane], kept->at[1][lane], kept->at[2][lane]}};
     return corner;
+}
+
+// Whether the box of a lane's triangle holds the centre of a column of cells along each axis: bits.
+static inline vint voxel_met(const VoxelCorners *a, const VoxelCorners *b, const VoxelCorners *c)
+{
+    const float most = (float)VPL_GRID;
+    vmask centre[3], inside[3];
+    for (int k = 0; k < 3; ++k) {
+        const vfloat low = v_min(v_min(a->at[k], b->at[k]), c->at[k]);
+        const vfloat high = v_max(v_max(a->at[k], b->at[k]), c->at[k]);
+        inside[k] = v_ge(high, v_splat(0.0f)) & v_lt(low, v_splat(most));
+        // ceil(low - 1/2) < ceil(high - 1/2), as the loops over columns begin and end.
+        centre[k] = v_gt(v_floor(0.5f - v_clamp(low - VOXEL_EDGE, 0.0f, most)),
+                         v_floor(0.5f - v_clamp(high + VOXEL_EDGE, 0.0f, most)));
+    }
+    return (inside[0] & centre[1] & centre[2] & 1) | (inside[1] & centre[2] & centre[0] & 2) |
+           (inside[2] & centre[0] & centre[1] & 4);
 }
 
 // Twice the area of the triangle p, a, b along an axis: in a plane of the other two.
@@ -58,30 +106,23 @@ static inline vfloat voxel_area(const vfloat u, const float v, const float au, c
     return (u - au) * (bv - av) - (v - av) * (bu - au);
 }
 
-__kernel void vpl_voxelize(__global const int *restrict corners,
-                           __global const float *restrict positions,
-                           __global const float *restrict uvs, __global const int *restrict cutouts,
-                           __global const float *restrict materials,
-                           __global const int *restrict textures,
-                           __global const int *restrict texels,
-                           __global const float *restrict decode,
-                           __global const float *restrict grid_box,
-                           __global int *restrict occupancy,
-                           const int2 size, const VplTurn turn)
+// Mark what a triangle occupies along the axes whose bits are set, in every so-many-th row of columns
+// from `slice` on; ia, ib, ic are its vertices.
+static inline void voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c,
+                              const int axes, const int triangle, const int ia, const int ib,
+                              const int ic, const int slice, const int slices, const int stride,
+                              __global const float *restrict uvs,
+                              __global const int *restrict cutouts,
+                              __global const float *restrict materials,
+                              __global const int *restrict textures,
+                              __global const int *restrict texels,
+                              __global const float *restrict decode,
+                              __global int *restrict occupancy)
 {
-    const int triangle = (int)get_global_id(0);
-    const int slice = (int)get_global_id(1);
-    const int slices = (int)get_global_size(1);
-    if (triangle >= size.x) {
-        return;
-    }
-    const int triangle_stride = (size.x + 15) & ~15, stride = (size.y + 15) & ~15;
-    const int ia = corners[triangle], ib = corners[triangle_stride + triangle];
-    const int ic = corners[2 * triangle_stride + triangle];
-    const VoxelCorner a = voxel_corner(positions, stride, ia, grid_box, turn);
-    const VoxelCorner b = voxel_corner(positions, stride, ib, grid_box, turn);
-    const VoxelCorner c = voxel_corner(positions, stride, ic, grid_box, turn);
     for (int axis = 0; axis < 3; ++axis) {
+        if (!(axes >> axis & 1)) {
+            continue;
+        }
         const int iu = axis == 2 ? 0 : axis + 1, iv = axis == 0 ? 2 : axis - 1;
         const float au = a.at[iu], av = a.at[iv], aw = a.at[axis];
         const float bu = b.at[iu], bv = b.at[iv], bw = b.at[axis];
@@ -96,8 +137,7 @@ __kernel void vpl_voxelize(__global const int *restrict corners,
         const int first_v = (int)ceil(low_v - 0.5f), last_v = (int)ceil(high_v - 0.5f) - 1;
         const float low_w = min(min(aw, bw), cw), high_w = max(max(aw, bw), cw);
         const float area = (bu - au) * (cv - av) - (bv - av) * (cu - au);
-        if (first_u > last_u || first_v > last_v || high_w < 0.0f || low_w >= most ||
-            !(fabs(area) > VOXEL_THIN)) {
+        if (!(fabs(area) > VOXEL_THIN)) {
             continue;
         }
         const float per = 1.0f / area;
@@ -143,6 +183,47 @@ __kernel void vpl_voxelize(__global const int *restrict corners,
                          axis == 0 ? u : axis == 1 ? w : vv, axis == 0 ? vv : axis == 1 ? u : w,
                          hit);
             }
+        }
+    }
+}
+
+__kernel void vpl_voxelize(__global const int *restrict faces,
+                           __global const float *restrict vertices,
+                           __global const float *restrict uvs, __global const int *restrict cutouts,
+                           __global const float *restrict materials,
+                           __global const int *restrict textures,
+                           __global const int *restrict texels,
+                           __global const float *restrict decode,
+                           __global const float *restrict grid_box,
+                           __global int *restrict occupancy,
+                           const int2 size, const VplTurn turn)
+{
+    const int first = (int)get_global_id(0) * SSGI_LANES;
+    const int slice = (int)get_global_id(1);
+    const int slices = (int)get_global_size(1);
+    if (first >= size.x) {
+        return;
+    }
+    const vint triangle = v_imin(v_iota() + first, v_splat_int(size.x - 1));
+    const RasterQuad face = raster_quad(faces, triangle, false);
+    const VoxelCorners a = voxel_corners(vertices, face.x, grid_box, turn);
+    const VoxelCorners b = voxel_corners(vertices, face.y, grid_box, turn);
+    const VoxelCorners c = voxel_corners(vertices, face.z, grid_box, turn);
+    VoxelKept at_a, at_b, at_c;
+    voxel_keep(&a, &at_a);
+    voxel_keep(&b, &at_b);
+    voxel_keep(&c, &at_c);
+    int met[SSGI_LANES], ia[SSGI_LANES], ib[SSGI_LANES], ic[SSGI_LANES];
+    v_ikeep(voxel_met(&a, &b, &c), met);
+    v_ikeep(face.x, ia);
+    v_ikeep(face.y, ib);
+    v_ikeep(face.z, ic);
+    const int stride = (size.y + 15) & ~15, count = min(size.x - first, SSGI_LANES);
+    for (int lane = 0; lane < count; ++lane) {
+        if (met[lane]) {
+            voxel_mark(voxel_lane(&at_a, lane), voxel_lane(&at_b, lane), voxel_lane(&at_c, lane),
+                       met[lane], first + lane, ia[lane], ib[lane], ic[lane], slice, slices, stride, uvs,
+                       cutouts, materials, textures, texels, decode, occupancy);
         }
     }
 }

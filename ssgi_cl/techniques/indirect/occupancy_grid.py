@@ -163,8 +163,9 @@ class OccupancyGrid:
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
         self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
-            "vpl voxelize", (scene.vertices, scene.triangles), grid=(slices, scene.triangles),
-            corners=scene.corners, positions=scene.positions, uvs=scene.uvs, cutouts=scene.cutouts,
+            "vpl voxelize", (scene.vertices, scene.triangles),
+            grid=(slices, -(-scene.triangles // self.runtime.variant.lanes)),
+            faces=scene.faces, vertices=scene.shading, uvs=scene.uvs, cutouts=scene.cutouts,
             materials=scene.materials, textures=scene.textures, texels=scene.texels,
             decode=scene.decode, grid_box=self.box, occupancy=self.grid,
             turn=packed_turn(from_scene),

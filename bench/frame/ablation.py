@@ -1,7 +1,8 @@
 """Where a frame's error comes from: its terms replaced by those of the reference, one by one.
 
 Light adds up, so that the frame is the sum of frames by part of the light, and the reference the
-sum of references by the same parts.
+sum of references by the same parts. Pixels of glossy surfaces are a term of their own: what a lobe
+mirrors has all parts in it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.rasterize.view import gbuffer
 
 from .error import FrameError, frame_error
 from .measure import Progress, reference, without_emission
@@ -28,8 +30,10 @@ Floats = NDArray[np.float32]
 Terms = dict[str, NDArray[np.float64]]
 
 NOTHING, EDGES = "nothing", "edges (pixel filter)"
-DIRECT, SKY, EMISSION, FIRST, LATER = (
-    "direct light and its shadows", "sky", "emission", "bounce 1", "later bounces"
+NOISE = "all of it, noise of the reference aside"
+DIRECT, SKY, EMISSION, FIRST, LATER, GLOSSY = (
+    "direct light and its shadows", "sky", "emission", "bounce 1", "later bounces",
+    "glossy surfaces",
 )
 
 
@@ -59,10 +63,13 @@ def ablation(
     paths: int = 256,
     progress: Progress = lambda text, share: None,
 ) -> list[Replaced]:
-    """Return the errors of a frame as it is, and with each term replaced."""
-    expected = reference(view, size, paths, progress).mean.astype(np.float64)
-    true = _true_terms(view, size, paths, progress)
-    ours = _own_terms(view, size, runtime, mode)
+    """Return the errors of a frame as it is, with each term replaced, and with none but the noise.
+    """
+    told = reference(view, size, paths, progress)
+    expected = told.mean.astype(np.float64)
+    glossy = _glossy(view, size, runtime)
+    true = _apart(_true_terms(view, size, paths, progress), glossy)
+    ours = _apart(_own_terms(view, size, runtime, mode), glossy)
     frame = sum(ours.values(), np.zeros_like(expected))
     light = float(expected.mean()) or 1.0
     found = [Replaced(NOTHING, _errors(frame, expected), None, 1.0)]
@@ -76,11 +83,34 @@ def ablation(
         "all bounces", _errors(frame + both, expected), _errors(expected - both, expected),
         float((true[FIRST] + true[LATER]).mean()) / light,
     ))  # fmt: skip
+    # A frame without error is as far from the reference as that is from what it converges to.
+    noise = np.random.default_rng(0).standard_normal(expected.shape) * told.error
+    found.append(Replaced(NOISE, _errors(np.maximum(expected + noise, 0.0), expected), None, 1.0))
     return found
 
 
 def _errors(image: NDArray[np.float64], expected: NDArray[np.float64]) -> FrameError:
     return frame_error(image.astype(np.float32), expected.astype(np.float32))
+
+
+def _glossy(view: BuiltinScene, size: Size, runtime: Runtime) -> NDArray[np.bool_]:
+    """Return where glossy surfaces are seen, [rows, columns, 1]."""
+    specular = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime).specular
+    if specular is None:
+        return np.zeros((*size, 1), np.bool_)
+    return (np.asarray(specular) > 0.0).any(axis=-1, keepdims=True)
+
+
+def _apart(terms: Terms, glossy: NDArray[np.bool_]) -> Terms:
+    """Return the terms without these pixels, whose light is a term of its own, pixel filter aside.
+    """
+    if not glossy.any():
+        return terms
+    light = {term: value for term, value in terms.items() if term != EDGES}
+    return {
+        **{term: np.where(glossy, 0.0, value) for term, value in light.items()},
+        GLOSSY: np.where(glossy, sum(light.values()), 0.0), EDGES: terms[EDGES],
+    }
 
 
 def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:

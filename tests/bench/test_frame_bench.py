@@ -18,7 +18,9 @@ from ssgi_cl.bench.frame.ablation import (
     EDGES,
     EMISSION,
     FIRST,
+    GLOSSY,
     LATER,
+    NOISE,
     NOTHING,
     SKY,
     ablation,
@@ -160,7 +162,7 @@ def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
 def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> None:
     _, view = variants(make_scene("cornell_box"))
     terms = {one.term: one for one in ablation(view, SIZE, runtime, MODES["direct"], paths=128)}
-    assert list(terms) == [NOTHING, DIRECT, FIRST, LATER, EDGES, "all bounces"]
+    assert list(terms) == [NOTHING, DIRECT, FIRST, LATER, EDGES, "all bounces", NOISE]
     whole = terms[NOTHING].alone.flip
     assert terms["all bounces"].alone.flip < 0.5 * whole
     assert terms[DIRECT].alone.flip > 0.8 * whole
@@ -184,8 +186,28 @@ def test_the_skys_light_is_what_the_frame_has_of_it(runtime: Runtime) -> None:
 def test_terms_add_up_and_dark_parts_are_left_out(runtime: Runtime) -> None:
     view = replace(make_scene("cornell_box"), lights=())
     terms = [one.term for one in ablation(view, SIZE, runtime, MODES["low"], paths=4)]
-    assert terms == [NOTHING, EMISSION, FIRST, LATER, EDGES, "all bounces"]
+    assert terms == [NOTHING, EMISSION, FIRST, LATER, EDGES, "all bounces", NOISE]
     assert without_emission(view.scene).materials[3].emission == (0.0, 0.0, 0.0)
+
+
+def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
+    view = make_scene("workshop")
+    terms = {one.term: one for one in ablation(view, SIZE, runtime, MODES["low"], paths=8)}
+    assert 0.0 < terms[GLOSSY].share < 1.0
+    shares = [one.share for name, one in terms.items()
+              if name not in (NOTHING, "all bounces", NOISE)]  # fmt: skip
+    assert sum(shares) == pytest.approx(1.0, abs=1e-4)
+    # What is replaced there is their light and nothing else.
+    assert terms[GLOSSY].alone.flip < terms[NOTHING].alone.flip
+
+
+def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
+    view = make_scene("cornell_box")
+    few, many = (
+        {one.term: one for one in ablation(view, SIZE, runtime, MODES["low"], paths=paths)}
+        for paths in (8, 128)
+    )
+    assert few[NOISE].alone.flip > 2.0 * many[NOISE].alone.flip > 0.0
 
 
 # ---- the command

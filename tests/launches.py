@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import ssgi_cl as gi
@@ -49,6 +49,12 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
     gi.render(
         polished(made.scene), made.camera(64, 48), [*made.lights, gi.Environment(1.0)],
         preset="low", rsm_size=32, runtime=own,
+    )
+    panes = [replace(m, transmission=(0.5,) * 3) if i % 2 else m
+             for i, m in enumerate(made.scene.materials)]  # fmt: skip
+    gi.render(
+        replace(made.scene, materials=tuple(panes)), made.camera(64, 48), made.lights, bounces=0,
+        runtime=own,
     )
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=own)
     gi.vpl_splat(

@@ -68,7 +68,7 @@ def ablation(
     told = reference(view, size, paths, progress)
     expected = told.mean.astype(np.float64)
     glossy = _glossy(view, size, runtime)
-    true = _apart(_true_terms(view, size, paths, progress), glossy)
+    true = _apart(_true_terms(view, size, runtime, paths, progress), glossy)
     ours = _apart(_own_terms(view, size, runtime, mode), glossy)
     frame = sum(ours.values(), np.zeros_like(expected))
     light = float(expected.mean()) or 1.0
@@ -98,7 +98,8 @@ def _glossy(view: BuiltinScene, size: Size, runtime: Runtime) -> NDArray[np.bool
     specular = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime).specular
     if specular is None:
         return np.zeros((*size, 1), np.bool_)
-    return (np.asarray(specular) > 0.0).any(axis=-1, keepdims=True)
+    found: NDArray[np.bool_] = np.any(np.asarray(specular) > 0.0, axis=-1, keepdims=True)
+    return found
 
 
 def _apart(terms: Terms, glossy: NDArray[np.bool_]) -> Terms:
@@ -125,7 +126,9 @@ def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
     return found
 
 
-def _true_terms(view: BuiltinScene, size: Size, paths: int, progress: Progress) -> Terms:
+def _true_terms(
+    view: BuiltinScene, size: Size, runtime: Runtime, paths: int, progress: Progress
+) -> Terms:
     camera = view.camera(size[1], size[0])
 
     def made(scene: Scene, lights: tuple[Light, ...], bounces: Any) -> NDArray[np.float64]:
@@ -135,7 +138,12 @@ def _true_terms(view: BuiltinScene, size: Size, paths: int, progress: Progress) 
             progress=lambda share: progress(title, share),
         ).mean.astype(np.float64)
 
-    direct = {term: made(*part, 0) for term, part in _parts(view).items()}
+    parts = _parts(view)
+    direct = {term: made(*part, 0) for term, part in parts.items() if term != EMISSION}
+    if EMISSION in parts:
+        # What is seen of it; what it lights is a bounce, as in frames.
+        seen = gbuffer(view.scene, camera, runtime=runtime).emission
+        direct[EMISSION] = np.zeros((*size, 3)) if seen is None else np.asarray(seen, np.float64)
     once, every = (made(view.scene, view.lights, bounces) for bounces in (1, "all"))
     straight = sum(direct.values(), np.zeros_like(every))
     box = reference(view, size, paths, progress).mean.astype(np.float64)

@@ -35,6 +35,6 @@ __kernel void raster_hidden(__global const float *restrict depths, ssgi_plane fr
     const vmask left = v_ige(seen, v_splat_int(0)) & v_ge(v_load(depths + at), limit);
     v_istore(v_iselect(v_splat_int(-1), seen, left), triangles + at);
     if (v_any(left)) {
-        found[0] = 1; // by any work-item: all write the same
+        atomic_or(found, 1);
     }
 }

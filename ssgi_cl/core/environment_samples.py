@@ -29,8 +29,8 @@ BRIGHTEST = 1e30
 MOST_TEXELS = 1 << 25
 """Of an image in which others are summed texel by texel; larger ones are resized first."""
 
-_MOST_ROWS, _MOST_COLUMNS = 2048, 4096  # texels of larger images are summed in blocks
-_LEAST_ROWS, _LEAST_COLUMNS = 512, 1024  # texels of smaller images are divided
+_MOST_ROWS, _MOST_COLUMNS = 1024, 2048  # texels of larger images are summed in blocks
+_LEAST_ROWS, _LEAST_COLUMNS = 256, 512  # texels of smaller images are divided
 
 
 def sample_environments(

@@ -41,10 +41,10 @@ class DeviceArray:
         self.runtime = runtime
         self.dtype = values.dtype
         self.count = values.size
-        self.buffer = runtime.allocate(max(values.nbytes, 4), self)
+        # Memory that is made with its contents waits for nothing that is queued.
+        contents = np.ascontiguousarray(values) if fill and values.size else None
+        self.buffer = runtime.allocate(max(values.nbytes, 4), self, contents)
         self._sent: Any = None  # holds what the device may still read
-        if fill:
-            self.upload(values)
 
     def upload(self, values: NDArray[Any]) -> None:
         """Replace the contents; same dtype, at most the same number of elements."""
@@ -118,8 +118,9 @@ class Plane:
         self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
         self._image: Any = None
         self._image_is_current = False
-        with self._mapped(write_only=True) as memory:
-            memory[...] = outside
+        opencl().enqueue_fill_buffer(
+            runtime.queue, self.buffer, np.float32(outside), 0, self._rows * self.pitch * 4
+        )
 
     @contextmanager
     def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:

@@ -286,8 +286,12 @@ class Runtime:
             return array
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
-    def allocate(self, size: int, owner: object) -> Any:
+    def allocate(
+        self, size: int, owner: object, contents: NDArray[Any] | None = None
+    ) -> Any:
         """Return a new buffer of `size` bytes, which lives as long as `owner`.
+
+        `contents` are copied to it: as many bytes, C-contiguous; without, it holds anything.
 
         Raises:
             DeviceMemoryError: there is no room, even without what earlier calls left; the driver
@@ -299,10 +303,12 @@ class Runtime:
         flags = cl.mem_flags.READ_WRITE
         if self.shares_memory:
             flags |= cl.mem_flags.ALLOC_HOST_PTR
+        if contents is not None:
+            flags |= cl.mem_flags.COPY_HOST_PTR
 
         def allocated() -> Any:
             try:
-                return cl.Buffer(self.context, flags, size)
+                return cl.Buffer(self.context, flags, size, hostbuf=contents)
             except cl.Error as error:
                 raise DeviceMemoryError(
                     f"{self.info.label}: the driver has no room for {size / 2**20:.1f} MiB more "

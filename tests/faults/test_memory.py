@@ -102,7 +102,7 @@ def test_a_driver_without_memory_is_reported(
 ) -> None:
     cl = opencl()
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
         raise cl.MemoryError("clCreateBuffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
 
     gc.collect()

@@ -63,7 +63,7 @@ class FluxCurve:
         self._versions: tuple[int, ...] = ()
         self._importance: DeviceArray | None = None
         sizes = {size for size, _ in key}
-        self._orders = {size: runtime.array(_packed_order(size)) for size in sizes}
+        self._orders = {size: _order(runtime, size) for size in sizes}
         self._tables: list[dict[str, int]] = []
         first = 0
         for size, faces in key:
@@ -241,6 +241,14 @@ def hilbert_order(rows: int, columns: int) -> NDArray[np.intp]:
     order: NDArray[np.intp] = np.argsort(place, kind="stable")
     order.flags.writeable = False
     return order
+
+
+def _order(runtime: Runtime, size: Size) -> DeviceArray:
+    """Return `_packed_order` in device memory, the same for all curves."""
+    kept: DeviceArray = runtime.prepared(
+        (FluxCurve, size), lambda: runtime.array(_packed_order(size))
+    )
+    return kept
 
 
 def _packed_order(size: Size) -> NDArray[np.int32]:

@@ -102,7 +102,8 @@ def _sums(light: SentLight, low: Doubles, side: float) -> Doubles:
     faced = np.stack([light.normal, -light.normal], axis=-1).reshape(-1, FACES)
     weight = np.maximum(faced, 0.0) ** 2
     values = np.concatenate([light.flux, light.area[:, None]], axis=1)
-    return np.stack([
-        np.stack([np.bincount(index, own * value, CELLS**3) for value in values.T], axis=-1)
-        for own in weight.T
-    ])
+    sums = np.empty((FACES, CELLS**3, 4))
+    for face, own in enumerate(weight.T):
+        for channel, value in enumerate(values.T):
+            sums[face, :, channel] = np.bincount(index, own * value, CELLS**3)
+    return sums

@@ -86,26 +86,43 @@ def _shares(most: Floats, rays: int) -> Floats:
 
 
 def _most(positions: Floats, normals: Floats, lights: Floats) -> Floats:
-    """Return what no receiver of a group gets more of from a light: [groups, count]."""
+    """Return what no receiver of a group gets more of from a light: [groups, count].
+
+    Ways to a light lie in a box, and normals in another: a product of the two is at most that of
+    their middles, and what either may differ by times the other's size.
+    """
     at, facing = (a.reshape(-1, FIRST_GROUP, 3).astype(np.float32) for a in (positions, normals))
-    low, high = at.min(axis=1), at.max(axis=1)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    turned = lights[:, 4:7]
-    received = np.zeros((len(low), len(lights)), np.float32)
-    emitted, nearest = half @ np.abs(turned).T, np.zeros_like(received)
+    (middle, half), (normal, bend) = (_box(a) for a in (at, facing))
+    # Element by element, so that the result does not depend on which groups are looked at together.
+    size = len(middle), len(lights)
+    received, emitted, nearest, way, term = (np.zeros(size, np.float32) for _ in range(5))
+    rows = np.ascontiguousarray(lights[:, :7].T)
     for axis in range(3):
-        way = lights[:, axis] - middle[:, axis, None]
-        emitted += way * turned[:, axis]
-        nearest += np.maximum(np.abs(way) - half[:, axis, None], 0.0) ** 2
-        ends = way - half[:, axis, None], way + half[:, axis, None]
-        sides = facing[..., axis].min(axis=1), facing[..., axis].max(axis=1)
-        products = [side[:, None] * end for side in sides for end in ends]
-        received += np.maximum(np.maximum(products[0], products[1]),
-                               np.maximum(products[2], products[3]))
-    distance = np.sqrt(np.maximum(nearest, TINY))
-    cosines = np.ones_like(distance)
-    for part in (received, emitted):
-        cosines *= np.clip(part / distance, 0.0, 1.0)
-    flux = lights[:, 8:11] @ LUMINANCE.astype(np.float32)
-    found: Floats = flux * cosines / (np.float32(math.pi) * nearest + lights[:, 3])
+        place, turned = rows[axis], rows[4 + axis]
+        own, turn, side, least = (a[:, axis, None] for a in (middle, normal, half, bend))
+        np.subtract(place, own, out=way)
+        received += np.multiply(way, turn, out=term)
+        emitted += np.multiply(way, turned, out=term)
+        emitted += np.multiply(side, np.abs(turned), out=term)
+        np.abs(way, out=way)
+        received += np.multiply(way, least, out=term)
+        received += (np.abs(turn) + least) * side
+        way -= side
+        np.maximum(way, 0.0, out=way)
+        nearest += np.multiply(way, way, out=term)
+    np.maximum(nearest, TINY, out=nearest)
+    distance = np.sqrt(nearest, out=way)
+    found: Floats = np.clip(received / distance, 0.0, 1.0)
+    emitted /= distance
+    found *= np.clip(emitted, 0.0, 1.0, out=emitted)
+    found *= lights[:, 8:11] @ LUMINANCE.astype(np.float32)
+    nearest *= np.float32(math.pi)
+    nearest += lights[:, 3]
+    found /= nearest
     return found
+
+
+def _box(points: Floats) -> tuple[Floats, Floats]:
+    """Return middle and half size [groups, 3] of the boxes round points [groups, n, 3]."""
+    low, high = points.min(axis=1), points.max(axis=1)
+    return 0.5 * (low + high), 0.5 * (high - low)

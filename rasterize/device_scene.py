@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -50,9 +51,7 @@ class DeviceScene:
         parts = [scene.positions, none, scene.normals, u, scene.colors, v]
         self.shading = runtime.array(np.column_stack(parts))
         self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
-        self.boxes, self.few_boxes = (
-            runtime.array(_boxes(scene, count)) for count in (BOXED, START_FEW)
-        )
+        self.boxes, self.few_boxes = map(runtime.array, _boxes(scene, (BOXED, START_FEW)))
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]
@@ -91,13 +90,18 @@ _LINEAR_TO_SRGB = np.searchsorted(
 ).astype(np.uint8)
 
 
-def _boxes(scene: Scene, count: int) -> NDArray[np.float32]:
-    """Return middle and half size of a box round each run of so many triangles, [runs, 6]."""
-    firsts = np.arange(0, len(scene.triangles), count)
-    points = scene.positions[scene.triangles].astype(np.float64)
-    low = np.minimum.reduceat(points.min(axis=1), firsts)
-    high = np.maximum.reduceat(points.max(axis=1), firsts)
-    return np.column_stack([(low + high) / 2, (high - low) / 2]).astype(np.float32)
+def _boxes(scene: Scene, counts: Iterable[int]) -> list[NDArray[np.float32]]:
+    """Return middle and half size of a box round each run of so many triangles, [runs, 6] each."""
+    first, second, third = (scene.positions[corner] for corner in scene.triangles.T)
+    low = np.minimum(np.minimum(first, second), third)
+    high = np.maximum(np.maximum(first, second), third)
+    found = []
+    for count in counts:
+        firsts = np.arange(0, len(low), count)
+        least = np.minimum.reduceat(low, firsts).astype(np.float64)
+        most = np.maximum.reduceat(high, firsts).astype(np.float64)
+        found.append(np.column_stack([(least + most) / 2, (most - least) / 2]).astype(np.float32))
+    return found
 
 
 def _rounded(count: int) -> int:

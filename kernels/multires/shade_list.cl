@@ -16,7 +16,7 @@
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
 //          that are listed with CUT_SHARED: of 64; with CUT_BRIGHT: of 4),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
-// Params:  CutParams: first group, groups at most
+// Params:  CutParams: first group, groups at most; camera: the samples' (VPL_VISIBILITY 1)
 // Launch:  any number of work-items, each of which takes every so-many-th piece of a group
 // Cost:    24 operations and a division per sample and light of its list; with VPL_VISIBILITY, some
 //          20 reads per sample and view ray
@@ -48,6 +48,17 @@ static inline int shade_run(const int record, const int stride, const int line)
     return level == line ? record
                          : tree_first(stride, line) +
                                ((record - tree_first(stride, level)) >> 2 * (line - level));
+}
+
+// Where shadow rays of samples start: towards the eye where their cells hold a surface.
+static inline VplCell shade_towards(__global const int *restrict occupancy, const VplCell start,
+                                    const VplReceiver at, const SsgiCamera camera)
+{
+    const vfloat tx = at.x * -camera.perspective, ty = at.y * -camera.perspective;
+    const vfloat tz = v_fma(at.z, v_splat(-camera.perspective), v_splat(1.0f - camera.perspective));
+    const vfloat squared = v_fma(tx, tx, v_fma(ty, ty, tz * tz));
+    const vfloat per = v_rsqrt(v_max(squared, v_splat(1e-30f)));
+    return vpl_towards(occupancy, start, tx * per, ty * per, tz * per);
 }
 
 // Where a shadow ray to a run ends: at one of its lights, lifted off its surface. The mean of them
@@ -86,7 +97,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #endif
 #if VPL_VISIBILITY
                          __global const int *restrict occupancy,
-                         __global const float *restrict grid_box,
+                         __global const float *restrict grid_box, const SsgiCamera camera,
 #endif
                          ssgi_plane fractions, __global float *restrict values, const int2 size,
                          const VplParams params, const CutParams cut)
@@ -118,6 +129,7 @@ __kernel void shade_list(__global const int *restrict list, __global const float
         for (int r = 0; r < SHADE_ROWS; ++r) {
             eye[r] = vpl_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box,
                               params);
+            eye[r] = shade_towards(occupancy, eye[r], at[r], camera);
             open[r] = v_splat_int(-1);
         }
         int latest = -1; // run that `open` is about

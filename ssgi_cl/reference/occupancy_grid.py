@@ -16,6 +16,8 @@ LIFT, MESH_LIFT = 1.9, 1.5
 ENDS = 5.0
 """Cells at either end whose surfaces count only if the ray leaves them; VPL_ENDS in
 kernels/vpl/grid.clh."""
+TOWARDS = 3
+"""Cells towards the eye that a ray starts from a surface at most; VPL_TOWARDS there."""
 SLOPE = 0.015
 """Cells by which a line may sink towards a surface at its ends; VPL_SLOPE there."""
 APART = 16.0
@@ -69,14 +71,21 @@ class OccupancyGridReference:
             self.held[z, y, x] = True
 
     def hidden(
-        self, point: Doubles, normal: Doubles, light: Doubles, axis: Doubles
+        self, point: Doubles, normal: Doubles, light: Doubles, axis: Doubles,
+        eye: Doubles | None = None,
     ) -> NDArray[np.bool_]:
         """Return [n] whether a surface blocks the ray from points [n, 3] to a light or [n, 3].
 
         All cells that a ray crosses are visited. Occupied ones up to the first empty one don't
-        count, nor those from the last empty one on, up to `ENDS` cells from either end.
+        count, nor those from the last empty one on, up to `ENDS` cells from either end. With
+        directions [n, 3] to the `eye`, rays start as many cells towards it as it takes to be in an
+        empty one, at most `TOWARDS`.
         """
         start = (point - self.corner) / self.cell + self.lift * normal
+        for _ in range(TOWARDS if eye is not None else 0):
+            x, y, z = np.floor(start).astype(np.int64).T
+            start = start + np.where(self.held[z, y, x][:, None], eye, 0.0)
+            start = np.clip(start, 0.0, len(self.held) - 0.01)
         way = (light - self.corner) / self.cell + self.lift * axis - start
         length = np.linalg.norm(way, axis=-1)
         ends = np.minimum(ENDS / np.maximum(length, 1e-3), 0.5)[:, None]

@@ -69,6 +69,7 @@ class VplTreeReference:
         positive = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] > 0.0
         self.order = order = np.argsort(2 * axis + positive, kind="stable")
         self._parts, self._to_view = vpls.parts, camera.view
+        self._orthographic = camera.is_orthographic
         self.count = count = len(vpls)
         stride = -(-count // 16) * 16
         sizes = (stride, stride // 4, stride // 16, -(-stride // 64))
@@ -199,9 +200,14 @@ class VplTreeReference:
             line = line if bright is None else np.where(bright, np.maximum(level, 1), line)
             first = np.array(self.first)
             runs = first[line] + (records - first[level]) // 4 ** (line - level)
+            eye = np.tile([0.0, 0.0, 1.0], (len(point), 1))
+            if not self._orthographic:
+                eye = -point / np.linalg.norm(point, axis=1, keepdims=True)
             for run in np.unique(runs):
                 end = self.target[run]
-                hidden = occupancy.hidden(point, normal, self.position[end], self.normal[end])
+                hidden = occupancy.hidden(
+                    point, normal, self.position[end], self.normal[end], eye
+                )
                 visible[np.ix_(hidden, runs == run)] = 0.0
         near = np.zeros(weight.shape)
         if self._parts is not None and refine > 0.0:

@@ -340,6 +340,18 @@ def test_lines_of_sight_agree_with_numpy_reference(
     assert wanted.mean() < 0.95 * full(gbuffer, vpls).mean()
 
 
+def test_orthographic_lines_of_sight_agree_too(runtime: Runtime) -> None:
+    # Rays that start in an occupied cell start towards the eye, which then is nowhere.
+    made = BUILTIN_SCENES["cornell_box"]()
+    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    view = Camera.orthographic(
+        made.eye, made.target, view_height=1.1, width=40, height=30, near=0.01
+    )
+    gbuffer = drawn(made.scene, view, runtime=runtime)
+    vpls = choose_vpls(seen, 500, runtime=runtime)
+    test_lines_of_sight_agree_with_numpy_reference(runtime, (gbuffer, seen, vpls), 16)
+
+
 @pytest.mark.parametrize("light_error", [6.0, 0.7])
 def test_the_less_light_the_more_lights_share_a_ray(
     variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], light_error: float

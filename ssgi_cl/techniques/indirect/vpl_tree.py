@@ -221,6 +221,7 @@ class VplTree:
                     lights=self.lights.lights if parted else None,
                     occupancy=occupancy.grid if occupancy else None,
                     grid_box=occupancy.box if occupancy else None,
+                    camera=source.camera_struct if occupancy else None,
                     fractions=fractions, values=result, **shared,
                 )
 

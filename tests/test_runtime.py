@@ -383,3 +383,15 @@ def test_keep_is_an_argument_of_open(runtime: Runtime, monkeypatch: pytest.Monke
     for wrong, error in ((-1, ValueError), (0.5, TypeError)):
         with pytest.raises(error, match="keep is"):
             Runtime.open(runtime.info.label, keep=wrong, **variant)  # type: ignore[arg-type]
+
+
+def test_a_kernel_of_fewer_lanes_covers_the_image_all_the_same(runtime: Runtime) -> None:
+    # Wider than what work-groups round up to.
+    size = (3, 2000)
+    given = np.random.default_rng(2).random((3, *size), dtype=np.float32)
+    planes = [runtime.plane(3, size, outside) for outside in (0.0, 0.0, 1.0)]
+    planes[0].upload(given)
+    kernel = runtime.kernel("blended/blended.cl", {"BLENDED_STEP": 2}, most_lanes=8)
+    assert kernel.lanes == min(runtime.variant.lanes, 8)
+    kernel.run("blend", size, radiance=planes[0], over=planes[1], through=planes[2])
+    np.testing.assert_array_equal(planes[1].download(), given)

@@ -42,6 +42,7 @@ class Kernel:
         runtime: its device.
         name: as in its text.
         signature: what it takes.
+        lanes: of a work-item.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class Kernel:
                 f"{source} has no kernel {self.name} on {runtime.info.label}, "
                 f"{runtime.variant}: {error}"
             ) from error
+        self.lanes = macros["SSGI_LANES"]
         self.signature = Signature.of(name, text, macros)
         self._arguments = Arguments(self.signature, structs)
         self._kernel.set_arg_types(self._arguments.types)
@@ -94,11 +96,10 @@ class Kernel:
         Raises:
             TypeError: an argument is missing, unknown or of another type than the kernel's.
         """
-        lanes = self.runtime.variant.lanes
         first: Size | None = None
-        rows, columns = grid or (size[0], -(-size[1] // lanes))
+        rows, columns = grid or (size[0], -(-size[1] // self.lanes))
         if region is not None:
-            first, (rows, columns) = region.cells(cell or (1, lanes))
+            first, (rows, columns) = region.cells(cell or (1, self.lanes))
         if rows == 0 or columns == 0:
             return
         if self._arguments.takes_size:

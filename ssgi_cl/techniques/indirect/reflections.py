@@ -114,8 +114,7 @@ class Reflections:
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
             self.runtime.kernel(
-                "reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT),
-                most_lanes=8,  # rays end at different times; a fifth faster than 16 on a CPU
+                "reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)
             ).run(
                 "reflect trace", self.size, region=over, **seen, radiance=radiance, light=light,
                 sky=self._sky.texels, places=self._sky.places, volume=self._sent,

@@ -82,10 +82,8 @@ class OccupancyGridReference:
         empty one, at most `TOWARDS`.
         """
         start = (point - self.corner) / self.cell + self.lift * normal
-        for _ in range(TOWARDS if eye is not None else 0):
-            x, y, z = np.floor(start).astype(np.int64).T
-            start = start + np.where(self.held[z, y, x][:, None], eye, 0.0)
-            start = np.clip(start, 0.0, len(self.held) - 0.01)
+        if eye is not None:
+            start = self._towards(start, eye)
         way = (light - self.corner) / self.cell + self.lift * axis - start
         length = np.linalg.norm(way, axis=-1)
         ends = np.minimum(ENDS / np.maximum(length, 1e-3), 0.5)[:, None]
@@ -109,6 +107,14 @@ class OccupancyGridReference:
         rises = np.sum(way * normal, axis=-1) > -SLOPE
         followed: NDArray[np.bool_] = met & rises & (np.sum(way * axis, axis=-1) < SLOPE)
         return followed
+
+    def _towards(self, start: Doubles, eye: Doubles) -> Doubles:
+        """Return points [n, 3] in cells, moved in directions [n, 3] out of occupied cells."""
+        for _ in range(TOWARDS):
+            x, y, z = np.floor(start).astype(np.int64).T
+            start = start + np.where(self.held[z, y, x][:, None], eye, 0.0)
+            start = np.clip(start, 0.0, len(self.held) - 0.01)
+        return start
 
 
 def voxelized(triangle: Doubles, cells: int) -> NDArray[np.int64]:

@@ -1,5 +1,5 @@
-"""Surfaces that are seen through: the pass against its float64 twin, frames against closed forms
-and paths."""
+"""Surfaces that are seen through: the pass against the numpy reference, frames against closed
+forms and paths."""
 
 from __future__ import annotations
 

@@ -43,7 +43,10 @@ class DeviceArray:
         self.count = values.size
         # Memory that is made with its contents waits for nothing that is queued.
         contents = np.ascontiguousarray(values) if fill and values.size else None
-        self.buffer = runtime.allocate(max(values.nbytes, 4), self, contents)
+        size = max(values.nbytes, 4)
+        if contents is not None and contents.nbytes < size:
+            contents = np.resize(contents.view(np.uint8), size)
+        self.buffer = runtime.allocate(size, self, contents)
         self._sent: Any = None  # holds what the device may still read
 
     def upload(self, values: NDArray[Any]) -> None:

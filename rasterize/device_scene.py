@@ -30,6 +30,8 @@ class DeviceScene:
             [triangles, 4] vertices and material; see kernels/raster/records.clh.
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         few_boxes: [runs of `START_FEW` triangles, 6] likewise.
+        spread: mean diagonal of the latter over that of the scene: small where triangles that
+            follow each other lie together.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         through: [materials, 4] share of light that passes what is there, and whether it blends.
         textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
@@ -43,15 +45,18 @@ class DeviceScene:
         self.triangles = len(scene.triangles)
         self.vertex_stride = _rounded(self.vertices)
         self.triangle_stride = _rounded(self.triangles)
-        self.positions = runtime.array(_planar(scene.positions))
-        self.uvs = runtime.array(_planar(scene.uvs))
-        self.corners = runtime.array(_planar(scene.triangles))
+        self.positions = runtime.array(planar(scene.positions))
+        self.uvs = runtime.array(planar(scene.uvs))
+        self.corners = runtime.array(planar(scene.triangles))
         # What is read for one triangle at a time lies together.
         none, (u, v) = np.zeros(self.vertices, np.float32), scene.uvs.T
         parts = [scene.positions, none, scene.normals, u, scene.colors, v]
         self.shading = runtime.array(np.column_stack(parts))
         self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
-        self.boxes, self.few_boxes = map(runtime.array, _boxes(scene, (BOXED, START_FEW)))
+        boxes, few = triangle_boxes(scene.positions, scene.triangles, (BOXED, START_FEW))
+        self.boxes, self.few_boxes = runtime.array(boxes), runtime.array(few)
+        extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
+        self.spread = float(np.linalg.norm(few[:, 3:], axis=1).mean()) / extent
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]
@@ -66,9 +71,8 @@ class DeviceScene:
         self.through = runtime.array(
             np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32)
         )
-        cut = np.array([m.has_holes for m in scene.materials])
-        ids = scene.material_ids
-        self.cutouts = runtime.array(np.where(cut[ids], ids, -1).astype(np.int32))
+        cutouts = cutouts_of(scene)
+        self.cutouts = runtime.array(cutouts)
         table, texels = _mip_mapped(scene.textures)
         self.textures = runtime.array(table)
         self.texels = runtime.array(texels.view("<i4"))
@@ -78,7 +82,7 @@ class DeviceScene:
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(m.emits for m in used)
         self.glossy = any(m.is_glossy for m in used)
-        self.has_cutouts = bool(cut[ids].any())
+        self.has_cutouts = bool((cutouts >= 0).any())
 
 
 SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
@@ -90,9 +94,17 @@ _LINEAR_TO_SRGB = np.searchsorted(
 ).astype(np.uint8)
 
 
-def _boxes(scene: Scene, counts: Iterable[int]) -> list[NDArray[np.float32]]:
+def cutouts_of(scene: Scene) -> NDArray[np.int32]:
+    """Return the material of each triangle with holes, -1 for others."""
+    cut = np.array([m.has_holes for m in scene.materials])
+    return np.where(cut[scene.material_ids], scene.material_ids, -1).astype(np.int32)
+
+
+def triangle_boxes(
+    positions: NDArray[np.float32], triangles: NDArray[np.int32], counts: Iterable[int]
+) -> list[NDArray[np.float32]]:
     """Return middle and half size of a box round each run of so many triangles, [runs, 6] each."""
-    first, second, third = (scene.positions[corner] for corner in scene.triangles.T)
+    first, second, third = (positions[corner] for corner in triangles.T)
     low = np.minimum(np.minimum(first, second), third)
     high = np.maximum(np.maximum(first, second), third)
     found = []
@@ -108,7 +120,7 @@ def _rounded(count: int) -> int:
     return (count + 15) // 16 * 16
 
 
-def _planar(rows: NDArray[Any]) -> NDArray[Any]:
+def planar(rows: NDArray[Any]) -> NDArray[Any]:
     """Return [components, rounded count] of [count, components], the rest 0."""
     planar: NDArray[Any] = np.zeros((rows.shape[1], _rounded(len(rows))), rows.dtype)
     planar[:, : len(rows)] = rows.T

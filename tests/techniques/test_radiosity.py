@@ -18,12 +18,14 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer, rsm
+from ssgi_cl.rasterize.device_scene import cutouts_of
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.reference.radiosity import form_factors, radiosity_reference
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
+from ssgi_cl.techniques.indirect.start_triangles import SPREAD, StartTriangles
 from ssgi_cl.techniques.indirect.surfels import TriangleShares, scene_surfels
 from ssgi_cl.techniques.indirect.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.indirect.vpl_choice import on_device_rsms
@@ -449,18 +451,47 @@ def test_bad_parameters_are_named(params: dict[str, Any], message: str) -> None:
         RadiosityParams(**params)
 
 
+def test_triangles_in_another_order_keep_their_corners_and_holes(runtime: Runtime) -> None:
+    made = make_scene("terrace").scene
+    order = np.random.default_rng(2).permutation(len(made.triangles))
+    holes = np.array([m.has_holes for m in made.materials])
+    materials = tuple(
+        replace(m, texture=0, alpha_cutoff=0.5) if i % 2 else m
+        for i, m in enumerate(made.materials)
+    )
+    texture = np.full((1, 1, 4), 255, np.uint8)
+    scene = replace(
+        made, triangles=made.triangles[order], material_ids=made.material_ids[order],
+        materials=materials, textures=made.textures or (texture,),
+    )
+    assert not holes.all()
+    near = StartTriangles.of(runtime, scene, device_scene(scene, runtime))
+    count = len(scene.triangles)
+    corners = near.corners.download().reshape(3, -1)[:, :count].T
+    cutouts = near.cutouts.download()
+    assert (corners != scene.triangles).any(), "they were put in order"
+    found, expected = (
+        {(*map(int, corner), int(hole)) for corner, hole in zip(*pair, strict=True)}
+        for pair in ((corners, cutouts), (scene.triangles, cutouts_of(scene)))
+    )
+    assert found == expected
+    assert len({hole for *_, hole in found}) > 1
+
+
 def test_starts_do_not_depend_on_the_order_of_triangles(runtime: Runtime) -> None:
-    """In their own order most lie in boxes that a surfel is not near; shuffled, in none."""
+    """In their own order most lie in boxes that a surfel is not near; shuffled, they are put in
+    order first."""
     made = make_scene("workshop").scene
     order = np.random.default_rng(2).permutation(len(made.triangles))
     shuffled = replace(
         made, triangles=made.triangles[order], material_ids=made.material_ids[order]
     )
+    assert device_scene(made, runtime).spread < SPREAD < device_scene(shuffled, runtime).spread
     device = DeviceSurfels(runtime, 128)
-    device.enter(made)
     surfels = scene_surfels(made, 2048, TriangleShares.of(made))
     found = []
     for scene in (made, shuffled):
+        device.enter(scene)
         device._upload(surfels)
         found.append(device._find_starts(surfels, device_scene(scene, runtime)))
     np.testing.assert_array_equal(*found)

@@ -20,6 +20,7 @@ from ssgi_cl.techniques.indirect.many_lights import traced_lights
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 from ssgi_cl.techniques.indirect.sky_directions import sky_directions
+from ssgi_cl.techniques.indirect.start_triangles import StartTriangles
 from ssgi_cl.techniques.indirect.surfels import Surfels, TriangleShares, scene_surfels
 
 Floats = NDArray[np.float32]
@@ -92,6 +93,7 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid, occupancy = device_scene(scene, self.runtime), self._occupancy
         occupancy.fill_scene(solid, self.camera.view, self.unit, half)
+        self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
         seeing, starts = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
@@ -192,7 +194,7 @@ class DeviceSurfels:
     def _find_starts(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
         """Return above which part the rays of surfels start, or -1; the device has where, then."""
         runtime, occupancy, shift, count = self.runtime, self._occupancy, self._shift, len(surfels)
-        stride = self._stride
+        stride, near = self._stride, self._near
         parts = np.zeros((6, PARTS * stride), np.float32)
         parts[:3, : PARTS * count] = ((surfels.part_position + shift) / self.unit).T
         parts[3:, : PARTS * count] = surfels.part_normal.T
@@ -204,8 +206,8 @@ class DeviceSurfels:
         }
         self._start.run(
             "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.variant.lanes),
-            parts=runtime.array(parts), corners=solid.corners, positions=solid.positions,
-            boxes=solid.boxes, few=solid.few_boxes, cutouts=solid.cutouts, occupancy=occupancy.grid,
+            parts=runtime.array(parts), corners=near.corners, positions=solid.positions,
+            boxes=near.boxes, few=near.few, cutouts=near.cutouts, occupancy=occupancy.grid,
             grid_box=occupancy.box,
             surfels=self._rows, part=chosen, params=START.pack(values),
         )

@@ -56,7 +56,7 @@ class DeviceScene:
         boxes, few = triangle_boxes(scene.positions, scene.triangles, (BOXED, START_FEW))
         self.boxes, self.few_boxes = runtime.array(boxes), runtime.array(few)
         extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
-        self.spread = float(np.linalg.norm(few[:, 3:], axis=1).mean()) / extent
+        self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]

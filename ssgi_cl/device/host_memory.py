@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from time import monotonic
 
 SHARE = 7 / 8
 """Of all memory, what a device that shares it may have."""
@@ -14,6 +15,9 @@ HEADROOM = 1 / 16
 """Of all memory, what is left to the system by each allocation."""
 SMALL = 1 << 20
 """Bytes below which an allocation is not worth looking."""
+PLENTY = 1 << 30
+"""Bytes to spare, beyond which `FRESH` seconds may pass until the next look."""
+FRESH = 0.1
 
 _PAGE = resource.getpagesize()
 _UNLIMITED = 1 << 60  # control groups write numbers near 2^63 for none
@@ -27,11 +31,32 @@ def share() -> int:
 def spare(size: int = SMALL) -> int:
     """Return how many bytes the process can take now and leave the system its headroom.
 
-    For a `size` that is small the answer is not looked up: it is `size`.
+    For a `size` that is small the answer is not looked up: it is `size`. Shortly after a look that
+    found plenty it is that less the sizes that were asked for since.
     """
     if size < SMALL:
         return size
-    return min(_available()) - int(HEADROOM * _total())
+    now = monotonic()
+    if now > _look.until or _look.spare - size < PLENTY:
+        _look.spare = min(_available()) - int(HEADROOM * _total())
+        _look.until = now + FRESH
+    _look.spare -= size
+    return _look.spare + size
+
+
+class _Look:
+    """The latest look.
+
+    Attributes:
+        spare: bytes that the process could take then, less what was asked for since.
+        until: when it is out of date.
+    """
+
+    spare = 0
+    until = 0.0
+
+
+_look = _Look()
 
 
 def _total() -> int:

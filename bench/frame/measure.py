@@ -33,6 +33,10 @@ STEP = 1e-3
 """Way of the camera between frames, in distances from eye to target."""
 
 
+FIRSTS = 3
+"""Frames with nothing kept, each after all that was kept is let go."""
+
+
 @dataclass(frozen=True, eq=False)
 class Row:
     """A way to make frames, measured.
@@ -40,7 +44,7 @@ class Row:
     Attributes:
         name: of the mode, or "path N" and "path N + OIDN" with N samples a pixel.
         own: whether it is this library's.
-        first_ms: wall time of a frame with nothing kept but compiled programs.
+        first_ms: median wall time of `FIRSTS` frames with nothing kept but compiled programs.
         kept_ms: median of frames while scene and lights stay and the camera moves.
         error: of the frame from the view's own camera.
         radiance: that frame, [rows, columns, 3].
@@ -181,10 +185,13 @@ def _row(
 
     for step in range(2):  # compiles
         timed(step)
-    maker.forget()
-    first, image = timed(0)
+    firsts = []
+    for _ in range(FIRSTS):
+        maker.forget()
+        first, image = timed(0)
+        firsts.append(first)
     kept = statistics.median(timed(step)[0] for step in range(1, frames + 1))
-    return Row(name, own, first, kept, frame_error(image, expected), image)
+    return Row(name, own, statistics.median(firsts), kept, frame_error(image, expected), image)
 
 
 def _moved(view: BuiltinScene, step: int) -> BuiltinScene:

@@ -467,8 +467,14 @@ def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
 
 
 def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> None:
-    few, _ = measured(runtime, Ssao, {"samples": 4, "blur_radius": 0})
-    many, _ = measured(runtime, Ssao, {"samples": 64, "blur_radius": 0})
+    # What else the machine does only slows both down, so the least of several turns is its own.
+    few, many = (
+        min(
+            (measured(runtime, Ssao, {"samples": samples, "blur_radius": 0})[0] for _ in range(3)),
+            key=lambda speed: speed.pixel_ns,
+        )
+        for samples in (4, 64)
+    )
     assert 0.0 <= few.call_ms < 50.0
     # 16 times the samples; measured 12 times. Half of that leaves room for a busy machine.
     assert many.pixel_ns > 6.0 * few.pixel_ns > 0.0

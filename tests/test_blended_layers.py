@@ -139,6 +139,16 @@ def test_the_opacity_of_a_texture_is_that_of_its_texels(runtime: Runtime) -> Non
     np.testing.assert_allclose(layer["through"], through[..., None].repeat(3, -1), atol=1e-6)
 
 
+def test_what_blends_may_be_of_glass_too(runtime: Runtime) -> None:
+    camera = camera_of("perspective")
+    half = glass(0.6, alpha=0.25, blends=True, alpha_cutoff=0.5)
+    (layer,) = layers_of(runtime, squares((0, 1, 1, half)), camera)
+    there = np.isfinite(layer["depth"])
+    np.testing.assert_allclose(layer["opacity"][there], 0.25, rtol=1e-6)
+    expected = [[0.75 + 0.25 * share for share in (0.6, 0.5, 0.25)]] * there.sum()
+    np.testing.assert_allclose(layer["through"][there], expected, rtol=1e-6)
+
+
 def test_texels_that_show_nothing_make_no_layer(runtime: Runtime) -> None:
     texture = np.full((1, 1, 4), 255, np.uint8)
     texture[..., 3] = 0
@@ -146,9 +156,10 @@ def test_texels_that_show_nothing_make_no_layer(runtime: Runtime) -> None:
     assert layers_of(runtime, squares((0, 1, 1, clear), textures=(texture,)), camera_of("")) == []
 
 
-def test_a_surface_on_a_wall_is_in_front_of_it(runtime: Runtime) -> None:
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_a_surface_on_a_wall_is_in_front_of_it(runtime: Runtime, kind: str) -> None:
     scene = squares((0, 0.0, 1.2, WALL), (0, 0.0, 0.8, glass(0.5)))
-    camera = camera_of("perspective")
+    camera = camera_of(kind)
     (layer,) = layers_of(runtime, scene, camera)
     np.testing.assert_array_equal(np.isfinite(layer["depth"]), covered(camera, 0.0, 0.8))
 

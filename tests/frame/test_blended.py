@@ -145,6 +145,16 @@ def test_without_anything_solid_the_sky_is_behind(runtime: Runtime, mode: str) -
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_the_sky_lights_layers_in_every_mode(runtime: Runtime, mode: str) -> None:
+    # A pane that nothing hides gets pi L of it.
+    camera = ahead()
+    pane = (0.0, 1.0, 0.5, Material(albedo=(0.5, 0.4, 0.2), alpha=0.999, blends=True))
+    found = radiance(runtime, squares(pane), camera, [gi.Environment(SKY)], **MODES[mode])
+    # Directions of the preset "low" sum to .94 pi.
+    np.testing.assert_allclose(found[23, 30], np.array(SKY) * (0.5, 0.4, 0.2), rtol=0.08)
+
+
 def test_what_is_behind_a_wall_changes_nothing(runtime: Runtime) -> None:
     camera, lights = ahead(), [gi.Environment(SKY), gi.PointLight((1.0, 1.0, 4.0), 20.0)]
     wall = (0.0, 0.0, 1.5, Material())

@@ -239,6 +239,27 @@ def test_a_glossy_wall_alone_reflects_sun_and_sky(
     np.testing.assert_allclose(found, expected, rtol=0.01)
 
 
+def test_what_is_not_seen_hides_the_sky_where_nothing_else_shines(runtime: Runtime) -> None:
+    # A mirror before a black wall that stands behind the camera, and sends nothing.
+    corners = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    points = np.concatenate([corners, corners * 4 + np.float32([0, 0, 8])])
+    room = Scene(
+        positions=points, normals=np.zeros_like(points), uvs=points[:, :2].copy(),
+        colors=np.ones_like(points), material_ids=np.int32([0, 0, 1, 1]),
+        triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
+        materials=(
+            Material(albedo=(0.0,) * 3, specular=(0.5,) * 3, gloss=1e5),
+            Material(albedo=(0.0,) * 3),
+        ),
+    )
+    camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
+    found = radiance(room, camera, [gi.Environment(SKY.radiance)], runtime, ao=False)
+    assert found[23, 30].max() < 0.05 * max(SKY.radiance), "the wall is black"
+    alone = replace(room, triangles=room.triangles[:2], material_ids=room.material_ids[:2])
+    found = radiance(alone, camera, [gi.Environment(SKY.radiance)], runtime, ao=False)
+    np.testing.assert_allclose(found[23, 30], 0.5 * np.asarray(SKY.radiance), rtol=0.01)
+
+
 def test_glossy_scenes_out_of_sight_leave_the_sky(runtime: Runtime) -> None:
     built = make_scene("cornell_box")
     scene = polished(built.scene)

@@ -16,9 +16,11 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.reference.occupancy_grid import OccupancyGridReference
+from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, voxelized
 from ssgi_cl.reference.vpl_splat import receivers
+from ssgi_cl.techniques.indirect.air import Air
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 
 from ..closed_forms import Quad, quads
@@ -246,3 +248,28 @@ def test_scene_of_another_type_is_refused(runtime: Runtime) -> None:
     with pytest.raises(TypeError, match=r"scene is int: expected a Scene"):
         vpl_splat(gbuffer, [], scene=3, interleave=True, visibility=True,
             runtime=runtime)  # type: ignore[arg-type]
+
+
+def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> None:
+    """Most lie between all columns of cells along an axis, and are left out early."""
+    rng = np.random.default_rng(4)
+    middle = rng.uniform(-0.9, 0.9, (4000, 1, 3))
+    corners = (middle + rng.normal(0.0, 0.03, (4000, 3, 3))).astype(np.float32)
+    points = corners.reshape(-1, 3)
+    scene = Scene(
+        positions=points, normals=np.zeros_like(points), uvs=np.zeros((len(points), 2), np.float32),
+        colors=np.ones_like(points), triangles=np.arange(12000, dtype=np.int32).reshape(-1, 3),
+        material_ids=np.zeros(4000, np.int32),
+    )
+    grid = OccupancyGrid(runtime, 32, (1, 1))
+    grid.fill_scene(device_scene(scene, runtime), np.eye(4), 1.0, 1.0)
+    box = grid.box.download().astype(np.float64)
+    held = Air.of(grid.grid.download(), 32).numbers == 0
+    expected = np.zeros_like(held)
+    for triangle in (corners - box[:3]) * box[3]:
+        x, y, z = voxelized(triangle, 32).T
+        expected[z, y, x] = True
+    assert 0.02 < expected.mean() < 0.6
+    assert not (expected & ~held).any()
+    # Triangles are a thousandth of a cell wider than they are.
+    assert (held & ~expected).sum() < 0.01 * expected.sum()

@@ -271,5 +271,5 @@ def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> 
         expected[z, y, x] = True
     assert 0.02 < expected.mean() < 0.6
     assert not (expected & ~held).any()
-    # Triangles are a thousandth of a cell wider than they are.
-    assert (held & ~expected).sum() < 0.01 * expected.sum()
+    # Triangles of some .3 cells are .001 cells wider on all sides: 2 % larger.
+    assert (held & ~expected).sum() < 0.04 * expected.sum()

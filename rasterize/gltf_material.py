@@ -92,7 +92,9 @@ class GltfMaterials:
         image = None if laid is None else self._image(laid["index"])
         base = color[:3] if image is None else color[:3] * mean_color(image)
         lobe = self._lobe(source, base)
-        matt = lobe.matt * (1.0 - self._through(source))
+        through = self._through(source)
+        matt = lobe.matt * (1.0 - through)
+        red, green, blue = (lobe.matt * through * base).tolist()
         return GltfMaterial(
             material=Material(
                 name=str(source.get("name", "")),
@@ -103,7 +105,7 @@ class GltfMaterials:
                 alpha_cutoff=min(max(cutoff, 0.0), 1.0),
                 alpha=float(color[3]),
                 blends=mode == "BLEND" and lets_through(float(color[3]), image),
-                transmission=self._transmission(source, lobe.matt * base),
+                transmission=(red, green, blue),
                 emission=self._emission(source, index),
             ),
             uv_set=uv_set,
@@ -138,13 +140,6 @@ class GltfMaterials:
         if laid is not None:
             factor *= float(self._image(laid["index"])[..., 0].mean()) / 255.0
         return min(max(factor, 0.0), 1.0)
-
-    def _transmission(
-        self, source: Json, base: NDArray[np.float64]
-    ) -> tuple[float, float, float]:
-        """Return what passes of light, with the base colour as a filter."""
-        red, green, blue = (self._through(source) * base).tolist()
-        return red, green, blue
 
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""

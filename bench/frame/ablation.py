@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import truth
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
@@ -67,8 +68,9 @@ def ablation(
     """
     told = reference(view, size, paths, progress)
     expected = told.mean.astype(np.float64)
-    glossy = _glossy(view, size, runtime)
-    true = _apart(_true_terms(view, size, runtime, paths, progress), glossy)
+    seen = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime)
+    glossy = _glossy(seen)
+    true = _apart(_true_terms(view, size, seen, paths, progress), glossy)
     ours = _apart(_own_terms(view, size, runtime, mode), glossy)
     frame = sum(ours.values(), np.zeros_like(expected))
     light = float(expected.mean()) or 1.0
@@ -93,12 +95,11 @@ def _errors(image: NDArray[np.float64], expected: NDArray[np.float64]) -> FrameE
     return frame_error(image.astype(np.float32), expected.astype(np.float32))
 
 
-def _glossy(view: BuiltinScene, size: Size, runtime: Runtime) -> NDArray[np.bool_]:
+def _glossy(seen: GBuffer) -> NDArray[np.bool_]:
     """Return where glossy surfaces are seen, [rows, columns, 1]."""
-    specular = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime).specular
-    if specular is None:
-        return np.zeros((*size, 1), np.bool_)
-    found: NDArray[np.bool_] = np.any(np.asarray(specular) > 0.0, axis=-1, keepdims=True)
+    if seen.specular is None:
+        return np.zeros((*seen.size, 1), np.bool_)
+    found: NDArray[np.bool_] = np.any(np.asarray(seen.specular) > 0.0, axis=-1, keepdims=True)
     return found
 
 
@@ -127,7 +128,7 @@ def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
 
 
 def _true_terms(
-    view: BuiltinScene, size: Size, runtime: Runtime, paths: int, progress: Progress
+    view: BuiltinScene, size: Size, seen: GBuffer, paths: int, progress: Progress
 ) -> Terms:
     camera = view.camera(size[1], size[0])
 
@@ -142,8 +143,8 @@ def _true_terms(
     direct = {term: made(*part, 0) for term, part in parts.items() if term != EMISSION}
     if EMISSION in parts:
         # What is seen of it; what it lights is a bounce, as in frames.
-        seen = gbuffer(view.scene, camera, runtime=runtime).emission
-        direct[EMISSION] = np.zeros((*size, 3)) if seen is None else np.asarray(seen, np.float64)
+        emission = np.zeros((*size, 3)) if seen.emission is None else seen.emission
+        direct[EMISSION] = np.asarray(emission, np.float64)
     once, every = (made(view.scene, view.lights, bounces) for bounces in (1, "all"))
     straight = sum(direct.values(), np.zeros_like(every))
     box = reference(view, size, paths, progress).mean.astype(np.float64)

@@ -53,7 +53,7 @@ class Lobes:
         """Queue the passes; see `Reflections.run`. `light` is what `needs` returned, filled."""
         gather, volume = self._gather, self._radiosity.volume
         assert gather.occupancy is not None  # noqa: S101  `needs` saw to it
-        assert volume is not None  # noqa: S101  likewise
+        assert volume is not None  # noqa: S101  radiosity ran before
         if self._reflections is None:
             self._reflections = Reflections(self.runtime, self._size)
         self._reflections.run(

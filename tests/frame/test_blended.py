@@ -18,6 +18,8 @@ from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.reference.blended import blended_reference
 
+from ..squares import squares
+
 SIZE = (23, 37)
 
 
@@ -74,21 +76,6 @@ MODES: dict[str, dict[str, Any]] = {
     "whole": {"preset": "low"}, "direct": {"bounces": 0}, "ssdo": {"indirect": "ssdo"},
     "multires": {"indirect": "multires"},
 }
-
-
-def squares(*parts: tuple[float, float, float, Material]) -> Scene:
-    """Return squares across the z axis: middle along x, z, half the side, material."""
-    corners = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    points = np.concatenate([corners * s + np.float32([x, 0, z]) for x, z, s, _ in parts])
-    count = len(parts)
-    faces = [[4 * i + k for k in t] for i in range(count) for t in ((0, 1, 2), (0, 2, 3))]
-    return Scene(
-        positions=points, normals=np.tile(np.float32([0, 0, 1]), (4 * count, 1)),
-        uvs=np.zeros((4 * count, 2), np.float32), colors=np.ones_like(points),
-        triangles=np.asarray(faces, np.int32),
-        material_ids=np.repeat(np.arange(count, dtype=np.int32), 2),
-        materials=tuple(part[3] for part in parts),
-    )
 
 
 def ahead(width: int = 61, height: int = 47) -> gi.Camera:

@@ -87,6 +87,31 @@ def closely(truth: Truth, expected: ArrayLike, expected_error: ArrayLike = 0.0) 
     assert (own < 0.03 * np.mean(expected)).all(), "the test would notice nothing"
 
 
+def mitsubas_own(
+    scene: Scene, lights: Sequence[Light], camera: Camera, samples: int, *, kind: str = "path",
+    **options: Any,
+) -> tuple[Floats, Floats]:
+    """Return the mean of four images by an integrator of Mitsuba's own, and its standard error."""
+    variant = mitsuba_scene.best_variant()
+    if variant == "scalar_rgb":
+        pytest.skip("too slow without LLVM 17 or later")
+    with mitsuba_scene.within(variant) as mi:
+        world = MitsubaScene.of(
+            scene, lights, variant, emission="emitters", lobes="surfaces", through="surfaces"
+        )
+        integrator = mi.load_dict({"type": kind, "max_depth": -1, **options})
+        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
+        images = [
+            np.array(
+                mi.render(
+                    world.scene, sensor=sensor, integrator=integrator, spp=samples, seed=seed
+                )
+            )
+            for seed in range(4)
+        ]
+    return np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0
+
+
 class Albedo(PathTracer):
     """The reflectance of what is seen, without the mip levels that the rasteriser takes it from."""
 
@@ -259,20 +284,7 @@ def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
     view = BUILTIN_SCENES[name]()
     camera = view.camera(40, 30)
     found = radiance(view.scene, camera, view.lights, 128, box_filter=True)
-    variant = mitsuba_scene.best_variant()
-    if variant == "scalar_rgb":
-        pytest.skip("too slow without LLVM 17 or later")
-    with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(
-            view.scene, view.lights, variant, emission="emitters", lobes="surfaces"
-        )
-        integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
-        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
-        images = [
-            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=64, seed=k))
-            for k in range(4)
-        ]
-    closely(found, np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0)
+    closely(found, *mitsubas_own(view.scene, view.lights, camera, 64, rr_depth=8))
 
 
 # ---- noise

@@ -12,10 +12,9 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.truth import mitsuba_scene, store
-from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.radiance import radiance
 
-from .test_radiance import BOX, FLOOR, closely, quads
+from .test_radiance import BOX, FLOOR, closely, mitsubas_own, quads
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
@@ -113,19 +112,8 @@ def test_mitsubas_own_integrator_finds_the_same() -> None:
     lights: list[Light] = [PointLight((0.6, 0.7, 0.6), 0.5)]
     camera = Camera.look_at((0.3, 0.6, 0.9), (0.6, 0.3, 0.1), width=24, height=16, yfov=1.2)
     found = radiance(scene, camera, lights, 1024, box_filter=True)
-    variant = mitsuba_scene.best_variant()
-    if variant == "scalar_rgb":
-        pytest.skip("too slow without LLVM 17 or later")
-    with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(scene, lights, variant, emission="emitters", through="surfaces")
-        # Its integrator `path` takes panes for opaque on the way from a light.
-        integrator = mi.load_dict({"type": "volpath", "max_depth": -1, "rr_depth": 32})
-        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
-        images = [
-            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=256, seed=k))
-            for k in range(4)
-        ]
-    closely(found, np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0)
+    # Its integrator `path` takes panes for opaque on the way from a light.
+    closely(found, *mitsubas_own(scene, lights, camera, 256, kind="volpath", rr_depth=32))
 
 
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,10 +13,9 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.truth import mitsuba_scene, store
-from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.radiance import radiance
 
-from .test_radiance import BOX, FLOOR, ROUNDING, above, closely, quads
+from .test_radiance import BOX, FLOOR, ROUNDING, above, closely, mitsubas_own, quads
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
@@ -113,18 +112,7 @@ def test_mitsubas_own_integrator_finds_the_same(open_to_a_sky: bool) -> None:
         scene, lights = sides, [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
     camera = Camera.look_at((0.3, 0.6, 0.8), (0.7, 0.2, 0.1), width=24, height=16, yfov=1.2)
     found = radiance(scene, camera, lights, 512, box_filter=True)
-    variant = mitsuba_scene.best_variant()
-    if variant == "scalar_rgb":
-        pytest.skip("too slow without LLVM 17 or later")
-    with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(scene, lights, variant, emission="emitters", lobes="surfaces")
-        integrator = mi.load_dict({"type": "path", "max_depth": -1, "rr_depth": 8})
-        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
-        images = [
-            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=128, seed=k))
-            for k in range(4)
-        ]
-    closely(found, np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0)
+    closely(found, *mitsubas_own(scene, lights, camera, 128, rr_depth=8))
 
 
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ PARALLEL ?= --numprocesses 2 --dist loadfile
 MESHES ?=
 FIGURES ?=
 
-.PHONY: help setup system demo test test-all mutate torture lint figures figures-render figures-agreement clean
+.PHONY: help setup system demo test test-all mutate torture lint format figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; two beside a path tracer"
@@ -22,6 +22,7 @@ help:
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
 	@echo "make torture                threads, interrupts, kills, limits and hostile input, from a seed"
 	@echo "make lint                   check style and types, and kernels with clang"
+	@echo "make format                 format Python and OpenCL C"
 	@echo "make figures [MESHES=dir]   record every figure of README and docs on this machine, from a clean revision"
 	@echo "make figures-render         make README and docs from the recorded figures"
 	@echo "make figures-agreement      docs/agreement.md: all drivers held to each other, slow"
@@ -84,6 +85,8 @@ torture: setup
 # mypy and import-linter do not follow an editable installation into folders of other names.
 lint: setup
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check --quiet .
+	git ls-files 'kernels/*.cl' 'kernels/*.clh' | xargs $(BIN)/clang-format --dry-run --Werror
 	@rm -rf build/types && mkdir -p build/types/ssgi_cl
 	@ln -s $(CURDIR)/ssgi_cl/* $(CURDIR)/bench $(CURDIR)/rasterize build/types/ssgi_cl/
 	cd build/types && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml
@@ -99,6 +102,10 @@ figures-render: setup
 
 figures-agreement: setup
 	$(BIN)/python -m ssgi_cl.bench.agreement
+
+format: setup
+	$(BIN)/ruff format .
+	git ls-files 'kernels/*.cl' 'kernels/*.clh' | xargs $(BIN)/clang-format -i
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info

@@ -68,8 +68,15 @@ class Run:
         there for those that follow.
         """
         command = [
-            sys.executable, "-m", "ssgi_cl.bench.agreement", "--limit", str(limit),
-            "--worker", str(folder), str(self.variant.lanes), self.variant.storage,
+            sys.executable,
+            "-m",
+            "ssgi_cl.bench.agreement",
+            "--limit",
+            str(limit),
+            "--worker",
+            str(folder),
+            str(self.variant.lanes),
+            self.variant.storage,
         ]
         environment = {**os.environ, **QUICK, "SSGI_CL_DEVICE": self.device}
         environment |= SINGLE if self.single else {}
@@ -167,8 +174,11 @@ def runs(infos: Sequence[DeviceInfo]) -> list[Run]:
         if made:
             made.append(Run(f"{short}, {info.best}", info.label, info.best))
             continue
-        variants = [variant for variant in drivers.KERNEL_VARIANTS
-                 if isinstance(info.speeds.get(str(variant)), float) and variant != info.best]
+        variants = [
+            variant
+            for variant in drivers.KERNEL_VARIANTS
+            if isinstance(info.speeds.get(str(variant)), float) and variant != info.best
+        ]
         made = [
             Run(f"{short}, {info.best}", info.label, info.best),
             Run("again, one thread", info.label, info.best, single=True),
@@ -190,7 +200,7 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
         "over the mean of absolute values, or says that all bits are the same. Runs and variants "
         "on one device have to be the same; other devices may differ by a mean of at most "
         f"{TOLERANCE:g}, since roundings decide which texel a tap falls on and which sector is "
-        f"covered. **Bold** is beyond that; \"{NOT_IN_TIME}\" is what takes more than the time "
+        f'covered. **Bold** is beyond that; "{NOT_IN_TIME}" is what takes more than the time '
         "given, nearly all of it to compile.",
         "",
         "| technique | " + " | ".join(run.title for run, _ in others) + " |",
@@ -208,16 +218,25 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
 
 
 @click.command()
-@click.option("--output", default="docs/agreement.md", show_default=True,
-              type=click.Path(dir_okay=False, path_type=Path), help="The page.")
-@click.option("--device", "devices", metavar="WORDS", multiple=True,
-              help="Words of a device's label, several times; all by default, the fastest first.")
-@click.option("--limit", default=120.0, show_default=True,
-              help="Of each technique in each run, seconds of processor time.")
+@click.option(
+    "--output",
+    default="docs/agreement.md",
+    show_default=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="The page.",
+)
+@click.option(
+    "--device",
+    "devices",
+    metavar="WORDS",
+    multiple=True,
+    help="Words of a device's label, several times; all by default, the fastest first.",
+)
+@click.option(
+    "--limit", default=120.0, show_default=True, help="Of each technique in each run, seconds of processor time."
+)
 @click.option("--worker", type=(click.Path(path_type=Path), int, str), default=None, hidden=True)
-def main(
-    output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Path, int, str] | None
-) -> None:
+def main(output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Path, int, str] | None) -> None:
     """Run every technique on every device, compare and write a table.
 
     Drivers that are not installed for all can be named by OCL_ICD_VENDORS, a folder of .icd files.
@@ -225,9 +244,7 @@ def main(
     if worker is not None:
         work(*worker, limit)
         return
-    infos = [drivers.choose(words) for words in devices] or sorted(
-        drivers.devices(), key=lambda info: -info.speed
-    )
+    infos = [drivers.choose(words) for words in devices] or sorted(drivers.devices(), key=lambda info: -info.speed)
     columns: list[tuple[Run, Results]] = []
     with tempfile.TemporaryDirectory() as folder:
         for run in runs(infos):

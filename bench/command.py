@@ -37,23 +37,49 @@ SIZE = "800x600"
 
 _patterns = click.argument("patterns", nargs=-1, metavar="[CASE...]")
 _scenes = click.option(
-    "--scene", "scenes", multiple=True, metavar="NAME|FILE", default=REPORTED, show_default=True,
+    "--scene",
+    "scenes",
+    multiple=True,
+    metavar="NAME|FILE",
+    default=REPORTED,
+    show_default=True,
     help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
     "--camera`) and ao_radius; several times.",
 )
 _sizes = click.option(
-    "--size", "sizes", multiple=True, type=PixelSize(), default=(SIZE,), show_default=True,
+    "--size",
+    "sizes",
+    multiple=True,
+    type=PixelSize(),
+    default=(SIZE,),
+    show_default=True,
     help="Of the image in pixels; several times.",
 )
-_rays = click.option("--truth-rays", default=512, show_default=True,
-                     type=click.IntRange(2, 1 << 20), help="Rays per pixel of true occlusion.")
-_paths = click.option("--truth-paths", default=256, show_default=True,
-                      type=click.IntRange(2, 1 << 20), help="Paths per pixel of true light.")
-_points = click.option("--truth-points", default=512, show_default=True,
-                       type=click.IntRange(2, 1 << 20), help="Points per pixel of what a "
-                       "screen-space technique converges to.")
+_rays = click.option(
+    "--truth-rays",
+    default=512,
+    show_default=True,
+    type=click.IntRange(2, 1 << 20),
+    help="Rays per pixel of true occlusion.",
+)
+_paths = click.option(
+    "--truth-paths",
+    default=256,
+    show_default=True,
+    type=click.IntRange(2, 1 << 20),
+    help="Paths per pixel of true light.",
+)
+_points = click.option(
+    "--truth-points",
+    default=512,
+    show_default=True,
+    type=click.IntRange(2, 1 << 20),
+    help="Points per pixel of what a screen-space technique converges to.",
+)
 _attenuation = click.option(
-    "--attenuation", default="none", show_default=True,
+    "--attenuation",
+    default="none",
+    show_default=True,
     type=click.Choice(["none", "linear", "quadratic", "exponential"]),
     help="How true occlusion fades with distance.",
 )
@@ -82,8 +108,13 @@ class _BenchCommand(click.Command):
 @device_option
 @click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
 @click.option("--storage", type=click.Choice(["buffer", "image"]), help="Force what kernels read.")
-@click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 600.0),
-              help="How long each case is repeated.")
+@click.option(
+    "--seconds",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0.01, 600.0),
+    help="How long each case is repeated.",
+)
 @click.option("--no-errors", is_flag=True, help="Measure times only.")
 @own_option
 @_rays
@@ -92,18 +123,36 @@ class _BenchCommand(click.Command):
 @_attenuation
 @output_option
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report, .html.")
-@click.option("--markdown", type=click.Path(path_type=Path),
-              help="Write a summary, .md, with plots and pictures beside it.")
+@click.option(
+    "--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, with plots and pictures beside it."
+)
 @click.option("--list", "only_list", is_flag=True, help="List the cases and measure nothing.")
-@click.option("--compare", "compared", nargs=2, type=click.Path(path_type=Path),
-              metavar="BEFORE.json AFTER.json", help="Tell what got slower or worse beyond noise; "
-              "exit status 1 if anything did.")
+@click.option(
+    "--compare",
+    "compared",
+    nargs=2,
+    type=click.Path(path_type=Path),
+    metavar="BEFORE.json AFTER.json",
+    help="Tell what got slower or worse beyond noise; exit status 1 if anything did.",
+)
 @json_option
 def bench_command(
-    patterns: tuple[str, ...], scenes: tuple[str, ...], meshes: Path | None,
-    sizes: tuple[Size, ...], device: str | None, lanes: int | None, storage: str | None,
-    seconds: float, no_errors: bool, own: bool, output: Path | None, html: Path | None,
-    markdown: Path | None, only_list: bool, compared: tuple[Path, Path] | None, as_json: bool,
+    patterns: tuple[str, ...],
+    scenes: tuple[str, ...],
+    meshes: Path | None,
+    sizes: tuple[Size, ...],
+    device: str | None,
+    lanes: int | None,
+    storage: str | None,
+    seconds: float,
+    no_errors: bool,
+    own: bool,
+    output: Path | None,
+    html: Path | None,
+    markdown: Path | None,
+    only_list: bool,
+    compared: tuple[Path, Path] | None,
+    as_json: bool,
     **truths: Any,
 ) -> None:
     """Measure run time against error.
@@ -130,8 +179,14 @@ def bench_command(
         settings = _truth_settings(truths)
         with progress_bar() as step:
             found = suite.measure(
-                cases, views, runtime, truths=settings, seconds=seconds, errors=not no_errors,
-                families=families, report=step,
+                cases,
+                views,
+                runtime,
+                truths=settings,
+                seconds=seconds,
+                errors=not no_errors,
+                families=families,
+                report=step,
             )
         front.mark(found.results)
         doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
@@ -169,9 +224,16 @@ def bench_command(
 @click.option("--clear", is_flag=True, help="Delete what is kept.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def truth_command(
-    patterns: tuple[str, ...], scenes: tuple[str, ...], meshes: Path | None,
-    sizes: tuple[Size, ...], device: str | None, rebuild: bool, only_list: bool, clear: bool,
-    as_json: bool, **truths: Any,
+    patterns: tuple[str, ...],
+    scenes: tuple[str, ...],
+    meshes: Path | None,
+    sizes: tuple[Size, ...],
+    device: str | None,
+    rebuild: bool,
+    only_list: bool,
+    clear: bool,
+    as_json: bool,
+    **truths: Any,
 ) -> None:
     """Make the truths that the benchmark's cases are held to, and keep them.
 
@@ -188,8 +250,7 @@ def truth_command(
             settings = _truth_settings(truths, rebuild=rebuild)
             with progress_bar() as step:
                 wrong = suite.make_truths(
-                    suite.select(patterns, list(views), sizes), views, runtime, settings,
-                    report=step,
+                    suite.select(patterns, list(views), sizes), views, runtime, settings, report=step
                 )
         else:
             wrong = []
@@ -203,10 +264,15 @@ def truth_command(
 def _list_truths(as_json: bool) -> None:
     entries = store.stored()
     if as_json:
-        click.echo(json.dumps([
-            {"file": str(entry.path), "bytes": entry.bytes, "description": entry.description}
-            for entry in entries
-        ], indent=1))
+        click.echo(
+            json.dumps(
+                [
+                    {"file": str(entry.path), "bytes": entry.bytes, "description": entry.description}
+                    for entry in entries
+                ],
+                indent=1,
+            )
+        )
         return
     for entry in entries:
         click.echo(f"{entry.path.name}  {entry.bytes / 2**20:.1f} MiB  {_size_text(entry)}")
@@ -223,8 +289,11 @@ def _size_text(entry: store.Stored) -> str:
 
 def _truth_settings(options: dict[str, Any], *, rebuild: bool = False) -> TruthSettings:
     return TruthSettings(
-        rays=options["truth_rays"], paths=options["truth_paths"], points=options["truth_points"],
-        attenuation=options["attenuation"], rebuild=rebuild,
+        rays=options["truth_rays"],
+        paths=options["truth_paths"],
+        points=options["truth_points"],
+        attenuation=options["attenuation"],
+        rebuild=rebuild,
     )
 
 

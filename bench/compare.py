@@ -78,9 +78,7 @@ def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> Comparison:
     new = {result["name"]: result for result in after["results"]}
     common = [name for name in old if name in new]
     if not common:
-        raise ValueError(
-            f"no case is in both, of {len(old)} before and {len(new)} after: nothing to compare"
-        )
+        raise ValueError(f"no case is in both, of {len(old)} before and {len(new)} after: nothing to compare")
     found = Comparison(compared=len(common), new=[name for name in new if name not in old])
     reasons = {entry["name"]: entry["reason"] for entry in after["skipped"]}
     for name in old:
@@ -122,19 +120,22 @@ def show(comparison: Comparison, console: Console) -> None:
     for heading in ("before", "after", "change"):
         table.add_column(heading, justify="right")
     for verdict, changes, style in (
-        ("slower", comparison.slower, "bold red"), ("worse", comparison.worse, "bold red"),
-        ("faster", comparison.faster, "green"), ("better", comparison.better, "green"),
+        ("slower", comparison.slower, "bold red"),
+        ("worse", comparison.worse, "bold red"),
+        ("faster", comparison.faster, "green"),
+        ("better", comparison.better, "green"),
     ):
         for change in changes:
             table.add_row(
-                f"[{style}]{verdict}[/]", escape(f"{change.name} ({change.what})"),
-                number(change.before), number(change.after), _relative(change),
+                f"[{style}]{verdict}[/]",
+                escape(f"{change.name} ({change.what})"),
+                number(change.before),
+                number(change.after),
+                _relative(change),
             )
     if table.row_count:
         console.print(table)
-    for heading, names in (
-        ("no longer there, so not judged", comparison.missing), ("new", comparison.new),
-    ):
+    for heading, names in (("no longer there, so not judged", comparison.missing), ("new", comparison.new)):
         for name in names:
             console.print(escape(f"{heading}: {name}"), highlight=False)
     console.print(
@@ -151,9 +152,7 @@ def _relative(change: Change) -> str:
     return f"{100.0 * (change.after / change.before - 1.0):+.1f} %"
 
 
-def _note_differences(
-    before: Mapping[str, Any], after: Mapping[str, Any], notes: list[str]
-) -> bool:
+def _note_differences(before: Mapping[str, Any], after: Mapping[str, Any], notes: list[str]) -> bool:
     """Say what differs between two runs; return whether their errors can be compared."""
     for name, what in (("label", "devices"), ("variant", "kernel variants")):
         one, two = before["device"][name], after["device"][name]
@@ -191,13 +190,9 @@ def _compare_errors(old: Mapping[str, Any], new: Mapping[str, Any], found: Compa
             continue
         if one is None or two is None:
             side = "before" if one is None else "after"
-            found.notes.append(
-                f"the error of {old['name']} ({truth}) is not compared: there is none {side}"
-            )
+            found.notes.append(f"the error of {old['name']} ({truth}) is not compared: there is none {side}")
             continue
-        errors = (
-            metric(old, truth, "truth_error") or 0.0, metric(new, truth, "truth_error") or 0.0,
-        )
+        errors = (metric(old, truth, "truth_error") or 0.0, metric(new, truth, "truth_error") or 0.0)
         noise = error_noise(one, errors, math.prod(new["size"]))
         if abs(two - one) > noise:
             change = Change(old["name"], f"RMSE, {truth}", one, two)

@@ -30,7 +30,8 @@ RADII = (0.5, 1.0, 2.0, 4.0)
 RADII_AT: Size = (600, 800)
 
 TECHNIQUES: Mapping[str, tuple[Any, type[SliceParams]]] = {
-    name: (each.technique, each.technique.defaults) for name, each in of_kind("ao").items()
+    name: (each.technique, each.technique.defaults)
+    for name, each in of_kind("ao").items()
     if issubclass(each.technique, SliceTechnique)
 }
 
@@ -109,15 +110,15 @@ def table(found: Sequence[Cost]) -> str:
 
 @click.command()
 @click.option("--scene", default="hall", show_default=True, metavar="NAME|FILE")
-@click.option("--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)),
-              help="Several times; all without.")
+@click.option(
+    "--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)), help="Several times; all without."
+)
 @device_option
-@click.option("--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 60.0),
-              help="How long each is repeated.")
+@click.option(
+    "--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 60.0), help="How long each is repeated."
+)
 @json_option
-def main(
-    scene: str, names: tuple[str, ...], device: str | None, seconds: float, as_json: bool
-) -> None:
+def main(scene: str, names: tuple[str, ...], device: str | None, seconds: float, as_json: bool) -> None:
     """Print what a pixel-sample costs, blur included: by size of the image, and by radius."""
     runtime = Runtime.open(device)
     try:

@@ -8,9 +8,7 @@ from importlib import import_module
 from typing import Any
 
 
-def declared(
-    package: str, attribute: str, order: Sequence[str] = (), *, prefix: str = ""
-) -> dict[str, Any]:
+def declared(package: str, attribute: str, order: Sequence[str] = (), *, prefix: str = "") -> dict[str, Any]:
     """Return a mapping that modules of a package declare, all parts of it joined.
 
     Args:

@@ -23,23 +23,42 @@ from ssgi_cl.truth.ray_ao import threads
 FORMAT = "ssgi-bench 2"
 
 PACKAGES = (
-    "numpy", "pyopencl", "pocl-binary-distribution", "embreex", "mitsuba", "flip-evaluator", "vtk",
-    "pyoidn", "pyrender",
+    "numpy",
+    "pyopencl",
+    "pocl-binary-distribution",
+    "embreex",
+    "mitsuba",
+    "flip-evaluator",
+    "vtk",
+    "pyoidn",
+    "pyrender",
 )
 """Distributions on which a time or an error may depend."""
 
 _SPREAD: dict[str, Any] = {"median": float, "low": float, "high": float}
 _RESULT: dict[str, Any] = {
-    "name": str, "family": str, "setting": str, "scene": str, "size": list, "quantity": str,
-    "wall_ms": _SPREAD, "ratio": _SPREAD, "unsteady": str, "errors": dict, "passes": list,
+    "name": str,
+    "family": str,
+    "setting": str,
+    "scene": str,
+    "size": list,
+    "quantity": str,
+    "wall_ms": _SPREAD,
+    "ratio": _SPREAD,
+    "unsteady": str,
+    "errors": dict,
+    "passes": list,
 }
 _DOCUMENT: dict[str, Any] = {
-    "created": str, "options": dict, "versions": dict,
+    "created": str,
+    "options": dict,
+    "versions": dict,
     "device": {"label": str, "variant": str},
     "machine": {"cpu": str, "threads": int, "system": str},
     "calibration": {"bandwidth_gb_s": float, "gathers_g_s": float, "multiply_adds_gflop_s": float},
     "reference": {"name": str, "ms": float},
-    "results": list, "skipped": list,
+    "results": list,
+    "skipped": list,
 }
 """Fields that must be there, and what they hold."""
 _NAMES = {str: "text", list: "a list", dict: "an object", int: "an integer"}
@@ -48,9 +67,7 @@ _NAMES = {str: "text", list: "a list", dict: "an object", int: "an integer"}
 def stamp(runtime: Runtime) -> dict[str, Any]:
     """Return the part of a document that says what was measured, when and on what."""
     revision, modified = _revision(Path(ssgi_cl.version.__file__))
-    versions: dict[str, str | None] = {
-        "ssgi_cl": ssgi_cl.version.__version__, "python": platform.python_version(),
-    }
+    versions: dict[str, str | None] = {"ssgi_cl": ssgi_cl.version.__version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:
             versions[package] = metadata.version(package)
@@ -63,7 +80,9 @@ def stamp(runtime: Runtime) -> dict[str, Any]:
         "revision": revision,
         "modified": modified,
         "device": {
-            "label": runtime.info.label, "kind": runtime.info.kind, "units": runtime.info.units,
+            "label": runtime.info.label,
+            "kind": runtime.info.kind,
+            "units": runtime.info.units,
             "variant": str(runtime.variant),
         },
         "machine": {
@@ -98,9 +117,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         OSError: the file can't be read.
     """
     try:
-        document = json.loads(
-            Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant
-        )
+        document = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{os.fspath(path)} is not JSON: {error}") from error
     device = document.get("device") if isinstance(document, dict) else None
@@ -215,7 +232,10 @@ def _revision(file: Path) -> tuple[str | None, bool | None]:
     def git(*arguments: str) -> str:
         return subprocess.run(
             ["git", "--no-optional-locks", "-C", str(file.parent), *arguments],
-            capture_output=True, text=True, check=True, timeout=10.0,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10.0,
         ).stdout.strip()
 
     try:

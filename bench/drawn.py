@@ -31,9 +31,7 @@ class DrawnView:
         counted: what a run draws, in words; "" for the base G-buffer.
     """
 
-    def __init__(
-        self, context: Context, layers: int, overscan: float, attributes: int = 1
-    ) -> None:
+    def __init__(self, context: Context, layers: int, overscan: float, attributes: int = 1) -> None:
         self._context = context
         self._rasterizer: Rasterizer | None = None
         self.counted = ""
@@ -41,8 +39,11 @@ class DrawnView:
             self.gbuffer = context.gbuffer
             return
         self._rasterizer = Rasterizer(
-            context.runtime, context.size, layers=layers,
-            margin=margin_of(context.camera, overscan), attributes=attributes,
+            context.runtime,
+            context.size,
+            layers=layers,
+            margin=margin_of(context.camera, overscan),
+            attributes=attributes,
         )
         parts = [f"{layers} layers"] if layers > 1 else []
         parts += [f"{100.0 * overscan:.0f} % overscan"] if overscan else []
@@ -80,12 +81,16 @@ class DrawnMaps:
     counted = "light maps drawn"
 
     def __init__(
-        self, context: Context, size: int, *, flux: bool = True, glossy: bool = False,
-        scene: Scene | None = None, punctual_lights: Sequence[PunctualLight] | None = None,
+        self,
+        context: Context,
+        size: int,
+        *,
+        flux: bool = True,
+        glossy: bool = False,
+        scene: Scene | None = None,
+        punctual_lights: Sequence[PunctualLight] | None = None,
     ) -> None:
-        self._punctual_lights = tuple(
-            context.punctual_lights if punctual_lights is None else punctual_lights
-        )
+        self._punctual_lights = tuple(context.punctual_lights if punctual_lights is None else punctual_lights)
         if not self._punctual_lights:
             raise ValueError(f"{context.view.name} has no light: expected at least one")
         self._scene = scene or context.view.scene

@@ -28,8 +28,7 @@ def main(lanes: int, storage: str) -> None:
 
     For tools that watch a program, such as `oclgrind python -m ssgi_cl.bench.every 1 buffer`.
     """
-    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1),
-        KernelVariant(lanes, storage))
+    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1), KernelVariant(lanes, storage))
     given = inputs(runtime, (6, 8), 4)
     for name in TECHNIQUES:
         print(name, flush=True)

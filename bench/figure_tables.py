@@ -27,9 +27,7 @@ OTHER_ROWS: Mapping[str, Row] = {
         "depth (N layers), normal, albedo, emission",
         (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4")),
     ),
-    "rasterize.rsm": (
-        "reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),),
-    ),
+    "rasterize.rsm": ("reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),)),
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
     "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame.16"),)),
@@ -37,9 +35,24 @@ OTHER_ROWS: Mapping[str, Row] = {
 """Rows of README's table that are of no technique of the catalogue."""
 
 ORDER = (
-    "rasterize.gbuffer", "rasterize.rsm", "gtao", "gtao(bent_normals=True)", "bitmask_ao", "hbao",
-    "ssao", "ray_ao", "rsm_gather", "vpl_splat", "multires_splat", "ssdo", "bilateral_blur",
-    "upsample", "shade", "multi_bounce", "tonemap", "render",
+    "rasterize.gbuffer",
+    "rasterize.rsm",
+    "gtao",
+    "gtao(bent_normals=True)",
+    "bitmask_ao",
+    "hbao",
+    "ssao",
+    "ray_ao",
+    "rsm_gather",
+    "vpl_splat",
+    "multires_splat",
+    "ssdo",
+    "bilateral_blur",
+    "upsample",
+    "shade",
+    "multi_bounce",
+    "tonemap",
+    "render",
 )
 """Of README's table; rows that are not in it come last."""
 
@@ -60,14 +73,18 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
 """Technique -> families of cases that its page shows."""
 
 SPEED_UPS: Sequence[tuple[str, str, tuple[str, ...]]] = (
-    ("multires.10-permille", "vpl-plain.1024",
-     ("vpl.1024", "vpl-interleaved.1024", "rsm-gather.400", "rsm-gather-adaptive.400")),
-    ("vpl-interleaved.1024", "vpl-plain.1024",
-     ("vpl.1024", "multires.10-permille", "rsm-gather.400", "rsm-gather-adaptive.400")),
-    ("rsm-gather-adaptive.400", "rsm-gather.400",
-     ("vpl.1024", "vpl-interleaved.1024", "multires.10-permille")),
-    ("multires-visibility.4096", "vpl-visibility.4096",
-     ("vpl-visibility.1024", "vpl.1024", "multires.10-permille")),
+    (
+        "multires.10-permille",
+        "vpl-plain.1024",
+        ("vpl.1024", "vpl-interleaved.1024", "rsm-gather.400", "rsm-gather-adaptive.400"),
+    ),
+    (
+        "vpl-interleaved.1024",
+        "vpl-plain.1024",
+        ("vpl.1024", "multires.10-permille", "rsm-gather.400", "rsm-gather-adaptive.400"),
+    ),
+    ("rsm-gather-adaptive.400", "rsm-gather.400", ("vpl.1024", "vpl-interleaved.1024", "multires.10-permille")),
+    ("multires-visibility.4096", "vpl-visibility.4096", ("vpl-visibility.1024", "vpl.1024", "multires.10-permille")),
 )
 """Case, the plain way to the same light, and its alternatives in this library."""
 
@@ -84,8 +101,7 @@ def techniques(results: Sequence[Result]) -> str:
     sizes = {tuple(r["size"]) for r in by_name.values()}
     size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
     lines = [
-        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles), "
-        "RMSE |",
+        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles), RMSE |",
         "|---|---|---|",
     ]
     for call, meaning, cases in rows():
@@ -101,10 +117,7 @@ def cases_of(results: Sequence[Result], technique: str) -> str:
     size = ", ".join(sorted({f"{r['size'][1]} x {r['size'][0]}" for r in rows}))
     cells = {(short_name(r), r["scene"]): r for r in rows}
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
-    lines = [
-        f"| case, {size} | {' | '.join(scenes)} |",
-        "|---|" + "---|" * len(scenes),
-    ]
+    lines = [f"| case, {size} | {' | '.join(scenes)} |", "|---|" + "---|" * len(scenes)]
     for name in dict.fromkeys(short_name(r) for r in rows):
         found = [_figure("", cells.get((name, scene))) for scene in scenes]
         lines.append(f"| {name} | {' | '.join(found)} |")
@@ -136,14 +149,11 @@ def _rmse(result: Result) -> str:
 def speed_ups(results: Sequence[Result]) -> str:
     """Return how many times as fast cases are as the best alternative and as the plain way."""
     lines = [
-        "| case | scene | ms | best alternative with no more error | times as fast | plain | times "
-        "as fast |",
+        "| case | scene | ms | best alternative with no more error | times as fast | plain | times as fast |",
         "|---|---|---:|---|---:|---|---:|",
     ]
     for scene in dict.fromkeys(r["scene"] for r in results):
-        found = {
-            short_name(r): r for r in results if r["scene"] == scene and r["quantity"] == "bounce"
-        }
+        found = {short_name(r): r for r in results if r["scene"] == scene and r["quantity"] == "bounce"}
         for case, plain, alternatives in SPEED_UPS:
             if case not in found:
                 continue
@@ -151,10 +161,14 @@ def speed_ups(results: Sequence[Result]) -> str:
             best = best_alternative(row, [found[name] for name in alternatives if name in found])
             cells = [short_name(row), scene, milliseconds(row)]
             for other in (best, found.get(plain)):
-                cells += [NOTHING, NOTHING] if other is None else [
-                    f"{short_name(other)}, {milliseconds(other)} ms",
-                    number(clock(other)["median"] / clock(row)["median"]),
-                ]
+                cells += (
+                    [NOTHING, NOTHING]
+                    if other is None
+                    else [
+                        f"{short_name(other)}, {milliseconds(other)} ms",
+                        number(clock(other)["median"] / clock(row)["median"]),
+                    ]
+                )
             lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -163,9 +177,9 @@ def best_alternative(row: Result, others: Sequence[Result]) -> Any:
     """Return the fastest of other results whose error is as small as a row's, or None."""
     error = metric(row, "world", "rmse")
     fitting = [
-        other for other in others
-        if error is not None and (own := metric(other, "world", "rmse")) is not None
-        and own <= AS_GOOD * error
+        other
+        for other in others
+        if error is not None and (own := metric(other, "world", "rmse")) is not None and own <= AS_GOOD * error
     ]
     return min(fitting, key=lambda r: clock(r)["median"], default=None)
 
@@ -180,17 +194,15 @@ def indirect_blocks(results: Sequence[Result]) -> dict[str, str]:
             "bounce",
         ),
         "indirect-visibility": biases(results, VISIBILITY),
-        "indirect-cut": by_scene(
-            results, ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain"), "cut", "assumption"
-        ),
+        "indirect-cut": by_scene(results, ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain"), "cut", "assumption"),
         "indirect-lobes": by_scene(
             results, ("vpl-lobes", "vpl-lobes-cut", "vpl-lobes-plain"), "mirrored", "assumption"
         ),
         "indirect-ssdo": by_scene(
             results,
-            ("ssdo-far", "ssdo-far-overscan", "ssdo-far-layer", "ssdo-far-layers",
-             "ssdo-far-views", "ssdo-far-all"),
-            "bounce", flip=True,
+            ("ssdo-far", "ssdo-far-overscan", "ssdo-far-layer", "ssdo-far-layers", "ssdo-far-views", "ssdo-far-all"),
+            "bounce",
+            flip=True,
         ),
     }
 
@@ -199,10 +211,7 @@ def biases(results: Sequence[Result], cases: Sequence[str]) -> str:
     """Return a table: a row a scene, and for each case bias and RMSE in per cent of the mean."""
     found = {(short_name(r), r["scene"]): r for r in results}
     scenes = dict.fromkeys(r["scene"] for r in results if short_name(r) in cases)
-    lines = [
-        f"| | {' | '.join(f'{case}, bias | RMSE' for case in cases)} |",
-        "|---|" + "---:|---:|" * len(cases),
-    ]
+    lines = [f"| | {' | '.join(f'{case}, bias | RMSE' for case in cases)} |", "|---|" + "---:|---:|" * len(cases)]
     for scene in scenes:
         cells = []
         for case in cases:
@@ -210,16 +219,13 @@ def biases(results: Sequence[Result], cases: Sequence[str]) -> str:
             mean = None if row is None else metric(row, "world", "mean")
             for name, variant in (("bias", "+.3g"), ("rmse", ".3g")):
                 value = None if row is None else metric(row, "world", name)
-                cells.append(
-                    NOTHING if value is None or not mean else f"{100.0 * value / mean:{variant}} %"
-                )
+                cells.append(NOTHING if value is None or not mean else f"{100.0 * value / mean:{variant}} %")
         lines.append(f"| {scene} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
 def by_scene(
-    results: Sequence[Result], families: Sequence[str], quantity: str, truth: str = "world", *,
-    flip: bool = False,
+    results: Sequence[Result], families: Sequence[str], quantity: str, truth: str = "world", *, flip: bool = False
 ) -> str:
     """Return a table: a row a case, and for each scene time, error in per cent, and HDR-FLIP.
 
@@ -232,10 +238,7 @@ def by_scene(
     rows = [r for r in results if r["family"] in families and r["quantity"] == quantity]
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     cells = {(short_name(r), r["scene"]): r for r in rows}
-    names = sorted(
-        dict.fromkeys(short_name(r) for r in rows),
-        key=lambda name: families.index(name.partition(".")[0]),
-    )
+    names = sorted(dict.fromkeys(short_name(r) for r in rows), key=lambda name: families.index(name.partition(".")[0]))
     heads = [f"{scene}, ms | RMSE" + (" | FLIP" if flip else "") for scene in scenes]
     columns = len(scenes) * (3 if flip else 2)
     lines = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * columns]

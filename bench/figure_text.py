@@ -33,9 +33,7 @@ def filled(text: str, blocks: Mapping[str, str]) -> str:
 
     def one(match: re.Match[str]) -> str:
         if match[2] not in blocks:
-            raise ValueError(
-                f"figures:{match[2]} is unknown: expected one of {', '.join(sorted(blocks))}"
-            )
+            raise ValueError(f"figures:{match[2]} is unknown: expected one of {', '.join(sorted(blocks))}")
         return f"{match[1]}{blocks[match[2]].strip()}\n{match[3]}"
 
     return _BLOCK.sub(one, text)
@@ -75,21 +73,17 @@ def machine(found: Mapping[str, Any]) -> str:
     )
 
 
-def verdicts(
-    found: Mapping[str, Any], quantities: Sequence[str], scenes: Sequence[str] | None
-) -> str:
+def verdicts(found: Mapping[str, Any], quantities: Sequence[str], scenes: Sequence[str] | None) -> str:
     """Return what the rows of groups say, a point each; of all scenes, or of some."""
     lines = [
         f"- {title(key)}. {said}"
         for key, results in groups(found["results"]).items()
-        if key[0] in quantities and (scenes is None or key[1] in scenes)
-        and (said := verdict(results))
+        if key[0] in quantities and (scenes is None or key[1] in scenes) and (said := verdict(results))
     ]
     return "\n".join(lines)
 
 
-BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md",
-           *(f"docs/techniques/{name}.md" for name in PAGES))
+BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md", *(f"docs/techniques/{name}.md" for name in PAGES))
 """Pages whose text is written by hand, round the blocks."""
 
 
@@ -116,8 +110,22 @@ def compact(found: Mapping[str, Any]) -> str:
     Passes, regions and rates are left out.
     """
     kept = (
-        "name", "family", "setting", "scene", "size", "quantity", "counted", "note", "timed",
-        "wall_ms", "device_ms", "ratio", "runs", "unsteady", "front", "near",
+        "name",
+        "family",
+        "setting",
+        "scene",
+        "size",
+        "quantity",
+        "counted",
+        "note",
+        "timed",
+        "wall_ms",
+        "device_ms",
+        "ratio",
+        "runs",
+        "unsteady",
+        "front",
+        "near",
     )
     lines = []
     for result in found["results"]:

@@ -38,21 +38,54 @@ QUICK_RUNS = 4
 QUICK_TRUTHS: Mapping[str, Any] = {"rays": 16, "paths": 4, "points": 16}
 
 OCCLUSION = (
-    "floor.1", "floor.4-10", "gtao.1x4", "gtao.2x9", "gtao.2x9-2", "hbao.2x9",
-    "ssao-blur.16", "bitmask_ao.2x14", "bitmask_ao.2x14-2", "bitmask_ao.2x14-4", "gtao-preset",
-    "bitmask-preset", "xegtao", "embree", "mitsuba-ao", "mitsuba-ao-blur", "mitsuba-ao-oidn",
-    "mitsuba-ao-moving-blur", "mitsuba-ao-moving-oidn",
+    "floor.1",
+    "floor.4-10",
+    "gtao.1x4",
+    "gtao.2x9",
+    "gtao.2x9-2",
+    "hbao.2x9",
+    "ssao-blur.16",
+    "bitmask_ao.2x14",
+    "bitmask_ao.2x14-2",
+    "bitmask_ao.2x14-4",
+    "gtao-preset",
+    "bitmask-preset",
+    "xegtao",
+    "embree",
+    "mitsuba-ao",
+    "mitsuba-ao-blur",
+    "mitsuba-ao-oidn",
+    "mitsuba-ao-moving-blur",
+    "mitsuba-ao-moving-oidn",
 )
 LIGHT = (
-    "rsm-gather.400", "rsm-gather-adaptive.400", "vpl.1024", "vpl-plain.1024",
-    "vpl-interleaved.1024", "vpl-visibility.1024", "vpl-visibility.4096", "multires.10-permille",
-    "multires-visibility.4096", "ssdo-bitmask-half.2", "ssdo-points.8", "mitsuba-path.1",
-    "mitsuba-path.4", "mitsuba-path.16", "mitsuba-path-oidn.1", "mitsuba-path-oidn.4",
+    "rsm-gather.400",
+    "rsm-gather-adaptive.400",
+    "vpl.1024",
+    "vpl-plain.1024",
+    "vpl-interleaved.1024",
+    "vpl-visibility.1024",
+    "vpl-visibility.4096",
+    "multires.10-permille",
+    "multires-visibility.4096",
+    "ssdo-bitmask-half.2",
+    "ssdo-points.8",
+    "mitsuba-path.1",
+    "mitsuba-path.4",
+    "mitsuba-path.16",
+    "mitsuba-path-oidn.1",
+    "mitsuba-path-oidn.4",
     "mitsuba-path-oidn.16",
 )
 PASSES = (
-    "gbuffer", "rsm.512", "bent-normals.none", "bent-normals.2x9", "blur.7", "upsample.2",
-    "direct.1024", "frame.16",
+    "gbuffer",
+    "rsm.512",
+    "bent-normals.none",
+    "bent-normals.2x9",
+    "blur.7",
+    "upsample.2",
+    "direct.1024",
+    "frame.16",
 )
 WALLS = ("vpl-visibility", "multires-visibility", "mitsuba-path", "mitsuba-path-oidn")
 CUTS = ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain.1-percent")
@@ -77,17 +110,18 @@ class Plan:
 
 PLANS: Mapping[str, Plan] = {
     "benchmark": Plan(
-        (300, 400), {"rays": 512, "paths": 256, "points": 256},
-        {
-            "cornell_box": (*OCCLUSION, *LIGHT), "hall": (*OCCLUSION, *LIGHT, *PASSES),
-            **dict.fromkeys(VIEWS, OCCLUSION),
-        },
+        (300, 400),
+        {"rays": 512, "paths": 256, "points": 256},
+        {"cornell_box": (*OCCLUSION, *LIGHT), "hall": (*OCCLUSION, *LIGHT, *PASSES), **dict.fromkeys(VIEWS, OCCLUSION)},
     ),
     "indirect": Plan(
-        (150, 200), {"rays": 2, "paths": 512, "points": 2},
+        (150, 200),
+        {"rays": 2, "paths": 512, "points": 2},
         {
-            "cornell_box": (*WALLS, *CUTS, *LOBES, *FAR), "hall": (*WALLS, *CUTS, *FAR),
-            "veach_ajar": (*WALLS, *FAR), "sponza": (*FAR, *VISIBILITY),
+            "cornell_box": (*WALLS, *CUTS, *LOBES, *FAR),
+            "hall": (*WALLS, *CUTS, *FAR),
+            "veach_ajar": (*WALLS, *FAR),
+            "sponza": (*FAR, *VISIBILITY),
             **dict.fromkeys(("parlour", "workshop", "terrace", "country_kitchen"), VISIBILITY),
         },
     ),
@@ -113,8 +147,16 @@ class Progress:
 
 
 def record(
-    name: str, stamp: Mapping[str, Any], runtime: Runtime, meshes: Path | None, root: Path, *,
-    quick: bool, rebuild: bool, seconds: float, report: Progress,
+    name: str,
+    stamp: Mapping[str, Any],
+    runtime: Runtime,
+    meshes: Path | None,
+    root: Path,
+    *,
+    quick: bool,
+    rebuild: bool,
+    seconds: float,
+    report: Progress,
 ) -> dict[str, Any]:
     """Measure a document of `PLANS` or `OTHERS`; plots and pictures are written on the way.
 
@@ -141,8 +183,13 @@ def record(
     size = QUICK if quick else plan.size
     truths = TruthSettings(**(QUICK_TRUTHS if quick else plan.truths), rebuild=rebuild)
     found = suite.measure(
-        chosen(plan, size, views, quick=quick), views, runtime, truths=truths,
-        seconds=seconds, runs=QUICK_RUNS if quick else None, report=report,
+        chosen(plan, size, views, quick=quick),
+        views,
+        runtime,
+        truths=truths,
+        seconds=seconds,
+        runs=QUICK_RUNS if quick else None,
+        report=report,
     )
     found.skipped += absent
     front.mark(found.results)
@@ -159,9 +206,7 @@ def record(
     return made
 
 
-def chosen(
-    plan: Plan, size: Size, views: Mapping[str, BuiltinScene], *, quick: bool = False
-) -> list[Case]:
+def chosen(plan: Plan, size: Size, views: Mapping[str, BuiltinScene], *, quick: bool = False) -> list[Case]:
     """Return the cases of a plan on the scenes that there are.
 
     Args:
@@ -199,8 +244,10 @@ def write(root: Path, name: str, found: Mapping[str, Any]) -> None:
     """Write what was measured to the folder of recorded figures."""
     folder = root / figure_text.FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    text = figure_text.compact(found) if "results" in found else (
-        json.dumps(figure_text.rounded(found), indent=1, ensure_ascii=False) + "\n"
+    text = (
+        figure_text.compact(found)
+        if "results" in found
+        else (json.dumps(figure_text.rounded(found), indent=1, ensure_ascii=False) + "\n")
     )
     with replacement(folder / f"{name}.json") as path:
         path.write_text(text, encoding="utf-8")
@@ -231,24 +278,49 @@ def check_tree(stamp: Mapping[str, Any], *, allow_dirty: bool) -> None:
 
 
 @click.command()
-@click.option("--only", multiple=True, type=click.Choice([*PLANS, *OTHERS]),
-              help="Of the documents; several times. All by default.")
-@click.option("--meshes", envvar="SSGI_CL_MESHES",
-              type=click.Path(path_type=Path, exists=True, file_okay=False),
-              help="The folder of the meshes of docs/views; scenes without mesh are left out.")
+@click.option(
+    "--only",
+    multiple=True,
+    type=click.Choice([*PLANS, *OTHERS]),
+    help="Of the documents; several times. All by default.",
+)
+@click.option(
+    "--meshes",
+    envvar="SSGI_CL_MESHES",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="The folder of the meshes of docs/views; scenes without mesh are left out.",
+)
 @device_option
-@click.option("--seconds", default=0.3, show_default=True, type=click.FloatRange(0.01, 60.0),
-              help="How long each case is repeated.")
+@click.option(
+    "--seconds",
+    default=0.3,
+    show_default=True,
+    type=click.FloatRange(0.01, 60.0),
+    help="How long each case is repeated.",
+)
 @click.option("--keep-truths", is_flag=True, help="Use references that were made before.")
 @click.option("--quick", is_flag=True, help="Try it: a tiny size and few rays.")
 @click.option("--allow-dirty", is_flag=True, help="Record though files differ from the revision.")
-@click.option("--render", "only_render", is_flag=True,
-              help="Measure nothing; make README and pages from what is recorded.")
-@click.option("--root", default=".", show_default=True, help="Of the checkout.",
-              type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option(
+    "--render", "only_render", is_flag=True, help="Measure nothing; make README and pages from what is recorded."
+)
+@click.option(
+    "--root",
+    default=".",
+    show_default=True,
+    help="Of the checkout.",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+)
 def main(
-    only: tuple[str, ...], meshes: Path | None, device: str | None, seconds: float,
-    keep_truths: bool, quick: bool, allow_dirty: bool, only_render: bool, root: Path,
+    only: tuple[str, ...],
+    meshes: Path | None,
+    device: str | None,
+    seconds: float,
+    keep_truths: bool,
+    quick: bool,
+    allow_dirty: bool,
+    only_render: bool,
+    root: Path,
 ) -> None:
     """Record the figures of README and docs on this machine, and write them there."""
     report = Progress()
@@ -259,10 +331,21 @@ def main(
         check_tree(stamp, allow_dirty=allow_dirty)
         for name in only or (*PLANS, *OTHERS):
             report(f"{name} of revision {revision(stamp)}")
-            write(root, name, record(
-                name, stamp, runtime, meshes, root, quick=quick,
-                rebuild=not keep_truths, seconds=0.02 if quick else seconds, report=report,
-            ))
+            write(
+                root,
+                name,
+                record(
+                    name,
+                    stamp,
+                    runtime,
+                    meshes,
+                    root,
+                    quick=quick,
+                    rebuild=not keep_truths,
+                    seconds=0.02 if quick else seconds,
+                    report=report,
+                ),
+            )
     with contextlib.suppress(FileNotFoundError):  # not all documents are recorded yet
         for name in render(root):
             click.echo(f"wrote {name}")

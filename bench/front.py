@@ -51,9 +51,7 @@ def rivals_of(results: Sequence[Result]) -> list[list[Result]]:
     points = np.array([(clock(r)["median"], error_of(r)) for r in results]).reshape(-1, 2)
     no_greater = (points <= points[:, None]).all(axis=-1)
     is_beaten_by = np.logical_and(no_greater, (points < points[:, None]).any(axis=-1))
-    return [
-        [results[int(k)] for k in np.flatnonzero(is_beaten_by[row])] for row in range(len(results))
-    ]
+    return [[results[int(k)] for k in np.flatnonzero(is_beaten_by[row])] for row in range(len(results))]
 
 
 def overlap(one: Result, other: Result) -> bool:

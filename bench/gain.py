@@ -61,10 +61,9 @@ def gains(context: Context, names: Sequence[str], most: int = MOST) -> list[Gain
         make, kind = TECHNIQUES[name]
         usual, best = (
             metrics.rmse(
-                make(context.runtime, context.size, kind(radius=context.radius, **more))(
-                    context.gbuffer
-                ),
-                truth, context.seen,
+                make(context.runtime, context.size, kind(radius=context.radius, **more))(context.gbuffer),
+                truth,
+                context.seen,
             )
             for more in settings
         )
@@ -74,29 +73,32 @@ def gains(context: Context, names: Sequence[str], most: int = MOST) -> list[Gain
 
 def table(found: Sequence[Gain]) -> str:
     """Return gains as a table of Markdown: a row a technique and view."""
-    lines = [
-        f"| | scene | RMSE by default | with {MOST} slices | less by |", "|---|---|---:|---:|---:|"
-    ]
+    lines = [f"| | scene | RMSE by default | with {MOST} slices | less by |", "|---|---|---:|---:|---:|"]
     lines += (
-        f"| {gain.technique} | {gain.scene} | {number(gain.usual)} | {number(gain.most)} | "
-        f"{100.0 * gain.share:.1f} % |"
+        f"| {gain.technique} | {gain.scene} | {number(gain.usual)} | {number(gain.most)} | {100.0 * gain.share:.1f} % |"
         for gain in found
     )
     return "\n".join(lines)
 
 
 @click.command()
-@click.option("--scene", "scenes", multiple=True, default=REPORTED, show_default=True,
-              metavar="NAME|FILE", help="Several times.")
+@click.option(
+    "--scene", "scenes", multiple=True, default=REPORTED, show_default=True, metavar="NAME|FILE", help="Several times."
+)
 @meshes_option
 @click.option("--size", type=PixelSize(), default="400x300", show_default=True)
-@click.option("--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)),
-              help="Several times; all without.")
+@click.option(
+    "--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)), help="Several times; all without."
+)
 @device_option
 @click.option("--truth-rays", default=512, show_default=True, type=click.IntRange(2, 1 << 20))
 def main(
-    scenes: tuple[str, ...], meshes: Path | None, size: tuple[int, int], names: tuple[str, ...],
-    device: str | None, truth_rays: int,
+    scenes: tuple[str, ...],
+    meshes: Path | None,
+    size: tuple[int, int],
+    names: tuple[str, ...],
+    device: str | None,
+    truth_rays: int,
 ) -> None:
     """Print by how much the error against rays sinks with far more samples in every pixel.
 
@@ -110,9 +112,7 @@ def main(
     found = [
         gain
         for view in views.values()
-        for gain in gains(
-            Context(runtime, view, size, TruthSettings(rays=truth_rays)), names or tuple(TECHNIQUES)
-        )
+        for gain in gains(Context(runtime, view, size, TruthSettings(rays=truth_rays)), names or tuple(TECHNIQUES))
     ]
     click.echo(table(found))
 

@@ -41,7 +41,8 @@ class Guide:
 def guides(document: Mapping[str, Any]) -> list[Guide]:
     """Return the tables of a document; none unless it holds our A beside that of rays."""
     found = {
-        key: results for key, results in groups(document["results"]).items()
+        key: results
+        for key, results in groups(document["results"]).items()
         if key[0] == "occlusion" and verdict(results)
     }
     scenes = tuple(f"{key[1]}, {key[2][1]} x {key[2][0]}" for key in found)

@@ -34,21 +34,17 @@ class PixelSize(click.ParamType[Size]):
 
 
 device_option = click.option(
-    "--device", metavar="WORDS", help="Words of the device's label; by default SSGI_CL_DEVICE, "
-    "else the fastest found.",
+    "--device", metavar="WORDS", help="Words of the device's label; by default SSGI_CL_DEVICE, else the fastest found."
 )
 meshes_option = click.option(
-    "--meshes", type=click.Path(path_type=Path, exists=True, file_okay=False),
+    "--meshes",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="The folder of the views' meshes; by default each view's own.",
 )
 
 
-json_option = click.option(
-    "--json", "as_json", is_flag=True, help="Print JSON instead of tables.",
-)
-output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.",
-)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+output_option = click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
 own_option = click.option("--own", is_flag=True, help="Leave out what other programs do.")
 
 
@@ -88,9 +84,15 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """
     console = Console(stderr=True)
     with Progress(
-        BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.description}"),
-        console=console, transient=True, disable=not console.is_terminal,
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     ) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)

@@ -36,7 +36,5 @@ def parameter_blocks() -> dict[str, str]:
 def table(params: type[Params]) -> str:
     """Return a Markdown table: a row a parameter."""
     lines = ["| parameter | default | meaning (range; unit) |", "|---|---|---|"]
-    lines += [
-        f"| `{name}` | {default} | {meaning} |" for name, default, meaning in describe(params)
-    ]
+    lines += [f"| `{name}` | {default} | {meaning} |" for name, default, meaning in describe(params)]
     return "\n".join(lines)

@@ -26,9 +26,7 @@ DARK_SHARE = 0.01
 """Of the mean luminance: what is added to the truth that a difference is divided by."""
 LEVELS = 17
 """Steps of an error map's scale: enough to read, few enough to pack well."""
-TOO_DARK, JUST, TOO_BRIGHT = (
-    ((12, 44, 110), (64, 138, 214)), (246, 246, 246), ((240, 142, 40), (128, 48, 0)),
-)
+TOO_DARK, JUST, TOO_BRIGHT = (((12, 44, 110), (64, 138, 214)), (246, 246, 246), ((240, 142, 40), (128, 48, 0)))
 """RGB from the ends to the middle: blue and orange, which no common colour blindness confuses."""
 _NOTHING = (128, 128, 128)
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

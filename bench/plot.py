@@ -58,17 +58,11 @@ class Axis:
 
 def looks(families: Sequence[str], peers: Sequence[str]) -> dict[str, tuple[int, int, bool]]:
     """Return family -> (colour, marker, whether its line is dashed); dashed are peers."""
-    return {
-        family: (index % COLORS, index % len(MARKERS), family in peers)
-        for index, family in enumerate(families)
-    }
+    return {family: (index % COLORS, index % len(MARKERS), family in peers) for index, family in enumerate(families)}
 
 
 def plot(
-    results: Sequence[Mapping[str, Any]],
-    look: Mapping[str, tuple[int, int, bool]],
-    title: str,
-    quantity: str,
+    results: Sequence[Mapping[str, Any]], look: Mapping[str, tuple[int, int, bool]], title: str, quantity: str
 ) -> str:
     """Return an SVG element; "" if no result has an error against the world's truth.
 
@@ -79,25 +73,16 @@ def plot(
         quantity: whose unit the errors have.
     """
     found = [
-        (clock(result), rmse, result)
-        for result in results
-        if (rmse := metric(result, "world", "rmse")) is not None
+        (clock(result), rmse, result) for result in results if (rmse := metric(result, "world", "rmse")) is not None
     ]
     points = [point for point in found if timed(point[2])]
     if not points:
         return ""
-    across = Axis.over(
-        [time[name] for time, _, _ in points for name in ("low", "median", "high")],
-        LEFT, WIDTH - RIGHT,
-    )
+    across = Axis.over([time[name] for time, _, _ in points for name in ("low", "median", "high")], LEFT, WIDTH - RIGHT)
     up = Axis.over([rmse for _, rmse, _ in found], HEIGHT - BOTTOM, TOP)
-    at = [
-        (across.at(time["median"]), up.at(rmse), result) for time, rmse, result in points
-    ]
+    at = [(across.at(time["median"]), up.at(rmse), result) for time, rmse, result in points]
     bounds = [(up.at(rmse), result) for _, rmse, result in found if not timed(result)]
-    parts = [
-        *_frame(across, up, quantity), *_bounds(bounds, look), *_front(at), *_lines(at, look)
-    ]
+    parts = [*_frame(across, up, quantity), *_bounds(bounds, look), *_front(at), *_lines(at, look)]
     labels = _labels([(x, y, str(result["setting"])) for x, y, result in at])
     for (x, y, result), (time, rmse, _), label in zip(at, points, labels, strict=True):
         color, marker, _ = look[result["family"]]
@@ -145,10 +130,7 @@ def _frame(across: Axis, up: Axis, quantity: str) -> list[str]:
         parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}H{right}"/>')
         parts.append(f'<text x="{LEFT - 7}" y="{y + 4:.1f}" class="end">{value:g}</text>')
     parts.append(f'<path class="axis" d="M{LEFT} {TOP}V{bottom}H{right}"/>')
-    parts.append(
-        f'<text x="{(LEFT + right) / 2:.0f}" y="{HEIGHT - 9}" class="middle name">'
-        "median time, ms</text>"
-    )
+    parts.append(f'<text x="{(LEFT + right) / 2:.0f}" y="{HEIGHT - 9}" class="middle name">median time, ms</text>')
     parts.append(
         f'<text transform="translate(15 {(TOP + bottom) / 2:.0f}) rotate(-90)" '
         f'class="middle name">RMSE against the world{unit(quantity) and "," + unit(quantity)}'
@@ -157,9 +139,7 @@ def _frame(across: Axis, up: Axis, quantity: str) -> list[str]:
     return parts
 
 
-def _bounds(
-    at: Sequence[tuple[float, Mapping[str, Any]]], look: Mapping[str, tuple[int, int, bool]]
-) -> list[str]:
+def _bounds(at: Sequence[tuple[float, Mapping[str, Any]]], look: Mapping[str, tuple[int, int, bool]]) -> list[str]:
     """Return a level line for each result that is a bound, named where there is room."""
     parts = []
     named: list[float] = []
@@ -168,10 +148,7 @@ def _bounds(
         text = ""
         if all(abs(y - other) >= _LINE for other in named):
             named.append(y)
-            text = (
-                f'<text x="{WIDTH - RIGHT}" y="{y - 3:.1f}" class="end">'
-                f"{escape(short_name(result))}</text>"
-            )
+            text = f'<text x="{WIDTH - RIGHT}" y="{y - 3:.1f}" class="end">{escape(short_name(result))}</text>'
         parts.append(
             f'<g class="c{look[result["family"]][0]}"><title>{escape(told)}</title>'
             f'<path class="spread" d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}"/>{text}</g>'
@@ -190,8 +167,7 @@ def _front(at: Sequence[tuple[float, float, Mapping[str, Any]]]) -> list[str]:
 
 
 def _lines(
-    at: Sequence[tuple[float, float, Mapping[str, Any]]],
-    look: Mapping[str, tuple[int, int, bool]],
+    at: Sequence[tuple[float, float, Mapping[str, Any]]], look: Mapping[str, tuple[int, int, bool]]
 ) -> list[str]:
     parts = []
     for family, (color, _, dashed) in look.items():
@@ -215,28 +191,28 @@ def _labels(points: Sequence[tuple[float, float, str]]) -> list[str]:
     for x, y, text in points:
         wide = _LETTER * len(text)
         for anchor, dx, dy in (
-            ("start", 8, -5), ("start", 8, 13), ("end", -8, -5), ("end", -8, 13),
-            ("middle", 0, -10), ("middle", 0, 19), ("start", 10, 4), ("end", -10, 4),
+            ("start", 8, -5),
+            ("start", 8, 13),
+            ("end", -8, -5),
+            ("end", -8, 13),
+            ("middle", 0, -10),
+            ("middle", 0, 19),
+            ("start", 10, 4),
+            ("end", -10, 4),
         ):
             left = x + dx - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * wide
             place = (left, y + dy - 9.0, left + wide, y + dy + 2.0)
             inside = left >= LEFT and left + wide <= WIDTH and place[1] >= TOP
             if inside and place[3] <= HEIGHT - BOTTOM and not _overlaps(place, taken):
                 taken.append(place)
-                parts.append(
-                    f'<text x="{x + dx:.1f}" y="{y + dy:.1f}" class="{anchor}">'
-                    f"{escape(text)}</text>"
-                )
+                parts.append(f'<text x="{x + dx:.1f}" y="{y + dy:.1f}" class="{anchor}">{escape(text)}</text>')
                 break
         else:
             parts.append("")
     return parts
 
 
-def _overlaps(
-    place: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]
-) -> bool:
+def _overlaps(place: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]) -> bool:
     return any(
-        place[0] < other[2] and other[0] < place[2] and place[1] < other[3] and other[1] < place[3]
-        for other in taken
+        place[0] < other[2] and other[0] < place[2] and place[1] < other[3] and other[1] < place[3] for other in taken
     )

@@ -81,27 +81,21 @@ def ladder(steps: Sequence[Step], usual: Step) -> list[Step]:
     Faster steps that err less than `usual` on either set are left out, as `usual` would not
     improve on them; slower ones that blur more widely too.
     """
-    faster = [
-        step for step in steps if SLOWER * step.ms <= usual.ms and usual.improves(step)
-    ]
+    faster = [step for step in steps if SLOWER * step.ms <= usual.ms and usual.improves(step)]
     slower = [
-        step for step in steps
-        if step.ms >= SLOWER * usual.ms and step.improves(usual) and _blur(step) <= _blur(usual)
+        step for step in steps if step.ms >= SLOWER * usual.ms and step.improves(usual) and _blur(step) <= _blur(usual)
     ]
     result: list[Step] = []
     for group in (faster, [usual], slower):
         for step in sorted(group, key=lambda step: (step.ms, step.tuning)):
             before = result[-1] if result else None
-            if before is None or step is usual or (
-                step.ms >= SLOWER * before.ms and step.improves(before)
-            ):
+            if before is None or step is usual or (step.ms >= SLOWER * before.ms and step.improves(before)):
                 result.append(step)
     return result
 
 
 def better_than(steps: Sequence[Step], usual: Step) -> list[Step]:
-    """Return what is faster and errs less than `usual` on both sets: what should be the defaults.
-    """
+    """Return what is faster and errs less than `usual` on both sets: what should be the defaults."""
     return [step for step in steps if SLOWER * step.ms <= usual.ms and step.improves(usual)]
 
 
@@ -110,13 +104,12 @@ def without_noise(steps: Sequence[Step]) -> list[Step]:
 
     Where it was measured to be, the machine was busy: it gets the time of the one with less.
     """
+
     def less(one: Step, other: Step) -> bool:
         keys = [key for key in other.parameters if one.parameters[key] != other.parameters[key]]
         return all(key in _SAMPLES and one.parameters[key] < other.parameters[key] for key in keys)
 
-    return [
-        replace(step, ms=max(other.ms for other in steps if less(other, step))) for step in steps
-    ]
+    return [replace(step, ms=max(other.ms for other in steps if less(other, step))) for step in steps]
 
 
 def named(steps: Sequence[Step], usual: Step) -> dict[str, Step]:
@@ -142,9 +135,7 @@ def named(steps: Sequence[Step], usual: Step) -> dict[str, Step]:
     return dict(zip(presets.NAMES, (low, usual, high, ultra), strict=True))
 
 
-def record_presets(
-    technique: str, sets: SceneSets, *, progress: Report | None = None
-) -> dict[str, Any]:
+def record_presets(technique: str, sets: SceneSets, *, progress: Report | None = None) -> dict[str, Any]:
     """Choose a technique's presets for each of its numbers of layers; return the document.
 
     Args:
@@ -170,19 +161,14 @@ def record_presets(
         "size": list(sets.size),
         "overscan": OVERSCAN,
         "metric": "rmse",
-        "truth": {"rays": sets.truth.rays, "attenuation": sets.truth.attenuation,
-                  "weighting": "cosine"},
+        "truth": {"rays": sets.truth.rays, "attenuation": sets.truth.attenuation, "weighting": "cosine"},
         "scenes": {name: described(sets.views[name]) for name in SETS},
-        "pace": {
-            "parameters": medium, **{key: _rounded(value) for key, value in asdict(speed).items()},
-        },
+        "pace": {"parameters": medium, **{key: _rounded(value) for key, value in asdict(speed).items()}},
         "layers": recorded,
     }
 
 
-def _recorded(
-    entry: Entry, sets: SceneSets, layers: int, progress: Report | None
-) -> dict[str, Any]:
+def _recorded(entry: Entry, sets: SceneSets, layers: int, progress: Report | None) -> dict[str, Any]:
     """Return the presets and the ladder for one number of layers."""
     trials = sets.trials(entry, layers)
     every = list(candidates(entry))
@@ -207,8 +193,10 @@ def _recorded(
 
     def written(step: Step) -> dict[str, Any]:
         return {
-            "parameters": dict(step.parameters), "ms": _rounded(step.ms),
-            "error": _rounded(step.tuning), "error_cut": _rounded(whole.error(step.parameters)),
+            "parameters": dict(step.parameters),
+            "ms": _rounded(step.ms),
+            "error": _rounded(step.tuning),
+            "error_cut": _rounded(whole.error(step.parameters)),
             "validation": _rounded(step.validation),
             "reporting": _rounded(geometric_mean(trials["reporting"].errors(step.parameters))),
         }
@@ -220,9 +208,7 @@ def _recorded(
     return {
         "layers": layers,
         "default": written(usual),
-        "presets": {
-            name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen.items()
-        },
+        "presets": {name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen.items()},
         "curve": [written(step) for step in chain],
         "better_than_default": [written(step) for step in better_than(steps, usual)],
     }
@@ -241,8 +227,7 @@ def _timed_again(trials: Mapping[str, Trials], step: Step) -> Step:
 
 def _blur(step: Step) -> int:
     """Return the radius of a step's blur in pixels of the full size."""
-    return int(step.parameters.get("blur_radius", 0)) * RESOLUTIONS[
-        step.parameters.get("resolution", "full")]
+    return int(step.parameters.get("blur_radius", 0)) * RESOLUTIONS[step.parameters.get("resolution", "full")]
 
 
 def _rounded(value: Any) -> Any:
@@ -253,19 +238,32 @@ def _rounded(value: Any) -> Any:
 @click.command()
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
 @device_option
-@click.option("--meshes", type=click.Path(path_type=Path, file_okay=False, exists=True),
-              help="The folder of the meshes of docs/views, which errors are reported on; without, "
-              "they are reported on the built-in scenes alone.")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False),
-              help="The JSON file; by default the one that the library reads.")
+@click.option(
+    "--meshes",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    help="The folder of the meshes of docs/views, which errors are reported on; without, "
+    "they are reported on the built-in scenes alone.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="The JSON file; by default the one that the library reads.",
+)
 def main(technique: str, device: str | None, meshes: Path | None, output: Path | None) -> None:
     """Record the presets of TECHNIQUE: tuned on generated scenes, validated with others.
 
     Takes some minutes. Nothing else should keep the machine busy meanwhile.
     """
     console = Console(stderr=True)
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
-                   console=console, transient=True, disable=not console.is_terminal)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
     with bar:
         task = bar.add_task("", total=1.0)
 
@@ -279,14 +277,18 @@ def main(technique: str, device: str | None, meshes: Path | None, output: Path |
         file.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     table = Table("layers", "preset", "ms", *SETS, "parameters", title=result["device"])
     for entry in result["layers"]:
-        rows = {**entry["presets"], **{
-            f"better than the defaults {number}": step
-            for number, step in enumerate(entry["better_than_default"])
-        }}
+        rows = {
+            **entry["presets"],
+            **{f"better than the defaults {number}": step for number, step in enumerate(entry["better_than_default"])},
+        }
         for name, step in rows.items():
             table.add_row(
-                str(entry["layers"]), name, f"{step['ms']:.2f}", f"{step['error']:.4f}",
-                f"{step['validation']:.4f}", f"{step['reporting']:.4f}",
+                str(entry["layers"]),
+                name,
+                f"{step['ms']:.2f}",
+                f"{step['error']:.4f}",
+                f"{step['validation']:.4f}",
+                f"{step['reporting']:.4f}",
                 ", ".join(f"{key} {value}" for key, value in step["parameters"].items()),
             )
     Console().print(table)

@@ -40,8 +40,23 @@ if TYPE_CHECKING:
 
 _STAR = '<span class="star" title="on the front">&#9733;</span>'
 _COLUMNS = (
-    "case", "ms", "quartiles, ms", "RMSE", "RMSE, same model", "bias, same model", "bias", "99 %",
-    "MRSE", "PSNR, dB", "SSIM", "FLIP", "device, ms", "ratio", "G/s", "GB/s", "of ceiling",
+    "case",
+    "ms",
+    "quartiles, ms",
+    "RMSE",
+    "RMSE, same model",
+    "bias, same model",
+    "bias",
+    "99 %",
+    "MRSE",
+    "PSNR, dB",
+    "SSIM",
+    "FLIP",
+    "device, ms",
+    "ratio",
+    "G/s",
+    "GB/s",
+    "of ceiling",
 )
 _HOW = (
     "ms is the median wall time of a frame, all that the result needs beyond the base G-buffer "
@@ -54,9 +69,7 @@ _HOW = (
 )
 
 
-def write(
-    path: str | os.PathLike[str], document: Mapping[str, Any], pictures: Mapping[str, Pictures]
-) -> None:
+def write(path: str | os.PathLike[str], document: Mapping[str, Any], pictures: Mapping[str, Pictures]) -> None:
     """Write a report that needs nothing but itself, whole or not at all.
 
     Args:
@@ -85,10 +98,7 @@ def write(
     parts.append(_skipped(document["skipped"]))
     packed = json.dumps(album.uris)
     size = sum(len(part) for part in parts) + len(packed)
-    parts.append(
-        f'<footer class="soft"><p>{len(album.uris)} pictures; {number(1e-6 * size)} MB in '
-        "all.</p></footer>"
-    )
+    parts.append(f'<footer class="soft"><p>{len(album.uris)} pictures; {number(1e-6 * size)} MB in all.</p></footer>')
     text = page(f"ssgi_cl benchmark, {document['device']['label']}", "\n".join(parts), packed)
     with atomic.replacement(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -96,12 +106,8 @@ def write(
 
 def _header(document: Mapping[str, Any]) -> str:
     device, machine = document["device"], document["machine"]
-    versions = ", ".join(
-        f"{name} {version}" for name, version in document["versions"].items() if version
-    )
-    options = ", ".join(
-        f"{name.replace('_', ' ')} {value}" for name, value in document["options"].items()
-    )
+    versions = ", ".join(f"{name} {version}" for name, version in document["versions"].items() if version)
+    options = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in document["options"].items())
     reference = document["reference"]
     facts = {
         "Device": f"{device['label']} ({device['variant']})",
@@ -114,19 +120,13 @@ def _header(document: Mapping[str, Any]) -> str:
         "Date": document["created"],
     }
     rows = "".join(f"<dt>{name}</dt><dd>{escape(fact)}</dd>" for name, fact in facts.items())
-    return (
-        f'<header><h1>Run time against error</h1><dl class="facts">{rows}</dl>'
-        f'<p class="soft">{_HOW}</p></header>'
-    )
+    return f'<header><h1>Run time against error</h1><dl class="facts">{rows}</dl><p class="soft">{_HOW}</p></header>'
 
 
 def _contents(keys: list[Group]) -> str:
     if not keys:
         return "<p>Nothing was measured.</p>"
-    items = "".join(
-        f'<li><a href="#group-{index}">{escape(title(key))}</a></li>'
-        for index, key in enumerate(keys)
-    )
+    items = "".join(f'<li><a href="#group-{index}">{escape(title(key))}</a></li>' for index, key in enumerate(keys))
     return f'<nav aria-label="Groups"><ul>{items}</ul></nav>'
 
 
@@ -135,8 +135,7 @@ def _guide(document: Mapping[str, Any]) -> str:
     for guide in guides(document):
         head = "".join(f'<th scope="col">{escape(name)}</th>' for name in ("ms", *guide.scenes))
         rows = "".join(
-            f'<tr><th scope="row">{ms:g}</th>'
-            + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+            f'<tr><th scope="row">{ms:g}</th>' + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
             for ms, cells in guide.rows.items()
         )
         tables += (
@@ -146,19 +145,16 @@ def _guide(document: Mapping[str, Any]) -> str:
     return f"<section><h2>The least error within a time</h2>{tables}</section>" if tables else ""
 
 
-def _plot(
-    key: Group, results: list[dict[str, Any]], look: Mapping[str, tuple[int, int, bool]]
-) -> str:
+def _plot(key: Group, results: list[dict[str, Any]], look: Mapping[str, tuple[int, int, bool]]) -> str:
     drawn = plot(results, look, title(key), key[0])
     if not drawn:
         return ""
     families = [
-        family for family in look
+        family
+        for family in look
         if any(r["family"] == family and metric(r, "world", "rmse") is not None for r in results)
     ]
-    items = "".join(
-        f"<li>{swatch(look[family])}{escape(family)}</li>" for family in families
-    )
+    items = "".join(f"<li>{swatch(look[family])}{escape(family)}</li>" for family in families)
     dashed = "; dashed: other programs" if any(look[family][2] for family in families) else ""
     level = "" if all(map(timed, results)) else "; level lines are bounds"
     return (
@@ -175,12 +171,8 @@ def _table(results: list[dict[str, Any]], calibration: Mapping[str, float]) -> s
     head = "".join(f'<th scope="col">{escape(_COLUMNS[i])}</th>' for i in kept)
     body = []
     for result, row in zip(results, rows, strict=True):
-        cells = "".join(
-            f'<th scope="row">{row[i]}</th>' if i == 0
-            else f"<td>{row[i]}</td>"
-            for i in kept
-        )
-        body.append(f'<tr{" class=front" if result.get("front") else ""}>{cells}</tr>')
+        cells = "".join(f'<th scope="row">{row[i]}</th>' if i == 0 else f"<td>{row[i]}</td>" for i in kept)
+        body.append(f"<tr{' class=front' if result.get('front') else ''}>{cells}</tr>")
     return (
         f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>{_notes(results)}"
@@ -196,18 +188,14 @@ def _notes(results: list[dict[str, Any]]) -> str:
         for text in (counted, result.get("note"), unsteady):
             if text:
                 said.setdefault(text, []).append(short_name(result))
-    items = "".join(
-        f"<li>{escape(', '.join(names))}: {escape(text)}</li>" for text, names in said.items()
-    )
+    items = "".join(f"<li>{escape(', '.join(names))}: {escape(text)}</li>" for text, names in said.items())
     return f'<ul class="notes">{items}</ul>' if items else ""
 
 
 def _row(result: dict[str, Any], calibration: Mapping[str, float]) -> list[str]:
     """Return the cells of `_COLUMNS`, HTML."""
     reached, what = ceiling(result, calibration)
-    star = _STAR if result.get("front") else (
-        f'<span class="star">{"+" if result.get("near") else ""}</span>'
-    )
+    star = _STAR if result.get("front") else (f'<span class="star">{"+" if result.get("near") else ""}</span>')
 
     def error(name: str, sign: str = "") -> str:
         return number(metric(result, "world", name), sign)
@@ -216,9 +204,15 @@ def _row(result: dict[str, Any], calibration: Mapping[str, float]) -> list[str]:
         star + escape(short_name(result)),
         milliseconds(result),
         f"<small>{quartiles(result)}</small>" if timed(result) else NOTHING,
-        error("rmse"), number(metric(result, "assumption", "rmse")),
-        number(metric(result, "assumption", "bias"), "+"), error("bias", "+"),
-        error("p99"), error("mrse"), error("psnr"), error("ssim"), error("flip"),
+        error("rmse"),
+        number(metric(result, "assumption", "rmse")),
+        number(metric(result, "assumption", "bias"), "+"),
+        error("bias", "+"),
+        error("p99"),
+        error("mrse"),
+        error("psnr"),
+        error("ssim"),
+        error("flip"),
         device_milliseconds(result),
         ratio(result),
         number(result.get("samples_g_s")),
@@ -234,7 +228,8 @@ def _regions(results: list[dict[str, Any]]) -> str:
         found = ((result.get("errors") or {}).get("world") or {}).get("regions") or {}
         squares = {
             name: (found[name].get("share") or 0.0) * (found[name].get("rmse") or 0.0) ** 2
-            for name in REGIONS if name in found
+            for name in REGIONS
+            if name in found
         }
         total = sum(squares.values())
         if 0.0 < total < math.inf:
@@ -243,9 +238,7 @@ def _regions(results: list[dict[str, Any]]) -> str:
             rows.append(f"<div>{escape(short_name(result))}</div>{_bar(shares, 'squared error')}")
     if not rows:
         return ""
-    key = "".join(
-        f'<li><i class="r{i}"></i>{name}</li>' for i, name in enumerate(REGIONS) if name in pixels
-    )
+    key = "".join(f'<li><i class="r{i}"></i>{name}</li>' for i, name in enumerate(REGIONS) if name in pixels)
     return (
         f'<h3>Where the squared error is</h3><ul class="key">{key}</ul><div class="bars">'
         f'<div class="soft">all pixels</div>{_bar(pixels, "pixels")}{"".join(rows)}</div>'
@@ -257,7 +250,7 @@ def _bar(shares: Mapping[str, float], of: str) -> str:
     spans = "".join(
         f'<span class="r{REGIONS.index(name)}" style="width:{100.0 * share:.2f}%" '
         f'title="{name}: {percent(share)} of the {of}">'
-        f'{percent(share) if share >= 0.07 else ""}</span>'
+        f"{percent(share) if share >= 0.07 else ''}</span>"
         for name, share in shares.items()
     )
     return f'<div class="bar" role="img" aria-label="{of}: {told}">{spans}</div>'
@@ -268,7 +261,8 @@ def _passes(results: list[dict[str, Any]]) -> str:
         f'<tr><th scope="row">{escape(short_name(result))}</th><td class="text">'
         + escape(", ".join(f"{p['name']} {number(p['ms'])}" for p in result["passes"]))
         + "</td></tr>"
-        for result in results if len(result["passes"]) > 1
+        for result in results
+        if len(result["passes"]) > 1
     )
     if not rows:
         return ""
@@ -281,7 +275,5 @@ def _passes(results: list[dict[str, Any]]) -> str:
 def _skipped(entries: list[dict[str, str]]) -> str:
     if not entries:
         return ""
-    items = "".join(
-        f"<li>{escape(entry['name'])}: {escape(entry['reason'])}</li>" for entry in entries
-    )
+    items = "".join(f"<li>{escape(entry['name'])}: {escape(entry['reason'])}</li>" for entry in entries)
     return f"<section><h2>Skipped</h2><ul>{items}</ul></section>"

@@ -30,7 +30,9 @@ svg .unsteady { fill: var(--page); stroke: currentColor; stroke-width: 2; }
 """
 """Colours, and what plots look like."""
 
-STYLE = PLOT_STYLE + """
+STYLE = (
+    PLOT_STYLE
+    + """
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 76rem; padding: 1.5rem 1.25rem 3rem; background: var(--page);
   color: var(--text); font: 15px/1.5 system-ui, sans-serif; }
@@ -101,6 +103,7 @@ summary { cursor: pointer; }
   svg.plot { width: 46rem; max-width: none; } }
 @media print { .controls, .viewer input { display: none; } }
 """
+)
 
 SCRIPT = """
 const pictures = JSON.parse(document.getElementById("pictures").textContent);

@@ -65,8 +65,7 @@ def replaced(module: ModuleType, values: Mapping[str, Any]) -> Iterator[None]:
             setattr(module, name.upper(), value)
 
 
-def parted(values: Mapping[str, Any], constants: tuple[str, ...]
-           ) -> tuple[dict[str, Any], dict[str, Any]]:
+def parted(values: Mapping[str, Any], constants: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return those of `values` whose names are in `constants`, and the others."""
     return (
         {name: value for name, value in values.items() if name in constants},

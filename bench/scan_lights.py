@@ -91,8 +91,7 @@ def multires_errors(context: Context, values: Mapping[str, Any]) -> Measured:
     constants, given = parted(values, GRID_CONSTANTS)
     maps = _maps(context)
     technique = MultiresSplat(
-        context.runtime, context.size,
-        MultiresSplatParams(**{"vpls": LIGHTS, "refine": 0.0, **given}),
+        context.runtime, context.size, MultiresSplatParams(**{"vpls": LIGHTS, "refine": 0.0, **given})
     )
     counted = CountedTree(technique.tree)
     technique.tree = cast(VplTree, counted)

@@ -64,10 +64,7 @@ def _truth(context: Context) -> list[Lit]:
         if not lit.any():
             continue
         way, length = towards(light, start[lit], scene.bounds)
-        blocked = caster.blocked(
-            spots.start[lit], way.astype(np.float32),
-            (length * caster.scale).astype(np.float32),
-        )
+        blocked = caster.blocked(spots.start[lit], way.astype(np.float32), (length * caster.scale).astype(np.float32))
         made = rsm(scene, light, size=MAP_SIZE, runtime=context.runtime)
         found.append((made, position[lit], normal[lit], ~blocked))
     if not found:
@@ -86,6 +83,4 @@ def towards(light: PunctualLight, start: Doubles, bounds: Doubles) -> tuple[Doub
     return to_light / length[:, None], length * _SHORT
 
 
-SCANS: Mapping[str, Scan] = {
-    "shadow_map": Scan(shadow_errors, "RMSE of the share of light", "wrong pixels (%)"),
-}
+SCANS: Mapping[str, Scan] = {"shadow_map": Scan(shadow_errors, "RMSE of the share of light", "wrong pixels (%)")}

@@ -72,5 +72,5 @@ def _bounce(context: Context, params: SsdoParams, cameras: int) -> NDArray[np.fl
 
 
 SCANS: Mapping[str, Scan] = {
-    "ssdo_views": Scan(view_errors, "RMSE (% of the mean)", "taps of auxiliary views per pixel"),
+    "ssdo_views": Scan(view_errors, "RMSE (% of the mean)", "taps of auxiliary views per pixel")
 }

@@ -9,14 +9,7 @@ from typing import Any
 
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.scenes import (
-    REPORTED,
-    TUNED_ON,
-    TUNING_SEEDS,
-    VALIDATED_ON,
-    VALIDATION_SEEDS,
-    BuiltinScene,
-)
+from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, TUNING_SEEDS, VALIDATED_ON, VALIDATION_SEEDS, BuiltinScene
 from ssgi_cl.techniques.catalogue import Entry
 from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
@@ -69,8 +62,11 @@ class SceneSets:
         progress: Progress | None = None,
     ) -> None:
         files = [] if meshes is None else [str(_VIEWS / f"{name}.json") for name in MESH_VIEWS]
-        names: dict[str, Sequence[str]] = {"tuning": TUNED_ON, "validation": VALIDATED_ON,
-                                           "reporting": (*REPORTED, *files)}
+        names: dict[str, Sequence[str]] = {
+            "tuning": TUNED_ON,
+            "validation": VALIDATED_ON,
+            "reporting": (*REPORTED, *files),
+        }
         if kinds is not None:
             for name, seeds in (("tuning", TUNING_SEEDS), ("validation", VALIDATION_SEEDS)):
                 names[name] = tuple(f"{kind}-{seed}" for kind in kinds for seed in seeds)
@@ -81,14 +77,9 @@ class SceneSets:
         for number, name in enumerate(SETS):
             if progress is not None:
                 progress(f"scenes for {name}", number / len(SETS))
-            made = (
-                views_of(names[name], runtime, meshes).values() if chosen is None
-                else chosen[name]
-            )
+            made = views_of(names[name], runtime, meshes).values() if chosen is None else chosen[name]
             self.views[name] = [scene.views()[0] for scene in made]
-            self.contexts[name] = [
-                Context(runtime, view, size, self.truth) for view in self.views[name]
-            ]
+            self.contexts[name] = [Context(runtime, view, size, self.truth) for view in self.views[name]]
             for context in self.contexts[name]:
                 context.progress = progress or context.progress
 
@@ -100,20 +91,20 @@ class SceneSets:
             found[name].prepare()
         return found
 
-    def errors(self, trials: Mapping[str, Trials], setting: Mapping[str, object], of: str
-               ) -> dict[str, float]:
+    def errors(self, trials: Mapping[str, Trials], setting: Mapping[str, object], of: str) -> dict[str, float]:
         """Return the RMSE of a setting on each scene of a set, by the scene's name."""
-        return {
-            view.name: error
-            for view, error in zip(self.views[of], trials[of].errors(setting), strict=True)
-        }
+        return {view.name: error for view, error in zip(self.views[of], trials[of].errors(setting), strict=True)}
 
 
 def described(views: Sequence[BuiltinScene]) -> list[dict[str, Any]]:
     """Return name, digest, radius and camera of each view, as records have them."""
     return [
-        {"name": view.name, "digest": scene_digest(view.scene), "radius": view.ao_radius,
-         "views": [{"eye": list(view.eye), "target": list(view.target)}]}
+        {
+            "name": view.name,
+            "digest": scene_digest(view.scene),
+            "radius": view.ao_radius,
+            "views": [{"eye": list(view.eye), "target": list(view.target)}],
+        }
         for view in views
     ]
 

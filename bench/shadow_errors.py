@@ -68,9 +68,14 @@ class ShadowErrors:
 
 
 def shadow_errors(
-    view: BuiltinScene, runtime: Runtime, size: Size, *,
+    view: BuiltinScene,
+    runtime: Runtime,
+    size: Size,
+    *,
     lights: Sequence[PunctualLight] | None = None,
-    map_size: int = MAP_SIZE, fitted: bool = True, caster: RayCaster | None = None,
+    map_size: int = MAP_SIZE,
+    fitted: bool = True,
+    caster: RayCaster | None = None,
 ) -> list[ShadowErrors]:
     """Return the errors of each light of a view.
 
@@ -94,15 +99,12 @@ def shadow_errors(
     with runtime.frame():
         device = rasterizer.render(device_scene(scene, runtime), camera)
         device.derive()
-        shadows, _ = maps.draw(
-            scene, punctual_lights, keep=False, seen=depths.find(device) if fitted else None
-        )
+        shadows, _ = maps.draw(scene, punctual_lights, keep=False, seen=depths.find(device) if fitted else None)
         for punctual_light, shadow in zip(punctual_lights, shadows, strict=True):
             planes = []
             for map_ in (None, shadow):
                 plane = shading.run(device, [punctual_light], shadows=[map_])
-                planes.append(np.zeros(size) if plane is None
-                              else plane.download().sum(axis=0, dtype=np.float64))
+                planes.append(np.zeros(size) if plane is None else plane.download().sum(axis=0, dtype=np.float64))
             free, held = planes
             fractions.append(np.where(free > 0.0, held / np.where(free > 0.0, free, 1.0), 0.0))
     host = downloaded(device)
@@ -116,17 +118,21 @@ def shadow_errors(
         start = spots.start.astype(np.float64) / caster.scale + scene.origin
         faces = strength.reshape(-1)[spots.pixel] > 0.0
         way, length = towards(punctual_light, start[faces], scene.bounds)
-        blocked = caster.blocked(
-            spots.start[faces], way.astype(np.float32), (length * caster.scale).astype(np.float32)
-        )
+        blocked = caster.blocked(spots.start[faces], way.astype(np.float32), (length * caster.scale).astype(np.float32))
         facing, reached = (np.zeros(size, np.bool_) for _ in range(2))
         facing.reshape(-1)[spots.pixel[faces]] = True
         reached.reshape(-1)[spots.pixel[faces]] = ~blocked
-        found.append(ShadowErrors(
-            kind_name(punctual_light), facing & ~reached & (fraction > 0.5),
-            facing & reached & (fraction < 0.5), seen, facing, fraction,
-            0 if shadow is None else len(shadow.crops),
-        ))
+        found.append(
+            ShadowErrors(
+                kind_name(punctual_light),
+                facing & ~reached & (fraction > 0.5),
+                facing & reached & (fraction < 0.5),
+                seen,
+                facing,
+                fraction,
+                0 if shadow is None else len(shadow.crops),
+            )
+        )
     return found
 
 
@@ -148,8 +154,13 @@ def picture(errors: ShadowErrors) -> NDArray[np.uint8]:
 @click.option("--meshes", type=click.Path(path_type=Path), help="The folder of views' meshes.")
 @click.option("--pictures", type=click.Path(path_type=Path), help="Folder for PNG files.")
 def main(
-    scenes: tuple[str, ...], size: tuple[int, int], shadow_size: int, whole: bool,
-    every_view: bool, meshes: Path | None, pictures: Path | None,
+    scenes: tuple[str, ...],
+    size: tuple[int, int],
+    shadow_size: int,
+    whole: bool,
+    every_view: bool,
+    meshes: Path | None,
+    pictures: Path | None,
 ) -> None:
     runtime = Runtime.open()
     names = scenes or (*BUILTIN_SCENES, *VALIDATED_ON)
@@ -158,16 +169,12 @@ def main(
     for view in views_of(names, runtime, meshes).values():
         caster: Any = RayCaster(view.scene)
         for number, one in enumerate(view.views() if every_view else view.views()[:1]):
-            for errors in shadow_errors(
-                one, runtime, size, map_size=shadow_size, fitted=not whole, caster=caster
-            ):
+            for errors in shadow_errors(one, runtime, size, map_size=shadow_size, fitted=not whole, caster=caster):
                 lit, dark = errors.percent
                 facing = 100.0 * float(errors.facing.sum()) / max(int(errors.seen.sum()), 1)
                 rows.append((lit, dark))
                 name = f"{view.name}/{number}"
-                click.echo(
-                    f"{name:24}{errors.light:12}{errors.maps:5}{lit:7.2f}{dark:8.2f}{facing:10.1f}"
-                )
+                click.echo(f"{name:24}{errors.light:12}{errors.maps:5}{lit:7.2f}{dark:8.2f}{facing:10.1f}")
                 if pictures is not None:
                     pictures.mkdir(parents=True, exist_ok=True)
                     file = f"{view.name}-{number}-{len(rows)}.png"

@@ -25,15 +25,16 @@ LEAVES = 20_000
 
 
 def _view(
-    name: str, parts: list[Part], lights: tuple[Light, ...], eye: tuple[float, float, float],
-    target: tuple[float, float, float], ao_radius: float,
+    name: str,
+    parts: list[Part],
+    lights: tuple[Light, ...],
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+    ao_radius: float,
 ) -> BuiltinScene:
-    scene = assemble(
-        parts, (Material(albedo=(0.7, 0.7, 0.7)),), (), crease_angle=DEFAULT_CREASE_ANGLE
-    )
+    scene = assemble(parts, (Material(albedo=(0.7, 0.7, 0.7)),), (), crease_angle=DEFAULT_CREASE_ANGLE)
     return BuiltinScene(
-        name=name, scene=scene, eye=eye, target=target, yfov=math.radians(50.0), lights=lights,
-        ao_radius=ao_radius,
+        name=name, scene=scene, eye=eye, target=target, yfov=math.radians(50.0), lights=lights, ao_radius=ao_radius
     )
 
 
@@ -68,26 +69,24 @@ def foliage() -> BuiltinScene:
 
 def many_lamps() -> BuiltinScene:
     """Make crates on a floor under a light, with more behind the camera that light other things."""
-    crates = [
-        box((x - 0.4, 0.0, z - 0.4), (x + 0.4, 0.8, z + 0.4)) for x in (-2, 0, 2) for z in (-2, 0)
-    ]
+    crates = [box((x - 0.4, 0.0, z - 0.4), (x + 0.4, 0.8, z + 0.4)) for x in (-2, 0, 2) for z in (-2, 0)]
     punctual_lights: list[Light] = [SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.8, 60.0)]
     punctual_lights += [
-        SpotLight((2.0 * (i - LAMPS // 2 + 1), 4.0, 14.0), (0.0, -0.5, 1.0), 0.5, 60.0)
-        for i in range(LAMPS - 1)
+        SpotLight((2.0 * (i - LAMPS // 2 + 1), 4.0, 14.0), (0.0, -0.5, 1.0), 0.5, 60.0) for i in range(LAMPS - 1)
     ]
-    return _view(
-        "many lights", [_ground(), *crates], (*punctual_lights, GLOW), (0.0, 3.0, 7.0),
-        (0.0, 0.3, 0.0), 0.3
-    )
+    return _view("many lights", [_ground(), *crates], (*punctual_lights, GLOW), (0.0, 3.0, 7.0), (0.0, 0.3, 0.0), 0.3)
 
 
 def closed_room() -> BuiltinScene:
     """Make the Cornell box seen from inside, with ambient light: all pixels show near surfaces."""
     built = BUILTIN_SCENES["cornell_box"]()
     return replace(
-        built, name="closed room", eye=(0.278, 0.273, -0.02), target=(0.278, 0.273, 0.28),
-        yfov=math.radians(70.0), lights=(*built.lights, GLOW),
+        built,
+        name="closed room",
+        eye=(0.278, 0.273, -0.02),
+        target=(0.278, 0.273, 0.28),
+        yfov=math.radians(70.0),
+        lights=(*built.lights, GLOW),
     )
 
 
@@ -102,6 +101,12 @@ def unlit() -> BuiltinScene:
 
 
 SKIP_SCENES: tuple[Callable[[], BuiltinScene], ...] = (
-    lone_object, flat_floor, many_lamps, unlit, closed_room, foliage, hall,
+    lone_object,
+    flat_floor,
+    many_lamps,
+    unlit,
+    closed_room,
+    foliage,
+    hall,
 )
 """What makes each, those that need least first."""

@@ -56,7 +56,9 @@ class Row:
 
 
 def record(
-    runtime: Runtime, rounds: int = ROUNDS, size: tuple[int, int] = SIZE,
+    runtime: Runtime,
+    rounds: int = ROUNDS,
+    size: tuple[int, int] = SIZE,
     report: Callable[[str], object] = lambda name: None,
 ) -> dict[str, Any]:
     """Return the rows of all scenes as JSON can hold them; see `page`.
@@ -72,15 +74,10 @@ def record(
         view = make()
         report(view.name)
         rows.append(asdict(measured(runtime, view, rounds, size)))
-    return {
-        "device": f"{runtime.info.label}, {runtime.variant}", "size": size, "rounds": rounds,
-        "rows": rows,
-    }
+    return {"device": f"{runtime.info.label}, {runtime.variant}", "size": size, "rounds": rounds, "rows": rows}
 
 
-def measured(
-    runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS, size: tuple[int, int] = SIZE
-) -> Row:
+def measured(runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS, size: tuple[int, int] = SIZE) -> Row:
     """Render a scene with each skip, in turns, and check that the pictures are the same."""
     cameras = _cameras(view, size)
     columns = (*COLUMNS, *SSDO)
@@ -99,15 +96,15 @@ def measured(
         like = frames[SSDO[0] if column in SSDO else "none"]
         if not np.array_equal(frames[column].radiance, like.radiance):
             raise RuntimeError(f"{view.name}: skipping {column} changes the picture")
-    seen = render(
-        view.scene, cameras[0], (), bounces=0, ao=False, gbuffer=True, runtime=runtime
-    ).gbuffer
+    seen = render(view.scene, cameras[0], (), bounces=0, ao=False, gbuffer=True, runtime=runtime).gbuffer
     assert seen is not None  # noqa: S101  it was asked for
     reasons = tuple(f"{p.name}: {p.skipped}" for p in frames[ALL].passes if p.skipped)
     return Row(
-        view.name, float(np.isfinite(np.asarray(seen.depth)).mean()),
+        view.name,
+        float(np.isfinite(np.asarray(seen.depth)).mean()),
         {column: median(times) for column, times in taken.items()},
-        {column: median(times) for column, times in wall.items()}, reasons,
+        {column: median(times) for column, times in wall.items()},
+        reasons,
     )
 
 
@@ -122,12 +119,23 @@ def _cameras(view: BuiltinScene, size: tuple[int, int]) -> tuple[Camera, Camera]
 def _rendered(runtime: Runtime, view: BuiltinScene, camera: Camera, column: str) -> Frame:
     moving = tuple(name for name in SKIPS if name != "unchanged")
     chosen: dict[str, tuple[str, ...]] = {
-        "none": (), ALL: moving, STILL: tuple(SKIPS), ALONE: moving, SSDO[0]: (), SSDO[1]: moving,
+        "none": (),
+        ALL: moving,
+        STILL: tuple(SKIPS),
+        ALONE: moving,
+        SSDO[0]: (),
+        SSDO[1]: moving,
     }
     return render(
-        view.scene, camera, view.lights, ao_radius=view.ao_radius, layers=LAYERS,
-        skips=chosen.get(column, (column,)), outputs=("ao",) if column == ALONE else None,
-        indirect="ssdo" if column in SSDO else None, runtime=runtime,
+        view.scene,
+        camera,
+        view.lights,
+        ao_radius=view.ao_radius,
+        layers=LAYERS,
+        skips=chosen.get(column, (column,)),
+        outputs=("ao",) if column == ALONE else None,
+        indirect="ssdo" if column in SSDO else None,
+        runtime=runtime,
     )
 
 

@@ -48,10 +48,7 @@ class Measurements:
 
 
 def select(
-    patterns: Sequence[str],
-    scenes: Sequence[str],
-    sizes: Sequence[Size],
-    families: Mapping[str, Family] = FAMILIES,
+    patterns: Sequence[str], scenes: Sequence[str], sizes: Sequence[Size], families: Mapping[str, Family] = FAMILIES
 ) -> list[Case]:
     """Return the cases that any pattern fits, by scene and size; all of them without patterns.
 
@@ -90,9 +87,7 @@ def select(
     return sorted(chosen, key=lambda case: places.index((case.scene, case.size)))
 
 
-def _unusual(
-    pattern: str, scenes: Sequence[str], sizes: Sequence[Size], families: Mapping[str, Family]
-) -> list[Case]:
+def _unusual(pattern: str, scenes: Sequence[str], sizes: Sequence[Size], families: Mapping[str, Family]) -> list[Case]:
     """Return the cases of a name without wildcards, whatever their setting and size."""
     family, *rest = pattern.split(".")
     if family not in families or not rest or any(letter in pattern for letter in "*?["):
@@ -101,10 +96,7 @@ def _unusual(
         case = Case.parse(pattern)
         return [case] if case.scene in scenes else []
     return [
-        Case(family, rest[0], scene, size)
-        for scene in scenes
-        for size in sizes
-        if len(rest) == 1 or rest[1] == scene
+        Case(family, rest[0], scene, size) for scene in scenes for size in sizes if len(rest) == 1 or rest[1] == scene
     ]
 
 
@@ -184,8 +176,11 @@ def entries(found: Measurements, truths: TruthSettings, seconds: float) -> dict[
     """Return the part of a document that comes from measuring."""
     return {
         "options": {
-            "truth_rays": truths.rays, "truth_paths": truths.paths,
-            "truth_points": truths.points, "attenuation": truths.attenuation, "seconds": seconds,
+            "truth_rays": truths.rays,
+            "truth_paths": truths.paths,
+            "truth_points": truths.points,
+            "attenuation": truths.attenuation,
+            "seconds": seconds,
         },
         "calibration": asdict(found.calibration),
         "reference": {"name": GatherLoad.name, "ms": found.reference_ms},
@@ -224,12 +219,7 @@ def _line(error: Exception) -> str:
 
 
 def _one(
-    case: Case,
-    context: Context,
-    family: Family,
-    watch: Stopwatch,
-    found: Measurements,
-    with_errors: bool,
+    case: Case, context: Context, family: Family, watch: Stopwatch, found: Measurements, with_errors: bool
 ) -> None:
     subject = family.prepare(context, case.setting)
     timing = UNTIMED
@@ -251,19 +241,14 @@ def _one(
             if np.isfinite(truth.mean).all():  # with holes it makes no picture
                 means[name] = truth.mean
             errors[name] = errors_of(
-                image, truth, context.seen, context.regions,
-                light=subject.quantity not in ("occlusion", "model", ""),
+                image, truth, context.seen, context.regions, light=subject.quantity not in ("occlusion", "model", "")
             )
         if subject.quantity != "bent":  # whose angles are no picture
-            found.pictures[case.name] = Pictures(
-                image, means.get("world"), means.get("assumption"), context.seen
-            )
+            found.pictures[case.name] = Pictures(image, means.get("world"), means.get("assumption"), context.seen)
     found.results.append(_entry(case, subject, timing, errors))
 
 
-def _entry(
-    case: Case, subject: Subject, timing: Timing, errors: dict[str, Any]
-) -> dict[str, Any]:
+def _entry(case: Case, subject: Subject, timing: Timing, errors: dict[str, Any]) -> dict[str, Any]:
     clock = timing.device_ms or timing.wall_ms
     return {
         "name": case.name,
@@ -283,9 +268,7 @@ def _entry(
         "samples_g_s": 1e-6 * subject.samples / clock.median if subject.samples else None,
         "moved_gb_s": 1e-6 * subject.moved / clock.median if subject.moved else None,
         "passes": [{"name": name, "ms": ms} for name, ms in timing.passes.items()],
-        "skipped_passes": [
-            {"name": name, "reason": why} for name, why in timing.skipped.items()
-        ],
+        "skipped_passes": [{"name": name, "reason": why} for name, why in timing.skipped.items()],
         "errors": errors,
         "front": False,
         "near": False,

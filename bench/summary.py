@@ -40,10 +40,7 @@ _HEAD = (
     "| | case | ms | quartiles | device ms | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model "
     "| its bias | counted |"
 )
-TRIAL = (
-    "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say "
-    "nothing."
-)
+TRIAL = "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say nothing."
 _RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
 LEGEND = (
     "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
@@ -64,9 +61,7 @@ _STRIP, _QUALITY = 1200, 80
 """Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""
 
 
-def write(
-    path: str | os.PathLike[str], document: Mapping[str, Any], pictures: Mapping[str, Pictures]
-) -> list[Path]:
+def write(path: str | os.PathLike[str], document: Mapping[str, Any], pictures: Mapping[str, Pictures]) -> list[Path]:
     """Write the page, with a plot and a strip of pictures of each group that has errors.
 
     A strip shows a result, the truth and the error map, of the case of this library on the front
@@ -182,14 +177,14 @@ def _names(document: Mapping[str, Any], stem: str) -> list[str]:
     ]
 
 
-def _best(
-    results: list[dict[str, Any]], pictures: Mapping[str, Pictures]
-) -> dict[str, Any] | None:
+def _best(results: list[dict[str, Any]], pictures: Mapping[str, Pictures]) -> dict[str, Any] | None:
     """Return this library's result on the front that has the least error and pictures."""
     shown = [
         (error, result)
         for result in results
-        if result["front"] and result["family"] not in PEERS and result["name"] in pictures
+        if result["front"]
+        and result["family"] not in PEERS
+        and result["name"] in pictures
         and (error := metric(result, "world", "rmse")) is not None
     ]
     return min(shown, key=lambda pair: pair[0])[1] if shown else None
@@ -201,10 +196,7 @@ def _strip(of: Pictures) -> Image.Image:
     exposure = 1.0 if world.ndim == 2 else exposure_of(world, of.seen)
     parts = [
         np.broadcast_to(np.atleast_3d(part), (*of.seen.shape, 3))
-        for part in (
-            encoded(of.result, exposure), encoded(world, exposure),
-            error_colors(of.result, world, of.seen),
-        )
+        for part in (encoded(of.result, exposure), encoded(world, exposure), error_colors(of.result, world, of.seen))
     ]
     strip = Image.fromarray(np.concatenate(parts, axis=1))
     if strip.width > _STRIP:
@@ -213,8 +205,10 @@ def _strip(of: Pictures) -> Image.Image:
 
 
 def _row(result: Mapping[str, Any]) -> str:
-    world = [number(metric(result, "world", name), "+" if name == "bias" else "")
-             for name in ("bias", "mrse", "ssim", "flip")]
+    world = [
+        number(metric(result, "world", name), "+" if name == "bias" else "")
+        for name in ("bias", "mrse", "ssim", "flip")
+    ]
     cells = (
         star(result).replace("*", "\\*"),
         short_name(result),

@@ -55,7 +55,9 @@ def spread(count: int) -> Doubles:
 
 
 TERMS: Mapping[str, Callable[[int], Doubles]] = {
-    "equal": equal, "one bright, then dark": bright_first, "spread": spread,
+    "equal": equal,
+    "one bright, then dark": bright_first,
+    "spread": spread,
 }
 
 
@@ -92,16 +94,17 @@ def compensated(terms: Floats) -> float:
 
 
 SUMS: Mapping[str, Callable[[Floats], float]] = {
-    "plain": plain, "blocks": blocks, "pairwise": pairwise, "compensated": compensated,
+    "plain": plain,
+    "blocks": blocks,
+    "pairwise": pairwise,
+    "compensated": compensated,
 }
 
 
 def wall() -> GBuffer:
     """Return a wall z = 0 of one unit, seen from the front."""
     rows, columns = SIZE
-    camera = Camera.orthographic(
-        (0.0, 0.0, 2.0), (0.0, 0.0, 0.0), view_height=1.0, width=columns, height=rows
-    )
+    camera = Camera.orthographic((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), view_height=1.0, width=columns, height=rows)
     normal = np.zeros((*SIZE, 3), np.float32)
     normal[..., 2] = 1.0
     return GBuffer(camera=camera, depth=np.full(SIZE, 2.0), normal=normal)
@@ -110,14 +113,15 @@ def wall() -> GBuffer:
 def ceiling(flux: Doubles) -> ReflectiveShadowMap:
     """Return the map of a ceiling of 2 x 2 units that reflects `flux` [texels] in rows, W."""
     side = math.isqrt(len(flux))
-    camera = Camera.orthographic(
-        (0.0, 0.0, HEIGHT - 1.0), (0.0, 0.0, HEIGHT), view_height=2.0, width=side, height=side
-    )
+    camera = Camera.orthographic((0.0, 0.0, HEIGHT - 1.0), (0.0, 0.0, HEIGHT), view_height=2.0, width=side, height=side)
     depth = np.ones((side, side), np.float32)
     position = camera.unproject(depth)
     return ReflectiveShadowMap(
-        light=DirectionalLight((0.0, 0.0, 1.0), 1.0), camera=camera, depth=depth,
-        position=position, normal=np.broadcast_to((0.0, 0.0, -1.0), position.shape),
+        light=DirectionalLight((0.0, 0.0, 1.0), 1.0),
+        camera=camera,
+        depth=depth,
+        position=position,
+        normal=np.broadcast_to((0.0, 0.0, -1.0), position.shape),
         flux=np.repeat(flux, 3).reshape(side, side, 3),
     )
 
@@ -125,8 +129,7 @@ def ceiling(flux: Doubles) -> ReflectiveShadowMap:
 def lights_of(rsm: ReflectiveShadowMap) -> Vpls:
     """Return a light for each texel of a ceiling, in rows."""
     position, normal, flux = (
-        np.asarray(array, np.float64).reshape(-1, 3)
-        for array in (rsm.position, rsm.normal, rsm.flux)
+        np.asarray(array, np.float64).reshape(-1, 3) for array in (rsm.position, rsm.normal, rsm.flux)
     )
     return Vpls(position, normal, flux, np.full(len(flux), 4.0 / len(flux)))
 
@@ -160,9 +163,9 @@ def measured(runtime: Runtime) -> dict[str, Any]:
             errors = {kind: abs(total(terms) / right - 1.0) for kind, total in SUMS.items()}
             sums.append({"terms": name, "count": 1 << power, "errors": errors})
     found = [
-        {"terms": name, "count": side * side,
-         "errors": dict(technique_errors(runtime, terms_of(side * side)))}
-        for name, terms_of in TERMS.items() for side in SIDES
+        {"terms": name, "count": side * side, "errors": dict(technique_errors(runtime, terms_of(side * side)))}
+        for name, terms_of in TERMS.items()
+        for side in SIDES
     ]
     return {"device": f"{runtime.info.label}, {runtime.variant}", "sums": sums, "techniques": found}
 
@@ -172,8 +175,7 @@ def page(found: Mapping[str, Any]) -> str:
     lines = [
         "# Sums of many lights",
         "",
-        f"Made by `make figures`. {found['device']}; "
-        f"revision {found.get('revision') or 'unknown'}.",
+        f"Made by `make figures`. {found['device']}; revision {found.get('revision') or 'unknown'}.",
         "",
         f"Relative errors of float32 sums against float64. Terms: all 1/3; 1 in front of "
         f"{1.0 / RANGE:g}s; spread evenly over the logarithm of {RANGE:g}, in no order. Sums: one "

@@ -74,30 +74,25 @@ def _in_unit(quantity: str) -> str:
     return f", errors in{unit(quantity)}" if unit(quantity) else ""
 
 
-def _fitting(
-    heading: str, results: list[dict[str, Any]], document: Mapping[str, Any], console: Console
-) -> Table:
+def _fitting(heading: str, results: list[dict[str, Any]], document: Mapping[str, Any], console: Console) -> Table:
     """Return the table with as many columns as the console is wide enough for."""
     columns = _columns(document["calibration"])
     # A column without a number in any row says nothing.
-    columns = [
-        column for column in columns
-        if not column[1] or any(column[2](row) != NOTHING for row in results)
-    ]
+    columns = [column for column in columns if not column[1] or any(column[2](row) != NOTHING for row in results)]
     # Ranks from the most needed, 0, on.
     for last in range(max(rank for _, rank, _ in columns), -1, -1):
-        table = Table(title=escape(heading), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
-                      title_justify="left", title_style="bold")
+        table = Table(
+            title=escape(heading), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left", title_style="bold"
+        )
         kept = [column for column in columns if column[1] <= last]
         for name, _, _ in kept:
-            table.add_column(name, justify="left" if name in ("", "case") else "right",
-                             overflow="fold", no_wrap=name != "case")
+            table.add_column(
+                name, justify="left" if name in ("", "case") else "right", overflow="fold", no_wrap=name != "case"
+            )
         for row in results:
             table.add_row(*(escape(cell(row)) for _, _, cell in kept))
         # Measured on a console without end, since a narrow one narrows what is measured.
-        if console.measure(table, options=console.options.update(width=10_000)).maximum <= (
-            console.width
-        ):
+        if console.measure(table, options=console.options.update(width=10_000)).maximum <= (console.width):
             break
     return table
 

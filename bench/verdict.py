@@ -60,9 +60,7 @@ def leader(rows: Sequence[Result], ms: float) -> Any:
 
 def told(row: Result) -> str:
     """Return a row's name with its RMSE and its time."""
-    return (
-        f"{short_name(row)} (RMSE {number(error_of(row))}, {number(clock(row)['median'])} ms)"
-    )
+    return f"{short_name(row)} (RMSE {number(error_of(row))}, {number(clock(row)['median'])} ms)"
 
 
 def _own(row: Result) -> bool:
@@ -107,7 +105,5 @@ def _uncertain(rows: Sequence[Result], runs: Sequence[Sequence[Result]]) -> list
     for row, rivals in zip(rows, rivals_of(rows), strict=True):
         if rivals and all(overlap(other, row) for other in rivals):
             pairs += [(other, row) for other in rivals if _own(other) != _own(row)][:1]
-    names = [
-        f"{short_name(a)} and {short_name(b)}" for a, b in pairs if overlap(a, b)
-    ]
+    names = [f"{short_name(a)} and {short_name(b)}" for a, b in pairs if overlap(a, b)]
     return list(dict.fromkeys(names))[:MOST_PAIRS]

@@ -6,15 +6,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from .pictures import (
-    DARK_SHARE,
-    LIGHT_RANGE,
-    OCCLUSION_RANGE,
-    error_map,
-    exposure_of,
-    picture,
-    scale,
-)
+from .pictures import DARK_SHARE, LIGHT_RANGE, OCCLUSION_RANGE, error_map, exposure_of, picture, scale
 from .wording import number, short_name
 
 if TYPE_CHECKING:
@@ -23,12 +15,7 @@ if TYPE_CHECKING:
 SMALLEST = 480
 """Pixels of the page that a picture is wide, at least, where there is room."""
 
-_SIDES = {
-    "world": "truth",
-    "error": "error",
-    "assumption": "truth, same model",
-    "error2": "error, same model",
-}
+_SIDES = {"world": "truth", "error": "error", "assumption": "truth, same model", "error2": "error, same model"}
 
 
 class Album:
@@ -49,12 +36,7 @@ class Album:
         return name
 
 
-def html(
-    index: int,
-    results: list[dict[str, Any]],
-    pictures: Mapping[str, Pictures],
-    album: Album,
-) -> str:
+def html(index: int, results: list[dict[str, Any]], pictures: Mapping[str, Pictures], album: Album) -> str:
     """Return a viewer of a group's pictures; "" if it has none.
 
     Light is shown at one exposure for the whole group, that of the first truth.
@@ -88,13 +70,12 @@ def html(
     available = {name: word for name, word in _SIDES.items() if name in sides}
     rows, columns = shown[0][1].result.shape[:2]
     choices = "".join(
-        f'<label><input type="radio" name="side-{index}" value="{name}"'
-        f'{" checked" if i == 0 else ""}> {word}</label>'
+        f'<label><input type="radio" name="side-{index}" value="{name}"{" checked" if i == 0 else ""}> {word}</label>'
         for i, (name, word) in enumerate(available.items())
     )
     first_name = escape(short_name(shown[0][0]))
     return (
-        '<h3>Pictures</h3><noscript><p>The pictures need JavaScript.</p></noscript>'
+        "<h3>Pictures</h3><noscript><p>The pictures need JavaScript.</p></noscript>"
         '<figure class="viewer"><div class="controls">'
         f"<label>Case <select>{''.join(options)}</select></label>"
         f"<fieldset><legend>Right of the line</legend>{choices}</fieldset></div>"
@@ -127,10 +108,7 @@ def _scale(light: bool) -> str:
 
 def _shown_how(light: bool, exposure: float) -> str:
     if not light:
-        return (
-            "Black is 0 and white is 1, without gamma. Errors are result minus truth; grey is not "
-            "compared."
-        )
+        return "Black is 0 and white is 1, without gamma. Errors are result minus truth; grey is not compared."
     return (
         f"Every picture of this group: times {number(exposure)}, filmic curve, sRGB. Errors are "
         f"those of luminance over the truth's, to which {100 * DARK_SHARE:g} % of its mean is "

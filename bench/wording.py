@@ -21,9 +21,7 @@ _QUANTITIES = {
     "mirrored": "Light that glossy surfaces mirror, without walls",
     "": "Passes without a world truth",
 }
-_UNITS = {
-    "bent": "degrees", **dict.fromkeys(("direct", "bounce", "cut", "mirrored"), "W/m²"),
-}
+_UNITS = {"bent": "degrees", **dict.fromkeys(("direct", "bounce", "cut", "mirrored"), "W/m²")}
 
 
 def number(value: float | None, sign: str = "") -> str:
@@ -112,9 +110,7 @@ def ceiling(result: Mapping[str, Any], calibration: Mapping[str, float]) -> tupl
     """
     shares = []
     if result.get("device_ms") is not None:
-        for rate, limit, word in (
-            ("samples_g_s", "gathers_g_s", "reads"), ("moved_gb_s", "bandwidth_gb_s", "memory"),
-        ):
+        for rate, limit, word in (("samples_g_s", "gathers_g_s", "reads"), ("moved_gb_s", "bandwidth_gb_s", "memory")):
             if result.get(rate) and calibration[limit] > 0.0:
                 shares.append((result[rate] / calibration[limit], word))
     return max(shares, default=(0.0, ""))

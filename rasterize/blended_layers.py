@@ -37,9 +37,7 @@ class BlendedLayers:
         self._target = DeviceGBuffer(runtime, size, world="until derived")
         self._found = runtime.array(np.zeros(1, np.int32))
 
-    def drawn(
-        self, scene: DeviceScene, camera: Camera, front: DeviceGBuffer
-    ) -> Iterator[DeviceGBuffer]:
+    def drawn(self, scene: DeviceScene, camera: Camera, front: DeviceGBuffer) -> Iterator[DeviceGBuffer]:
         """Yield the layers, nearest first; each is there until the next is asked for.
 
         Reads 12 bytes back for each layer, and for one more that has nothing.

@@ -82,8 +82,7 @@ class _Look:
 
 
 def _look(
-    scene: Scene, extent: Extent, eye: Vector, runtime: Runtime,
-    faces: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
+    scene: Scene, extent: Extent, eye: Vector, runtime: Runtime, faces: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
 ) -> _Look:
     cameras = light_cameras(PointLight(eye, 1.0), extent.bounds, _PROBE_SIZE)
     ways, distances, fronts, details = [], [], [], []
@@ -91,8 +90,7 @@ def _look(
         seen = gbuffer(scene, camera, runtime=runtime)
         depth, normal = _drawn(seen, "depth"), _drawn(seen, "normal")
         # The camera's axes without its position keep the directions exact far from the origin.
-        unit = Camera(view=_turned(camera.view), projection=camera.projection,
-                      width=camera.width, height=camera.height)
+        unit = Camera(view=_turned(camera.view), projection=camera.projection, width=camera.width, height=camera.height)
         way = unit.unproject(np.ones_like(depth))
         length = np.linalg.norm(way, axis=-1)
         way /= length[..., None]
@@ -176,9 +174,7 @@ def _length_of(extent: Extent) -> int | None:
     return 2 if z >= x else 0
 
 
-def _best_side(
-    scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime
-) -> Vector:
+def _best_side(scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime) -> Vector:
     """Return the direction, among eight from somewhat above, from which most detail is seen.
 
     The first, towards +z, is the front by glTF's convention and has an advantage. What is long is
@@ -236,9 +232,7 @@ def _gap(look: _Look, extent: Extent) -> int | None:
     return face if covered[face] < 0.3 and min(others) > 0.7 else None
 
 
-def _from_outside(
-    extent: Extent, way: Vector, width: int, height: int, yfov: float
-) -> Camera:
+def _from_outside(extent: Extent, way: Vector, width: int, height: int, yfov: float) -> Camera:
     """Return the nearest camera in direction `way` of the scene that sees all of it."""
     back = way / np.linalg.norm(way)
     right = np.cross([0.0, 1.0, 0.0], back)
@@ -261,18 +255,14 @@ def _from_outside(
     return Camera.look_at(eye, target, yfov=yfov, width=width, height=height, near=near)
 
 
-def _wedge(
-    across: NDArray[np.float32], toward: NDArray[np.float32], slope: float
-) -> tuple[float, float]:
+def _wedge(across: NDArray[np.float32], toward: NDArray[np.float32], slope: float) -> tuple[float, float]:
     """Return where the edge of the tightest wedge of that slope lies: (across, toward)."""
     right = float((across + np.float32(slope) * toward).max())
     left = float((np.float32(slope) * toward - across).max())
     return 0.5 * (right - left), 0.5 * (right + left) / slope
 
 
-def _from_within(
-    scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime
-) -> Camera:
+def _from_within(scene: Scene, extent: Extent, width: int, height: int, yfov: float, runtime: Runtime) -> Camera:
     """Return the camera that sees furthest and most, of some places and directions in a room."""
     xfov = 2.0 * math.atan(math.tan(0.5 * yfov) * width / height)
     shares = (0.28, 0.5, 0.72)
@@ -291,9 +281,7 @@ def _from_within(
     step = 0.6 * min(best.clearance(-best_way, math.radians(25.0)), 0.5 * extent.diagonal)
     eye = best.eye - best_way * step
     target = eye + best_way * extent.diagonal - [0.0, 0.06 * extent.diagonal, 0.0]
-    return Camera.look_at(
-        eye, target, yfov=yfov, width=width, height=height, near=1e-4 * extent.diagonal
-    )
+    return Camera.look_at(eye, target, yfov=yfov, width=width, height=height, near=1e-4 * extent.diagonal)
 
 
 def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: float) -> float:
@@ -317,9 +305,7 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
     return float(np.log(distance / diagonal).mean()) + 6.0 * detail - 5.0 * close - back
 
 
-def default_lights(
-    scene: Scene, camera: Camera, runtime: Runtime, *, emission: bool = False
-) -> tuple[Light, ...]:
+def default_lights(scene: Scene, camera: Camera, runtime: Runtime, *, emission: bool = False) -> tuple[Light, ...]:
     """Return lights that suit a view: sun and sky, or a light and less sky in a closed room.
 
     Args:
@@ -375,8 +361,7 @@ def _sky(strength: float) -> Environment:
     """Return a sky that is deeper overhead than at the horizon, above a darker ground."""
     rows = 128
     height = np.cos((np.arange(rows) + 0.5) / rows * math.pi)[:, None]
-    colors = [np.interp(height, (-0.5, 0.0, 1.0), levels)
-              for levels in zip(GROUND, HORIZON, ZENITH, strict=True)]
+    colors = [np.interp(height, (-0.5, 0.0, 1.0), levels) for levels in zip(GROUND, HORIZON, ZENITH, strict=True)]
     return Environment(strength * np.repeat(np.stack(colors, axis=-1), 2, axis=1))
 
 
@@ -407,11 +392,8 @@ def camera_from_json(path: Path, width: int | None, height: int | None) -> Camer
         wanted = fields.get(name, default) if given is None else given
         sizes.append(checks.integer(name, wanted, low=1, high=16384, unit="px"))
     width, height = sizes
-    xfov = math.radians(checks.number("fov_deg", fields["fov_deg"], low=0.1, high=179.0,
-                                     unit="degrees"))
+    xfov = math.radians(checks.number("fov_deg", fields["fov_deg"], low=0.1, high=179.0, unit="degrees"))
     yfov = 2.0 * math.atan(math.tan(0.5 * xfov) * height / width)
     origin = checks.vector("origin", fields["origin"], 3)
     forward = checks.direction("forward", fields["forward"])
-    return Camera.look_at(
-        origin, origin + forward, fields["up"], yfov=yfov, width=width, height=height, near=1e-3
-    )
+    return Camera.look_at(origin, origin + forward, fields["up"], yfov=yfov, width=width, height=height, near=1e-3)

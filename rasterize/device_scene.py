@@ -58,19 +58,12 @@ class DeviceScene:
         extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
         self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
         materials = np.array(
-            [
-                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular]
-                for m in scene.materials
-            ],
+            [[*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular] for m in scene.materials],
             np.float32,
         )
         self.materials = runtime.array(materials)
-        self.lobes = runtime.array(
-            np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32)
-        )
-        self.through = runtime.array(
-            np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32)
-        )
+        self.lobes = runtime.array(np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32))
+        self.through = runtime.array(np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32))
         cutouts = cutouts_of(scene)
         self.cutouts = runtime.array(cutouts)
         table, texels = _mip_mapped(scene.textures)
@@ -89,8 +82,7 @@ SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
 _LINEAR_TO_SRGB_STEPS = 4095
 # Of each linear value in 1/4095, the byte whose linear value is nearest.
 _LINEAR_TO_SRGB = np.searchsorted(
-    (SRGB_TO_LINEAR[1:] + SRGB_TO_LINEAR[:-1]) / 2,
-    np.linspace(0.0, 1.0, _LINEAR_TO_SRGB_STEPS + 1),
+    (SRGB_TO_LINEAR[1:] + SRGB_TO_LINEAR[:-1]) / 2, np.linspace(0.0, 1.0, _LINEAR_TO_SRGB_STEPS + 1)
 ).astype(np.uint8)
 
 
@@ -127,9 +119,7 @@ def planar(rows: NDArray[Any]) -> NDArray[Any]:
     return planar
 
 
-def _mip_mapped(
-    textures: tuple[NDArray[np.uint8], ...],
-) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+def _mip_mapped(textures: tuple[NDArray[np.uint8], ...]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     """Return the table of textures and all texels; see kernels/raster/texture.clh."""
     table, texels, offset = [], [], 0
     for texture in textures:

@@ -20,9 +20,7 @@ _GREY = Material()
 _WHITE = Material(albedo=(1.0, 1.0, 1.0))
 
 
-def read_trimesh(
-    source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet
-) -> tuple[list[Part], list[Material]]:
+def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) -> tuple[list[Part], list[Material]]:
     """Return the parts and materials of a mesh, or of every instance of a scene.
 
     Colours of vertices and faces are taken as sRGB-encoded; factors of materials as linear, with
@@ -37,9 +35,7 @@ def read_trimesh(
     if isinstance(source, trimesh.Trimesh):
         return [reader.part(source, "mesh")], reader.materials
     if not isinstance(source, trimesh.Scene):
-        raise TypeError(
-            f"source is {type(source).__name__}: expected a path, or a Scene or Trimesh of trimesh"
-        )
+        raise TypeError(f"source is {type(source).__name__}: expected a path, or a Scene or Trimesh of trimesh")
     parts: list[Part] = []
     made: dict[str, Part] = {}
     for node in source.graph.nodes_geometry:

@@ -69,9 +69,7 @@ def read_gltf(path: Path, textures: TextureSet) -> Contents:
     materials = GltfMaterials(document, views, path.parent, textures)
     geometry = _Geometry(document, views)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused later
-        scene = trimesh.load_scene(
-            io.BytesIO(geometry.as_glb()), file_type="glb", process=False, validate=False
-        )
+        scene = trimesh.load_scene(io.BytesIO(geometry.as_glb()), file_type="glb", process=False, validate=False)
     made = {}
     for name, mesh in scene.geometry.items():
         if isinstance(mesh, trimesh.Trimesh):
@@ -139,9 +137,7 @@ class _Geometry:
         visual: Any = mesh.visual
         return int(visual.material.name)
 
-    def part(
-        self, number: int, mesh: trimesh.Trimesh, materials: GltfMaterials, name: str
-    ) -> Part:
+    def part(self, number: int, mesh: trimesh.Trimesh, materials: GltfMaterials, name: str) -> Part:
         """Return what trimesh made of a primitive, with the material that the file gives it."""
         primitive = self._primitives[number]
         index, material = materials.of(primitive.get("material"))
@@ -162,9 +158,7 @@ class _Geometry:
             colors=None if colors is None else np.clip(colors[:, :3], 0.0, None),
         )
 
-    def _optional(
-        self, attributes: Json, key: str, values: NDArray[Any] | None
-    ) -> NDArray[np.float64] | None:
+    def _optional(self, attributes: Json, key: str, values: NDArray[Any] | None) -> NDArray[np.float64] | None:
         return None if values is None else self._floats(attributes, key, values)
 
     def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
@@ -192,15 +186,12 @@ class _Geometry:
     def _primitive(self, primitive: Json, mode: int) -> Json:
         draco = primitive.get("extensions", {}).get(DRACO)
         if draco is not None and importlib.util.find_spec("DracoPy") is None:
-            raise MissingExtraError(
-                "the file is compressed with Draco: pip install 'ssgi-cl[draco]' to read it"
-            )
+            raise MissingExtraError("the file is compressed with Draco: pip install 'ssgi-cl[draco]' to read it")
         given = primitive["attributes"]
         kept = {key: name for key, (name, _) in _ATTRIBUTES.items() if key in given}
         result: Json = {"mode": mode, "material": len(self._primitives)}
         result["attributes"] = {
-            name: self._accessor(given[key], _ATTRIBUTES[key][1], draco is not None)
-            for key, name in kept.items()
+            name: self._accessor(given[key], _ATTRIBUTES[key][1], draco is not None) for key, name in kept.items()
         }
         corners = given["POSITION"]
         if "indices" in primitive:
@@ -216,9 +207,7 @@ class _Geometry:
         if self._vertices > MOST_TRIANGLES:
             raise SceneError(f"the primitives have more than {MOST_TRIANGLES} vertices in all")
         if draco is not None:
-            packed = {
-                kept[key]: number for key, number in draco["attributes"].items() if key in kept
-            }
+            packed = {kept[key]: number for key, number in draco["attributes"].items() if key in kept}
             view = self._view(draco["bufferView"], 0)
             result["extensions"] = {DRACO: {"bufferView": view, "attributes": packed}}
         self._primitives.append(primitive)
@@ -253,9 +242,7 @@ class _Geometry:
                     f"byte {start} of a view of {available} bytes"
                 )
             copy["byteOffset"] = start
-            copy["bufferView"] = self._view(
-                accessor["bufferView"], stride if "byteStride" in view else 0
-            )
+            copy["bufferView"] = self._view(accessor["bufferView"], stride if "byteStride" in view else 0)
         self._accessors.append(copy)
         return len(self._accessors) - 1
 

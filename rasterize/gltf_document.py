@@ -92,9 +92,7 @@ def _buffers(document: Json, binary: bytes | None, folder: Path) -> list[bytes]:
         else:
             data = read_uri(uri, folder, f"the uri of buffer {index}")
         if len(data) < buffer["byteLength"]:
-            raise SceneError(
-                f"buffer {index} has {len(data)} bytes: expected {buffer['byteLength']}"
-            )
+            raise SceneError(f"buffer {index} has {len(data)} bytes: expected {buffer['byteLength']}")
         buffers.append(data)
     return buffers
 
@@ -105,9 +103,7 @@ def _views(document: Json, buffers: list[bytes]) -> list[memoryview]:
         start, length = view.get("byteOffset", 0), view["byteLength"]
         buffer = item(buffers, view["buffer"], f"the buffer of view {index}")
         if start + length > len(buffer):
-            raise SceneError(
-                f"buffer view {index} covers bytes {start} to {start + length} of {len(buffer)}"
-            )
+            raise SceneError(f"buffer view {index} covers bytes {start} to {start + length} of {len(buffer)}")
         # Not copied: many views may cover the same bytes.
         views.append(memoryview(buffer)[start : start + length])
     return views

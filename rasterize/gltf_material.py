@@ -47,9 +47,7 @@ class GltfMaterials:
         in_order: those asked for, in that order.
     """
 
-    def __init__(
-        self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet
-    ) -> None:
+    def __init__(self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet) -> None:
         self.in_order: list[Material] = []
         self._document = document
         self._views = views
@@ -144,9 +142,7 @@ class GltfMaterials:
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
         strength = float(
-            source.get("extensions", {})
-            .get("KHR_materials_emissive_strength", {})
-            .get("emissiveStrength", 1.0)
+            source.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         )
         factor = source.get("emissiveFactor", [0.0] * 3)
         emission = np.array(factor, dtype=np.float64) * strength
@@ -167,13 +163,9 @@ class GltfMaterials:
         webp = entry.get("extensions", {}).get("EXT_texture_webp", {})
         index = webp.get("source", entry.get("source"))
         if index is None:
-            raise SceneError(
-                f"texture {texture} has no image in a supported format: {sorted(entry)}"
-            )
+            raise SceneError(f"texture {texture} has no image in a supported format: {sorted(entry)}")
         if index not in self._images:
-            image: Json = item(
-                self._document.get("images", []), index, f"the image of texture {texture}"
-            )
+            image: Json = item(self._document.get("images", []), index, f"the image of texture {texture}")
             what = f"image {index} {shown(image.get('name', image.get('uri', '')))}"
             if "bufferView" in image:
                 data = bytes(item(self._views, image["bufferView"], f"the view of {what}"))
@@ -195,9 +187,6 @@ def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
     angle = float(moved.get("rotation", 0.0))
     cosine, sine = math.cos(angle), math.sin(angle)
     matrix = np.array(
-        [
-            [cosine * scale[0], sine * scale[1], offset[0]],
-            [-sine * scale[0], cosine * scale[1], offset[1]],
-        ]
+        [[cosine * scale[0], sine * scale[1], offset[0]], [-sine * scale[0], cosine * scale[1], offset[1]]]
     )
     return moved.get("texCoord", uv_set), matrix

@@ -27,7 +27,8 @@ _MATERIAL_EXTENSIONS = {
     "KHR_materials_unlit": "it is lit like others",
 }
 _DRAWN_EXTENSIONS = (
-    "KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_transmission",
 )
 
@@ -50,9 +51,7 @@ def notes_of(document: Json, materials: Iterable[int]) -> Iterator[str]:
     for feature, having in names.items():
         yield f"{_listed(having)}: {feature}"
     yield from _geometry(document)
-    unknown = set(document.get("extensionsUsed", [])) - {
-        *UNDERSTOOD, *_MATERIAL_EXTENSIONS, *_DRAWN_EXTENSIONS
-    }
+    unknown = set(document.get("extensionsUsed", [])) - {*UNDERSTOOD, *_MATERIAL_EXTENSIONS, *_DRAWN_EXTENSIONS}
     for extension in sorted(unknown):
         yield f"extension {shown(extension)} is not known: what it adds is not drawn"
 

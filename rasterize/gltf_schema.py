@@ -126,9 +126,7 @@ _MATERIAL = {
     },
     "extensions": {
         "KHR_materials_emissive_strength": {"emissiveStrength": _number},
-        "KHR_materials_transmission": {
-            "transmissionFactor": _number, "transmissionTexture": _TEXTURE_INFO,
-        },
+        "KHR_materials_transmission": {"transmissionFactor": _number, "transmissionTexture": _TEXTURE_INFO},
         "KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": _numbers(4),
             "diffuseTexture": _TEXTURE_INFO,
@@ -158,12 +156,8 @@ _LIGHT = {
 _CAMERA = {
     "type!": _text,
     "name": _text,
-    "perspective": {
-        "yfov!": _number, "znear!": _number, "zfar": _number, "aspectRatio": _number
-    },
-    "orthographic": {
-        "xmag!": _number, "ymag!": _number, "znear!": _number, "zfar!": _number
-    },
+    "perspective": {"yfov!": _number, "znear!": _number, "zfar": _number, "aspectRatio": _number},
+    "orthographic": {"xmag!": _number, "ymag!": _number, "znear!": _number, "zfar!": _number},
 }
 
 
@@ -197,9 +191,7 @@ _DOCUMENT = {
     ],
     "meshes": [{"primitives!": [_PRIMITIVE]}],
     "materials": [_MATERIAL],
-    "textures": [
-        {"source": _integer, "extensions": {"EXT_texture_webp": {"source": _integer}}}
-    ],
+    "textures": [{"source": _integer, "extensions": {"EXT_texture_webp": {"source": _integer}}}],
     "images": [{"uri": _text, "bufferView": _integer, "name": _text}],
     "accessors": [
         {

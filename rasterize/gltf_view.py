@@ -24,9 +24,7 @@ multiplies its watts by it when it writes, so that its lights come back as they 
 _WIDEST_CONE = 1.5  # radians, of SpotLight
 
 
-def lights_of(
-    document: Json, placed: list[tuple[int, Matrix]], notes: list[str]
-) -> tuple[Light, ...]:
+def lights_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str]) -> tuple[Light, ...]:
     """Return the lights of placed nodes; `notes` gets what of them is not drawn.
 
     A point light of I cd has a radiant intensity of I / 683 W/sr, a directional one of E lx an
@@ -73,9 +71,7 @@ def _light(source: Json, matrix: Matrix) -> Light:
         raise ValueError(f"type is {shown(kind)}: expected 'point', 'spot' or 'directional'")
     inner, outer = _cone(source)
     if not 0.0 <= inner < outer <= math.pi / 2 + 1e-6:
-        raise ValueError(
-            f"its cone angles are {inner:g} and {outer:g}: expected 0 <= inner < outer <= pi / 2"
-        )
+        raise ValueError(f"its cone angles are {inner:g} and {outer:g}: expected 0 <= inner < outer <= pi / 2")
     return SpotLight(matrix[:3, 3], -_axis(matrix, 2), _sharp(inner, outer), strength)
 
 
@@ -95,9 +91,7 @@ def _sharp(inner: float, outer: float) -> float:
     return min(math.acos(min(cosine, 1.0)), _WIDEST_CONE)
 
 
-def cameras_of(
-    document: Json, placed: list[tuple[int, Matrix]], notes: list[str]
-) -> dict[str, SceneCamera]:
+def cameras_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str]) -> dict[str, SceneCamera]:
     """Return name -> camera of placed nodes; `notes` gets those that cannot be used.
 
     Names are those of nodes, else of cameras, else "camera N" with the node's number; one that is
@@ -145,15 +139,17 @@ def _camera(source: Json, matrix: Matrix) -> SceneCamera:
     values: Json = source[kind]
     if kind == "perspective":
         return SceneCamera(
-            view=view, height=values["yfov"], aspect=values.get("aspectRatio"),
-            near=values["znear"], far=values.get("zfar", math.inf),
+            view=view,
+            height=values["yfov"],
+            aspect=values.get("aspectRatio"),
+            near=values["znear"],
+            far=values.get("zfar", math.inf),
         )
     wide, tall = values["xmag"], values["ymag"]
     if not (wide > 0 and tall > 0):
         raise ValueError(f"xmag and ymag are {wide:g} and {tall:g}: expected numbers > 0")
     return SceneCamera(
-        view=view, kind="orthographic", height=2.0 * tall, aspect=wide / tall,
-        near=values["znear"], far=values["zfar"],
+        view=view, kind="orthographic", height=2.0 * tall, aspect=wide / tall, near=values["znear"], far=values["zfar"]
     )
 
 

@@ -42,20 +42,13 @@ def _read_obj(path: Path, textures: TextureSet) -> Contents:
 
 
 # trimesh is imported where it is needed: it takes as long as all the rest of the library.
-READERS: dict[str, _Reader] = {
-    ".glb": _read_gltf,
-    ".gltf": _read_gltf,
-    ".obj": _read_obj,
-    ".ply": _read_ply,
-}
+READERS: dict[str, _Reader] = {".glb": _read_gltf, ".gltf": _read_gltf, ".obj": _read_obj, ".ply": _read_ply}
 """Which function reads which kind of file; see each for what it keeps and what it leaves out."""
 
 
 @checked_keywords
 def load_scene(
-    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh,
-    *,
-    crease_angle: float = DEFAULT_CREASE_ANGLE,
+    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh, *, crease_angle: float = DEFAULT_CREASE_ANGLE
 ) -> Scene:
     """Load a scene from a file (.glb, .gltf, .obj with .mtl, .ply) or from trimesh objects.
 
@@ -105,11 +98,7 @@ def load_scene(
 
 def _joined(contents: Contents, textures: TextureSet, crease_angle: float) -> Scene:
     """Return the scene of what a file holds."""
-    scene = assemble(
-        contents.parts, contents.materials, textures.textures, crease_angle=crease_angle
-    )
+    scene = assemble(contents.parts, contents.materials, textures.textures, crease_angle=crease_angle)
     if not (contents.lights or contents.cameras or contents.notes):
         return scene
-    return replace(
-        scene, lights=contents.lights, cameras=contents.cameras, notes=contents.notes
-    )
+    return replace(scene, lights=contents.lights, cameras=contents.cameras, notes=contents.notes)

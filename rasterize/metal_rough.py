@@ -50,8 +50,7 @@ def metal_rough_lobe(base: NDArray[np.float64], metal: float, roughness: float) 
 
 
 def rough_lobe(
-    reflectance: NDArray[np.float64], albedo: NDArray[np.float64], roughness: float, *,
-    matt: float = 1.0,
+    reflectance: NDArray[np.float64], albedo: NDArray[np.float64], roughness: float, *, matt: float = 1.0
 ) -> Lobe:
     """Return a lobe of reflectance and roughness, which has what the albedo leaves."""
     alpha = min(max(roughness, 1e-2), 1.0) ** 2

@@ -51,9 +51,7 @@ class _Entry:
     maps: dict[str, _Map] = field(default_factory=dict)
 
 
-def read_mtl(
-    text: str, folder: Path, textures: TextureSet, *, within: Path
-) -> dict[str, MtlMaterial]:
+def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> dict[str, MtlMaterial]:
     """Return the materials of a library by name.
 
     Kd and Ke are taken as linear, map_Kd as sRGB-encoded. A map_d (or an opacity below 1) makes
@@ -115,13 +113,9 @@ def _numbers(key: str, words: list[str], material: str) -> list[float]:
         try:
             values.append(float(word))
         except ValueError:
-            raise SceneError(
-                f"material {shown(material)}: {key} {shown(' '.join(words))}: expected numbers"
-            ) from None
+            raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected numbers") from None
     if not values or not all(math.isfinite(value) for value in values):
-        raise SceneError(
-            f"material {shown(material)}: {key} {shown(' '.join(words))}: expected finite numbers"
-        )
+        raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected finite numbers")
     return values
 
 
@@ -147,9 +141,7 @@ def _map(text: str, material: str) -> _Map:
     # A name may hold several blanks in a row, so it is cut from the text rather than joined.
     result.name = text.split(None, place)[place].strip() if place < len(words) else ""
     if not result.name:
-        raise SceneError(
-            f"material {shown(material)}: a map statement names no file: {shown(text)}"
-        )
+        raise SceneError(f"material {shown(material)}: a map statement names no file: {shown(text)}")
     return result
 
 

@@ -42,11 +42,7 @@ def crease_normals(
     weights = _corner_angles(corners).ravel()
     repeated = np.repeat(faces, 3, axis=0)
     sums = np.stack(
-        [
-            np.bincount(groups, weights=weights * repeated[:, axis], minlength=len(groups))
-            for axis in range(3)
-        ],
-        axis=1,
+        [np.bincount(groups, weights=weights * repeated[:, axis], minlength=len(groups)) for axis in range(3)], axis=1
     )[groups]
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     # Faces that cancel out have no mean direction: each keeps its own.
@@ -108,9 +104,7 @@ def _smooth_corner_pairs(
     return np.concatenate(first), np.concatenate(second)
 
 
-def _connected(
-    first: NDArray[np.int64], second: NDArray[np.int64], count: int
-) -> NDArray[np.int64]:
+def _connected(first: NDArray[np.int64], second: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Return for each of `count` nodes the least node that the given pairs connect it with."""
     label = np.arange(count)
     while True:

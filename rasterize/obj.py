@@ -156,9 +156,7 @@ def _vertex_colors(table: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return srgb_to_linear(colors / 255.0 if colors.max(initial=0.0) > 1.0 else colors)
 
 
-def _corners(
-    statements: _Statements, lengths: tuple[int, int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _corners(statements: _Statements, lengths: tuple[int, int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return [corners, 3] indices of vertex, uv (or -1), normal (or -1); [faces] corner counts."""
     words, counts, slashes = _words(statements.faces)
     try:
@@ -215,9 +213,7 @@ def _unique_corners(
     return np.column_stack(columns)[first], inverse
 
 
-def _libraries(
-    statements: _Statements, folder: Path, textures: TextureSet
-) -> dict[str, MtlMaterial]:
+def _libraries(statements: _Statements, folder: Path, textures: TextureSet) -> dict[str, MtlMaterial]:
     found: dict[str, MtlMaterial] = {}
     for line in dict.fromkeys(statements.libraries):
         for name in _library_names(line, lambda name: is_file(folder / name)):

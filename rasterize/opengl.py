@@ -173,9 +173,7 @@ class _Drawing:
         for location, array in enumerate(arrays):
             self._buffer(gl.GL_ARRAY_BUFFER, array)
             gl.glEnableVertexAttribArray(location)
-            gl.glVertexAttribPointer(
-                location, array.shape[1], gl.GL_FLOAT, gl.GL_FALSE, 0, ctypes.c_void_p(0)
-            )
+            gl.glVertexAttribPointer(location, array.shape[1], gl.GL_FLOAT, gl.GL_FALSE, 0, ctypes.c_void_p(0))
         self._buffer(gl.GL_ELEMENT_ARRAY_BUFFER, triangles)
         self._table = self._image(table, gl.GL_RGBA32F, gl.GL_FLOAT)
         used = {material.texture for material, *_ in self._runs} - {-1}
@@ -314,9 +312,7 @@ def clip_matrix(camera: Camera) -> NDArray[np.float64]:
     return matrix
 
 
-def _triangle_table(
-    corners: NDArray[np.float64], camera: Camera
-) -> tuple[NDArray[np.float32], float]:
+def _triangle_table(corners: NDArray[np.float64], camera: Camera) -> tuple[NDArray[np.float32], float]:
     """Tabulate what the fragment shader needs to know of each triangle.
 
     Args:

@@ -50,9 +50,7 @@ def context() -> Iterator[Any]:
         yield gl
     finally:
         import_module("OpenGL.contextdata").cleanupContext()
-        native.eglMakeCurrent(
-            display, native.EGL_NO_SURFACE, native.EGL_NO_SURFACE, native.EGL_NO_CONTEXT
-        )
+        native.eglMakeCurrent(display, native.EGL_NO_SURFACE, native.EGL_NO_SURFACE, native.EGL_NO_CONTEXT)
         # Not the platform's own clean-up: it would end every other context of the display too.
         native.eglDestroyContext(display, current)
         if before[3]:

@@ -99,11 +99,7 @@ def check_triangles(count: int) -> None:
 
 
 def assemble(
-    parts: Sequence[Part],
-    materials: Sequence[Material],
-    textures: Sequence[NDArray[np.uint8]],
-    *,
-    crease_angle: float,
+    parts: Sequence[Part], materials: Sequence[Material], textures: Sequence[NDArray[np.uint8]], *, crease_angle: float
 ) -> Scene:
     """Join `parts` to one scene around the centre of its bounds.
 
@@ -115,13 +111,9 @@ def assemble(
     """
     count = sum(len(part.triangles) for part in parts)
     check_triangles(count)
-    done = [
-        part for part in (complete(part, crease_angle) for part in parts) if len(part.triangles)
-    ]
+    done = [part for part in (complete(part, crease_angle) for part in parts) if len(part.triangles)]
     if not done:
-        raise SceneError(
-            f"no triangle to draw ({count} in the source, {count} of them without area)"
-        )
+        raise SceneError(f"no triangle to draw ({count} in the source, {count} of them without area)")
     starts = np.cumsum([0] + [len(part.positions) for part in done])
     positions = np.concatenate([part.positions for part in done])
     origin = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
@@ -131,9 +123,7 @@ def assemble(
         normals=np.concatenate([_rows(part.normals, part, 0.0, 3) for part in done]),
         uvs=np.concatenate([_rows(part.uvs, part, 0.0, 2) for part in done]),
         colors=np.concatenate([_rows(part.colors, part, 1.0, 3) for part in done]),
-        triangles=np.concatenate(
-            [part.triangles + start for part, start in zip(done, starts, strict=False)]
-        ),
+        triangles=np.concatenate([part.triangles + start for part, start in zip(done, starts, strict=False)]),
         material_ids=np.concatenate([part.material_ids for part in done]),
         materials=tuple(materials) or (Material(),),
         textures=tuple(textures),
@@ -152,9 +142,7 @@ def complete(part: Part, crease_angle: float) -> Part:
     return _with_normals(part, crease_angle) if len(part.triangles) else part
 
 
-def _rows(
-    values: NDArray[np.float64] | None, part: Part, otherwise: float, width: int
-) -> NDArray[np.float32]:
+def _rows(values: NDArray[np.float64] | None, part: Part, otherwise: float, width: int) -> NDArray[np.float32]:
     if values is None:
         return np.full((len(part.positions), width), otherwise, dtype=np.float32)
     usable = np.abs(values) <= np.finfo(np.float32).max  # false for NaN as well
@@ -181,9 +169,7 @@ def _without_flaws(part: Part) -> Part:
         )
     for name, values in (("normals", part.normals), ("uvs", part.uvs), ("colors", part.colors)):
         if values is not None and len(values) != len(part.positions):
-            raise SceneError(
-                f"{part.name}: {len(values)} {name} for {len(part.positions)} vertices"
-            )
+            raise SceneError(f"{part.name}: {len(values)} {name} for {len(part.positions)} vertices")
     corners = part.positions[triangles]
     # A comparison with NaN is false, so that NaN is caught as well.
     usable = np.abs(corners) <= _LARGEST_COORDINATE

@@ -83,9 +83,7 @@ def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
         raise
     except Exception as error:  # the header is sound, so whatever fails, fails at the data
         reason = f"{type(error).__name__}: {error}"[:200]
-        raise SceneError(
-            f"{path} is cut off or damaged: its data doesn't fit its header ({reason})"
-        ) from error
+        raise SceneError(f"{path} is cut off or damaged: its data doesn't fit its header ({reason})") from error
     if not isinstance(loaded, trimesh.Trimesh):
         raise SceneError(f"{path} holds no triangle")
     return loaded

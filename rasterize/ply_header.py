@@ -102,8 +102,7 @@ def _check(elements: list[_Element], left: int, path: Path) -> None:
     for element in elements:
         if element.count * max(element.least_bytes, 1) > left + 1:  # no blank after the last word
             raise SceneError(
-                f"{path} is cut off or damaged: {element.count} times {shown(element.name)} "
-                f"in {left} bytes of data"
+                f"{path} is cut off or damaged: {element.count} times {shown(element.name)} in {left} bytes of data"
             )
         left -= element.count * element.least_bytes
     vertex, face = by_name.get("vertex"), by_name.get("face")

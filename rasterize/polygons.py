@@ -14,9 +14,7 @@ _OTHER_DIAGONAL = np.array([[3, 0, 1], [1, 2, 3]])
 """Of a quadrilateral whose fan folds over."""
 
 
-def triangulate(
-    counts: NDArray[np.int64], points: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def triangulate(counts: NDArray[np.int64], points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cut polygons into triangles: fans where a fan fits, clipped ears where it is concave.
 
     Args:
@@ -96,10 +94,6 @@ def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:
     return not bool(np.any(inside))
 
 
-def _turn(
-    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    turn: NDArray[np.float64] = (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (
-        c[..., 0] - a[0]
-    )
+def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+    turn: NDArray[np.float64] = (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
     return turn

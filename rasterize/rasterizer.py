@@ -41,9 +41,15 @@ VIEW = Struct(
         *(
             (name, "int")
             for name in (
-                "tiles_x", "tiles_y", "capacity", "pair_capacity", "vertex_stride",
+                "tiles_x",
+                "tiles_y",
+                "capacity",
+                "pair_capacity",
+                "vertex_stride",
                 "triangle_stride",
-                "layer", "margin_x", "margin_y",
+                "layer",
+                "margin_x",
+                "margin_y",
             )
         ),
     ),
@@ -131,8 +137,7 @@ class Rasterizer:
                 f"{LARGEST_SIZE} px with the margin on both sides"
             )
         self.target = DeviceGBuffer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0,
-            world=world,
+            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0, world=world
         )
         rows, columns = self.target.whole
         self._tiles = (-(-rows // TILE), -(-columns // TILE))
@@ -154,15 +159,11 @@ class Rasterizer:
         self._run = runtime.variant.lanes if parallel else BOXED
         kernel = runtime.kernel
         self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
-        self._setup = kernel(
-            "raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run}, STRUCTS
-        )
+        self._setup = kernel("raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run}, STRUCTS)
         self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
         self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
 
-    def render(
-        self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None
-    ) -> DeviceGBuffer:
+    def render(self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
 
         `behind` has the `depths` of an image drawn before with the same camera: only what lies
@@ -173,9 +174,7 @@ class Rasterizer:
         frame, so a steady frame allocates nothing.
         """
         if camera.size != self.target.size:
-            raise ValueError(
-                f"camera has size {camera.size} (rows, columns): expected {self.target.size}"
-            )
+            raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.target.size}")
         self.target.set_camera(camera)
         self.target.has_facets = True
         self.target.emits = scene.emits and self.shaded
@@ -208,8 +207,11 @@ class Rasterizer:
         """
         visible = self._last_visible
         self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-            "raster depth", self.target.whole,
-            depths=visible.depths, depth=depth, camera=visible.camera,
+            "raster depth",
+            self.target.whole,
+            depths=visible.depths,
+            depth=depth,
+            camera=visible.camera,
             view=VIEW.pack({**visible.view, "layer": image}),
         )
 
@@ -222,9 +224,15 @@ class Rasterizer:
         """
         visible = self._last_visible
         self.runtime.kernel("raster/raster_hidden.cl", structs=STRUCTS).run(
-            "raster hidden", self.target.size,
-            depths=visible.depths, front=front.depth, triangles=visible.triangles, found=found,
-            whole=front.whole, camera=visible.camera, view=VIEW.pack(visible.view),
+            "raster hidden",
+            self.target.size,
+            depths=visible.depths,
+            front=front.depth,
+            triangles=visible.triangles,
+            found=found,
+            whole=front.whole,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
         )
 
     def write_opacity(self, scene: DeviceScene, target: DeviceGBuffer) -> None:
@@ -232,10 +240,17 @@ class Rasterizer:
         from the image drawn last."""
         visible = self._last_visible
         self.runtime.kernel("raster/raster_opacity.cl", structs=STRUCTS).run(
-            "raster opacity", target.size,
-            triangles=visible.triangles, faces=scene.faces, vertices=scene.shading,
-            **_surface(scene), through=scene.through, opacity=target.opacity,
-            transmitted=target.transmitted, camera=visible.camera, view=VIEW.pack(visible.view),
+            "raster opacity",
+            target.size,
+            triangles=visible.triangles,
+            faces=scene.faces,
+            vertices=scene.shading,
+            **_surface(scene),
+            through=scene.through,
+            opacity=target.opacity,
+            transmitted=target.transmitted,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
         )
 
     @property
@@ -256,15 +271,14 @@ class Rasterizer:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  something was drawn
         self._attributes(scene, True, step, emission=target.emits).run(
-            "raster attributes", target.size,
+            "raster attributes",
+            target.size,
             camera=CAMERA.pack(camera_values(camera)),
             view=VIEW.pack(self._view_values(scene, camera)),
             **self._attribute_arguments(scene, target, self._last_visible.triangles),
         )
 
-    def write_gloss(
-        self, step: int, scene: DeviceScene, specular: Plane, gloss: Plane
-    ) -> None:
+    def write_gloss(self, step: int, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
         """Queue the pass that says what the last layer of the image drawn last mirrors.
 
         Args:
@@ -275,12 +289,23 @@ class Rasterizer:
         self._write_gloss(step, scene, self._last_visible.triangles, specular, gloss)
 
     def _write_gloss(
-        self, step: int, scene: DeviceScene, seen: DeviceArray, specular: Plane, gloss: Plane,
+        self,
+        step: int,
+        scene: DeviceScene,
+        seen: DeviceArray,
+        specular: Plane,
+        gloss: Plane,
         region: Region | None = None,
     ) -> None:
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
-            "raster gloss", gloss.size, region=region,
-            triangles=seen, faces=scene.faces, lobes=scene.lobes, specular=specular, gloss=gloss,
+            "raster gloss",
+            gloss.size,
+            region=region,
+            triangles=seen,
+            faces=scene.faces,
+            lobes=scene.lobes,
+            specular=specular,
+            gloss=gloss,
             tiles=self._tiles,
         )
 
@@ -289,7 +314,8 @@ class Rasterizer:
         target = self.target
         passing = self.shaded and target.world == "until released"
         self.runtime.transient.reserve(
-            4 * self._pixels * (1 + min(target.layers, 2)) + vertices
+            4 * self._pixels * (1 + min(target.layers, 2))
+            + vertices
             + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity)
             + (plane_bytes(3 * target.attributes, target.whole) if passing else 0)
             + 7 * ALIGNMENT  # each of up to seven pieces begins at a multiple
@@ -315,26 +341,53 @@ class Rasterizer:
         view = VIEW.pack(self._view_values(scene, camera))
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
-            "raster vertices", (1, scene.vertices),
-            positions=scene.positions, view=lists.view, screen=lists.screen,
-            counters=self._counters, tiles=self._counts, camera=packed_camera, to_view=view,
+            "raster vertices",
+            (1, scene.vertices),
+            positions=scene.positions,
+            view=lists.view,
+            screen=lists.screen,
+            counters=self._counters,
+            tiles=self._counts,
+            camera=packed_camera,
+            to_view=view,
         )
         self._setup.run(
-            "raster setup", (1, scene.triangles), grid=(1, -(-scene.triangles // self._run)),
+            "raster setup",
+            (1, scene.triangles),
+            grid=(1, -(-scene.triangles // self._run)),
             local=None if self._run < BOXED else (1, 1),
-            boxes=scene.boxes, corners=scene.corners, vertices=scene.shading, view=lists.view,
-            screen=lists.screen, records=lists.records, places=lists.places, tiles=self._counts,
-            counters=self._counters, camera=packed_camera, params=view,
+            boxes=scene.boxes,
+            corners=scene.corners,
+            vertices=scene.shading,
+            view=lists.view,
+            screen=lists.screen,
+            records=lists.records,
+            places=lists.places,
+            tiles=self._counts,
+            counters=self._counters,
+            camera=packed_camera,
+            params=view,
         )
         self._scan.run(
-            "raster scan", (1, tile_count), grid=(1, 1),
-            tiles=self._counts, starts=self._starts, cursors=self._cursors, counters=self._counters,
+            "raster scan",
+            (1, tile_count),
+            grid=(1, 1),
+            tiles=self._counts,
+            starts=self._starts,
+            cursors=self._cursors,
+            counters=self._counters,
         )
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
-            "raster fill", (1, workers), grid=(1, workers),
-            records=lists.records, places=lists.places, cursors=self._cursors, list=lists.list,
-            counters=self._counters, view=view,
+            "raster fill",
+            (1, workers),
+            grid=(1, workers),
+            records=lists.records,
+            places=lists.places,
+            cursors=self._cursors,
+            list=lists.list,
+            counters=self._counters,
+            view=view,
         )
 
     def _regions(self) -> list[Region | None]:
@@ -351,9 +404,7 @@ class Rasterizer:
         if rows.size == 0:
             return Region(0, 0, 0, 0)
         first = int(rows[0]) * TILE, int(columns[0]) * TILE
-        region = self._widened(
-            Region.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE))
-        )
+        region = self._widened(Region.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE)))
         whole = self.target.whole
         return region if region.rows * region.columns <= WORTH * whole[0] * whole[1] else None
 
@@ -364,9 +415,7 @@ class Rasterizer:
         end = region.end[0], region.column + wide
         return Region.between(region.first, end).inside(self.target.whole)
 
-    def _draw(
-        self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None
-    ) -> _Visible | None:
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> _Visible | None:
         """Queue the passes that draw pixels; return what they show unless they are shaded."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
@@ -403,13 +452,25 @@ class Rasterizer:
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else self._widened(over)
                 tiles.run(
-                    f"raster tiles{suffix}", whole,
+                    f"raster tiles{suffix}",
+                    whole,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
-                    local=self._group, region=over, cell=self._rectangle,
-                    records=lists.records, starts=self._starts, list=lists.list, previous=before,
-                    corners=scene.corners, positions_view=lists.view, uvs=scene.uvs,
-                    cutouts=scene.cutouts, depths=now, triangles=seen, camera=packed_camera,
-                    view=view, **_surface(scene),
+                    local=self._group,
+                    region=over,
+                    cell=self._rectangle,
+                    records=lists.records,
+                    starts=self._starts,
+                    list=lists.list,
+                    previous=before,
+                    corners=scene.corners,
+                    positions_view=lists.view,
+                    uvs=scene.uvs,
+                    cutouts=scene.cutouts,
+                    depths=now,
+                    triangles=seen,
+                    camera=packed_camera,
+                    view=view,
+                    **_surface(scene),
                 )
                 if late:
                     lists.release()
@@ -419,16 +480,18 @@ class Rasterizer:
                 if not self.shaded:
                     return _Visible(seen, now, packed_camera, values)
                 self._attributes(scene, shaded, 1, emission=scene.emits).run(
-                    f"raster attributes{suffix}", whole, region=over, camera=packed_camera,
-                    view=view, **self._attribute_arguments(scene, target, seen),
+                    f"raster attributes{suffix}",
+                    whole,
+                    region=over,
+                    camera=packed_camera,
+                    view=view,
+                    **self._attribute_arguments(scene, target, seen),
                 )
                 if target.mirrors and layer == 0:
                     self._write_gloss(1, scene, seen, target.specular, target.gloss, over)
         return None
 
-    def _attributes(
-        self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool
-    ) -> Kernel:
+    def _attributes(self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool) -> Kernel:
         return self.runtime.kernel(
             "raster/raster_attributes.cl",
             {
@@ -441,13 +504,16 @@ class Rasterizer:
             STRUCTS,
         )
 
-    def _attribute_arguments(
-        self, scene: DeviceScene, target: DeviceGBuffer, seen: DeviceArray
-    ) -> dict[str, Any]:
+    def _attribute_arguments(self, scene: DeviceScene, target: DeviceGBuffer, seen: DeviceArray) -> dict[str, Any]:
         return {
-            "triangles": seen, "faces": scene.faces, "vertices": scene.shading,
-            "depth": target.depth, "normal": target.normal_world, "albedo": target.albedo,
-            "emission": target.emission, **_surface(scene),
+            "triangles": seen,
+            "faces": scene.faces,
+            "vertices": scene.shading,
+            "depth": target.depth,
+            "normal": target.normal_world,
+            "albedo": target.albedo,
+            "emission": target.emission,
+            **_surface(scene),
         }
 
     @property
@@ -467,8 +533,7 @@ class Rasterizer:
         orthographic = camera.is_orthographic
         rows, columns = self.target.whole
         return {
-            **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(),
-                       strict=True)),
+            **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(), strict=True)),
             **dict(zip(("x", "y", "z"), shift, strict=True)),
             **dict(zip(("eye_x", "eye_y", "eye_z"), eye, strict=True)),
             **dict(zip(("rest_x", "rest_y", "rest_z"), rest, strict=True)),
@@ -493,7 +558,4 @@ class Rasterizer:
 
 def _surface(scene: DeviceScene) -> dict[str, Any]:
     """Return the arguments of kernels that say what surfaces are made of."""
-    return {
-        "materials": scene.materials, "textures": scene.textures, "texels": scene.texels,
-        "decode": scene.decode,
-    }
+    return {"materials": scene.materials, "textures": scene.textures, "texels": scene.texels, "decode": scene.decode}

@@ -21,9 +21,7 @@ from .device_scene import DeviceScene
 from .rasterizer import Rasterizer
 from .view import device_scene
 
-FLUX = Struct(
-    "FluxParams", floats("red", "green", "blue", "axis_x", "axis_y", "axis_z", "least_cosine")
-)
+FLUX = Struct("FluxParams", floats("red", "green", "blue", "axis_x", "axis_y", "axis_z", "least_cosine"))
 
 NEAR_SHARE = 1e-4
 """Near plane of a light's camera, as a share of the scene's extent seen from the light."""
@@ -52,9 +50,7 @@ class RsmRenderer:
     specular_flux: Plane
     gloss: Plane
 
-    def __init__(
-        self, runtime: Runtime, size: int, *, step: int = 1, flux: bool = True, matt: bool = False
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: int, *, step: int = 1, flux: bool = True, matt: bool = False) -> None:
         self.runtime = runtime
         self.step = step
         self._rasterizer = Rasterizer(runtime, (size, size), shaded=False, matt=matt)
@@ -66,12 +62,7 @@ class RsmRenderer:
         self._specular: Plane | None = None
 
     def render(
-        self,
-        scene: DeviceScene,
-        light: SpotLight | PointLight | DirectionalLight,
-        camera: Camera,
-        *,
-        flux: bool = True,
+        self, scene: DeviceScene, light: SpotLight | PointLight | DirectionalLight, camera: Camera, *, flux: bool = True
     ) -> Plane | None:
         """Queue the passes for one face; return the plane of flux, if that is asked for."""
         self._rasterizer.render(scene, camera)
@@ -85,8 +76,7 @@ class RsmRenderer:
             self.target.derive()
             turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
             self._normals.run(
-                "rsm normals", self.target.size,
-                seen=self.target.normal, normal=self.target.normal_world, rotation=turn,
+                "rsm normals", self.target.size, seen=self.target.normal, normal=self.target.normal_world, rotation=turn
             )
         return self.flux
 
@@ -94,11 +84,7 @@ class RsmRenderer:
         """Queue the pass that writes the depth of the face drawn last, see `Rasterizer`."""
         self._rasterizer.write_depth(depth, image)
 
-    def render_lobes(
-        self,
-        scene: DeviceScene,
-        light: SpotLight | PointLight | DirectionalLight,
-    ) -> None:
+    def render_lobes(self, scene: DeviceScene, light: SpotLight | PointLight | DirectionalLight) -> None:
         """Queue the passes that fill `specular_flux` and `gloss` for the face drawn last."""
         if self._specular is None:
             planes = [self.runtime.plane(n, self.target.size) for n in (3, 3, 1)]
@@ -110,18 +96,17 @@ class RsmRenderer:
         """Give memory that the next face is drawn to anew to others."""
         self._rasterizer.release()
 
-    def _write_flux(
-        self,
-        light: SpotLight | PointLight | DirectionalLight,
-        reflectance: Plane,
-        flux: Plane,
-    ) -> None:
+    def _write_flux(self, light: SpotLight | PointLight | DirectionalLight, reflectance: Plane, flux: Plane) -> None:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  a face was drawn
         self._kernel.run(
-            "rsm flux", self.target.size,
-            depth=self.target.depth, albedo=reflectance, flux=flux,
-            camera=self.target.camera_struct, params=FLUX.pack(_flux_values(light, camera)),
+            "rsm flux",
+            self.target.size,
+            depth=self.target.depth,
+            albedo=reflectance,
+            flux=flux,
+            camera=self.target.camera_struct,
+            params=FLUX.pack(_flux_values(light, camera)),
         )
 
 
@@ -135,9 +120,7 @@ def light_cameras(
         bounds: [2, 3] box round the scene, world space.
         size: rows and columns of each camera.
     """
-    corners = np.array(
-        [[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    )
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     if isinstance(light, DirectionalLight):
         return (_directional_camera(np.asarray(light.direction), corners, size),)
     position = np.asarray(light.position)
@@ -172,11 +155,7 @@ def every_nth(camera: Camera, step: int) -> Camera:
 
 @serialised
 def rsm(
-    scene: Scene,
-    light: SpotLight | PointLight | DirectionalLight,
-    *,
-    size: int = 512,
-    runtime: Runtime | None = None,
+    scene: Scene, light: SpotLight | PointLight | DirectionalLight, *, size: int = 512, runtime: Runtime | None = None
 ) -> ReflectiveShadowMap:
     """Draw the reflective shadow map of a light.
 
@@ -198,14 +177,10 @@ def rsm(
     """
     size = checks.integer("size", size, low=1, high=8192, unit="texels")
     if not isinstance(light, (SpotLight, PointLight, DirectionalLight)):
-        raise TypeError(
-            f"light is {type(light).__name__}: expected a SpotLight, PointLight or DirectionalLight"
-        )
+        raise TypeError(f"light is {type(light).__name__}: expected a SpotLight, PointLight or DirectionalLight")
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
-    renderer: RsmRenderer = runtime.prepared(
-        (RsmRenderer, size, True), lambda: RsmRenderer(runtime, size)
-    )
+    renderer: RsmRenderer = runtime.prepared((RsmRenderer, size, True), lambda: RsmRenderer(runtime, size))
     cameras = light_cameras(light, scene.bounds, size)
     faces: list[list[NDArray[np.float32]]] = []
     with runtime.frame():
@@ -238,9 +213,7 @@ def rsm(
     )
 
 
-def _flux_values(
-    light: SpotLight | PointLight | DirectionalLight, camera: Camera
-) -> dict[str, float]:
+def _flux_values(light: SpotLight | PointLight | DirectionalLight, camera: Camera) -> dict[str, float]:
     power = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
     red, green, blue = np.asarray(power).tolist()
     axis, least = np.array([0.0, 0.0, -1.0]), -2.0
@@ -248,8 +221,13 @@ def _flux_values(
         axis = camera.view[:3, :3] @ np.asarray(light.direction)
         least = math.cos(light.cone_angle)
     return {
-        "red": red, "green": green, "blue": blue,
-        "axis_x": axis[0], "axis_y": axis[1], "axis_z": axis[2], "least_cosine": least,
+        "red": red,
+        "green": green,
+        "blue": blue,
+        "axis_x": axis[0],
+        "axis_y": axis[1],
+        "axis_z": axis[2],
+        "least_cosine": least,
     }
 
 
@@ -277,9 +255,7 @@ def _cube_camera(
     )
 
 
-def _directional_camera(
-    direction: NDArray[np.float64], corners: NDArray[np.float64], size: int
-) -> Camera:
+def _directional_camera(direction: NDArray[np.float64], corners: NDArray[np.float64], size: int) -> Camera:
     centre = corners.mean(axis=0)
     radius = max(float(np.linalg.norm(corners - centre, axis=1).max()), 1e-30)
     step = max(radius, float(np.abs(centre).max()) * 1e-3)

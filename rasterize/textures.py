@@ -62,9 +62,7 @@ def read_beside(folder: Path, name: str, what: str, *, within: Path | None = Non
         raise SceneError(f"{what} is {shown(name)}: expected a path relative to the scene file")
     path = (folder / name).resolve()
     if not path.is_relative_to(within.resolve()):
-        raise SceneError(
-            f"{what} is {shown(name)}: it leaves the folder of the scene file, {within}"
-        )
+        raise SceneError(f"{what} is {shown(name)}: it leaves the folder of the scene file, {within}")
     if not is_file(path):
         raise SceneError(f"{what} is {shown(name)}: no such file in {folder}")
     return path.read_bytes()
@@ -93,9 +91,7 @@ def read_uri(uri: str, folder: Path, what: str) -> bytes:
         raise SceneError(f"{what} is {shown(uri)}: no base64 ({error})") from None
 
 
-def decode_image(
-    data: bytes, what: str, *, most: int = MOST_TEXTURE_PIXELS
-) -> NDArray[np.uint8]:
+def decode_image(data: bytes, what: str, *, most: int = MOST_TEXTURE_PIXELS) -> NDArray[np.uint8]:
     """Return the image in `data` as [rows, columns, 4] uint8 RGBA, row 0 on top.
 
     Raises:
@@ -117,9 +113,7 @@ def decode_image(
         raise SceneError(f"{what} can't be read as an image: {reason}") from error
 
 
-def rgba_of(
-    image: Image.Image, what: str, *, most: int = MOST_TEXTURE_PIXELS
-) -> NDArray[np.uint8]:
+def rgba_of(image: Image.Image, what: str, *, most: int = MOST_TEXTURE_PIXELS) -> NDArray[np.uint8]:
     """Return a Pillow image as [rows, columns, 4] uint8; 16-bit grey keeps its upper 8 bits.
 
     Raises:

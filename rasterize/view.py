@@ -31,9 +31,7 @@ def margin_of(camera: Camera, overscan: float) -> Size:
 
 def _check_scene(scene: object) -> None:
     if not isinstance(scene, Scene):
-        raise TypeError(
-            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
-        )
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
 
 
 def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
@@ -42,9 +40,7 @@ def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
     It goes with the scene.
     """
     _check_scene(scene)
-    kept: DeviceScene = runtime.prepared(
-        (DeviceScene, scene.key), lambda: DeviceScene(runtime, scene), of=scene
-    )
+    kept: DeviceScene = runtime.prepared((DeviceScene, scene.key), lambda: DeviceScene(runtime, scene), of=scene)
     return kept
 
 
@@ -94,28 +90,25 @@ def gbuffer(
         from . import opengl
 
         arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
-        normal, albedo, emission = (
-            arrays[name][:shaded] for name in ("normal", "albedo", "emission")
-        )
+        normal, albedo, emission = (arrays[name][:shaded] for name in ("normal", "albedo", "emission"))
         return _host(
-            camera, arrays["depth"], normal, albedo, emission if emission.any() else None,
+            camera,
+            arrays["depth"],
+            normal,
+            albedo,
+            emission if emission.any() else None,
             (arrays["specular"], arrays["gloss"]) if "gloss" in arrays else None,
         )
     return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
 
 
 @serialised
-def _drawn(
-    scene: Scene, camera: Camera, layers: int, margin: Size, shaded: int, *,
-    runtime: Runtime | None,
-) -> GBuffer:
+def _drawn(scene: Scene, camera: Camera, layers: int, margin: Size, shaded: int, *, runtime: Runtime | None) -> GBuffer:
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
     rasterizer: Rasterizer = runtime.prepared(
         (Rasterizer, camera.size, layers, margin, True, shaded),
-        lambda: Rasterizer(
-            runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True
-        ),
+        lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True),
     )
     with runtime.frame():
         return downloaded(rasterizer.render(kept, camera))
@@ -141,7 +134,11 @@ def _layers_of(plane: Plane) -> Floats:
 
 
 def _host(
-    camera: Camera, depth: Floats, normal: Floats, albedo: Floats, emission: Floats | None,
+    camera: Camera,
+    depth: Floats,
+    normal: Floats,
+    albedo: Floats,
+    emission: Floats | None,
     lobes: tuple[Floats, Floats] | None,
 ) -> GBuffer:
     """Return a G-buffer of arrays whose first axis is that of layers, and of specular and gloss,

@@ -30,9 +30,7 @@ class _Latest:
     def __init__(self, scene: Scene) -> None:
         self.camera = b""
         self.extent = 0.0
-        self.largest = min(
-            Extent.of(scene).diagonal, _BESIDE * Extent.of_subject(scene).diagonal
-        )
+        self.largest = min(Extent.of(scene).diagonal, _BESIDE * Extent.of_subject(scene).diagonal)
 
 
 @serialised
@@ -49,9 +47,7 @@ def visible_extent(scene: Scene, camera: Camera, *, runtime: Runtime) -> float:
         camera: its size in pixels does not matter.
         runtime: the device that draws the depth map.
     """
-    latest: _Latest = runtime.prepared(
-        (_Latest, scene.key), lambda: _Latest(scene), of=scene
-    )
+    latest: _Latest = runtime.prepared((_Latest, scene.key), lambda: _Latest(scene), of=scene)
     key = camera.view.tobytes() + camera.projection.tobytes() + camera.depth_range.encode()
     if latest.camera != key:
         latest.extent = min(_extent(scene, camera, runtime), latest.largest)
@@ -75,8 +71,7 @@ def _extent(scene: Scene, camera: Camera, runtime: Runtime) -> float:
 def _depths(scene: Scene, camera: Camera, runtime: Runtime) -> np.ndarray:
     """Return the depths of pixels that show a surface, float64."""
     small = Camera(
-        view=camera.view, projection=camera.projection, width=COLUMNS, height=ROWS,
-        depth_range=camera.depth_range,
+        view=camera.view, projection=camera.projection, width=COLUMNS, height=ROWS, depth_range=camera.depth_range
     )
     drawn = device_scene(scene, runtime)
     rasterizer: Rasterizer = runtime.prepared(

@@ -21,9 +21,7 @@ former_names.install()
 def __getattr__(name: str) -> Any:
     new = former_names.ATTRIBUTES.get(name)
     if new is not None:
-        warnings.warn(
-            f"ssgi_cl.{name} is now ssgi_cl.{new}", DeprecationWarning, stacklevel=2
-        )
+        warnings.warn(f"ssgi_cl.{name} is now ssgi_cl.{new}", DeprecationWarning, stacklevel=2)
     elif f"ssgi_cl.{name}" in former_names.MODULES and name not in __all__:
         return import_module(f"ssgi_cl.{name}")
     return _import(new or name)

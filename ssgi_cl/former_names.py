@@ -15,62 +15,29 @@ ATTRIBUTES = {"extra_cameras": "auxiliary_cameras", "Form": "KernelVariant"}
 """Former names of the package -> the present ones."""
 
 _MOVED = {
-    ("", "cli"): (
-        "cli_apply=apply cli_render=render"
-    ),
-    ("", "core"): (
-        "atomic camera check=checks errors gbuffer immutable lights params sampling "
-        "sight=camera_rays"
-    ),
+    ("", "cli"): ("cli_apply=apply cli_render=render"),
+    ("", "core"): ("atomic camera check=checks errors gbuffer immutable lights params sampling sight=camera_rays"),
     ("", "device"): (
         "device_gbuffer=gbuffer device_info=info device_memory=memory device_records=records "
         "device_rsm=rsm driver_caches drivers host_memory image_limits kernel memory=arrays "
         "opencl pocl_cache pocl_cpu probe probing runtime sources structs window=active_region"
     ),
-    ("", "frame"): (
-        "further_views=auxiliary_views occluder=tile_classifier plan render render_params "
-        "renderer"
-    ),
-    ("", "io"): (
-        "cli_common=console exr exr_header png views=previews"
-    ),
-    ("", "rasterize"): (
-        "viewpoint=default_camera"
-    ),
-    ("", "techniques"): (
-        "presets tiles"
-    ),
-    ("", "techniques.indirect"): (
-        "device_vpls=packed_vpls extra_cameras=auxiliary_cameras flux_curve vpls=vpl_choice"
-    ),
-    ("", "techniques.shading"): (
-        "lamp_reach=light_reach light_maps"
-    ),
-    ("", "truth"): (
-        "metrics raycast"
-    ),
+    ("", "frame"): ("further_views=auxiliary_views occluder=tile_classifier plan render render_params renderer"),
+    ("", "io"): ("cli_common=console exr exr_header png views=previews"),
+    ("", "rasterize"): ("viewpoint=default_camera"),
+    ("", "techniques"): ("presets tiles"),
+    ("", "techniques.indirect"): ("device_vpls=packed_vpls extra_cameras=auxiliary_cameras flux_curve vpls=vpl_choice"),
+    ("", "techniques.shading"): ("lamp_reach=light_reach light_maps"),
+    ("", "truth"): ("metrics raycast"),
     ("bench", "tuning"): (
-        "calibration case context measure search trials tunables tune tuning=outcome "
-        "views=measured_scenes"
+        "calibration case context measure search trials tunables tune tuning=outcome views=measured_scenes"
     ),
-    ("presets", "techniques.presets"): (
-        "pace=speed_model"
-    ),
-    ("presets", "tuning"): (
-        "choose"
-    ),
-    ("rasterize", "core"): (
-        "scene"
-    ),
-    ("reference", "reference"): (
-        "lamp_shadows=light_shadows sight_grid=occupancy_grid"
-    ),
-    ("techniques", "techniques.ao"): (
-        "bent_normals bitmask_ao gtao hbao occlusion slices ssao"
-    ),
-    ("techniques", "techniques.filters"): (
-        "bilateral upsample"
-    ),
+    ("presets", "techniques.presets"): ("pace=speed_model"),
+    ("presets", "tuning"): ("choose"),
+    ("rasterize", "core"): ("scene"),
+    ("reference", "reference"): ("lamp_shadows=light_shadows sight_grid=occupancy_grid"),
+    ("techniques", "techniques.ao"): ("bent_normals bitmask_ao gtao hbao occlusion slices ssao"),
+    ("techniques", "techniques.filters"): ("bilateral upsample"),
     ("techniques", "techniques.indirect"): (
         "methods multires_grid multires_published multires_splat rsm_gather rsm_maps "
         "rsm_published rsm_samples rsm_technique sight_grid=occupancy_grid ssdo ssdo_back "
@@ -82,9 +49,7 @@ _MOVED = {
         "ambient lamp_shadows=light_shadows lamps=light_data lit_layers=layer_shading "
         "multi_bounce shade shadow_blocks shadow_maps sky tonemap"
     ),
-    ("techniques", "truth"): (
-        "ray_ao"
-    ),
+    ("techniques", "truth"): ("ray_ao"),
 }
 """(former package, present package) within `ssgi_cl` -> modules, those with another name now as
 former=present."""

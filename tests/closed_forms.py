@@ -67,9 +67,7 @@ SIDE: Quad = ((0, 0, 0), (FAR, 0, 0), (0, FAR, 0))
 def above(x: float, z: float = 0.0, *, size: int = 24, width: float = 1e-6) -> Camera:
     """Return a camera that sees a spot of the floor at (x, z), as small as a point, from above."""
     eye, target = (x, 0.01, z), (x, 0.0, z)
-    return Camera.orthographic(
-        eye, target, (0, 0, 1), view_height=width, width=size, height=size, far=1.0
-    )
+    return Camera.orthographic(eye, target, (0, 0, 1), view_height=width, width=size, height=size, far=1.0)
 
 
 def ball(subdivisions: int = 5) -> Any:
@@ -102,11 +100,7 @@ def hidden_by_wall(c: float, weighting: str, attenuation: str) -> float:
         whole = 1.0 - c
         lost = {"none": 0.0, "linear": -c * math.log(c), "quadratic": c - c * c}[attenuation]
         return 0.5 * (whole - lost)
-    lost = {
-        "none": 0.0,
-        "linear": c * (math.log((1.0 + s) / c) - s),
-        "quadratic": c * c * (s / c - t),
-    }[attenuation]
+    lost = {"none": 0.0, "linear": c * (math.log((1.0 + s) / c) - s), "quadratic": c * c * (s / c - t)}[attenuation]
     return (t - s * c - 2.0 * lost) / math.pi
 
 

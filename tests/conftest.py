@@ -71,9 +71,7 @@ def variant_runtime(request: pytest.FixtureRequest) -> Runtime:
 
 
 @pytest.fixture(
-    scope="session",
-    params=[pytest.param(variant, marks=pytest.mark.slow) for variant in KERNEL_VARIANTS],
-    ids=_named,
+    scope="session", params=[pytest.param(variant, marks=pytest.mark.slow) for variant in KERNEL_VARIANTS], ids=_named
 )
 def other_variant(request: pytest.FixtureRequest) -> Runtime:
     """The device under test with each kernel variant but its default, to be held to the default.

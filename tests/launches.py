@@ -43,27 +43,39 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
     # Tile classification, and lights with lobes in the occupancy grid.
     for visible in (polished(made.scene), made.scene):
         gi.render(
-            visible, made.camera(64, 48), made.lights, ao="gtao", indirect="vpl", vpls=64,
-            glossy_vpls=64 if visible is not made.scene else 0, rsm_size=32, runtime=own,
+            visible,
+            made.camera(64, 48),
+            made.lights,
+            ao="gtao",
+            indirect="vpl",
+            vpls=64,
+            glossy_vpls=64 if visible is not made.scene else 0,
+            rsm_size=32,
+            runtime=own,
         )
     gi.render(
-        polished(made.scene), made.camera(64, 48), [*made.lights, gi.Environment(1.0)],
-        preset="low", rsm_size=32, runtime=own,
+        polished(made.scene),
+        made.camera(64, 48),
+        [*made.lights, gi.Environment(1.0)],
+        preset="low",
+        rsm_size=32,
+        runtime=own,
     )
     panes = [replace(m, transmission=(0.5,) * 3) if i % 2 else m
              for i, m in enumerate(made.scene.materials)]  # fmt: skip
-    gi.render(
-        replace(made.scene, materials=tuple(panes)), made.camera(64, 48), made.lights, bounces=0,
-        runtime=own,
-    )
+    gi.render(replace(made.scene, materials=tuple(panes)), made.camera(64, 48), made.lights, bounces=0, runtime=own)
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=own)
     gi.vpl_splat(
-        gbuffer, gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=own), 64,
-        interleave=True, visibility=True, scene=made.scene, runtime=own,
+        gbuffer,
+        gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=own),
+        64,
+        interleave=True,
+        visibility=True,
+        scene=made.scene,
+        runtime=own,
     )
     probe_timer.timer(own)()
     Calibration.of(own)
     return tuple(
-        Build(path, dict(macros), structs, kernel)
-        for (path, macros, structs, *_), kernel in own._kernels.items()
+        Build(path, dict(macros), structs, kernel) for (path, macros, structs, *_), kernel in own._kernels.items()
     )

@@ -18,7 +18,8 @@ from .launches import builds
 from .test_kernel_files import is_guarded, text_of
 
 WARNINGS = [
-    "-Weverything", "-Werror",
+    "-Weverything",
+    "-Werror",
     "-Wno-unused-parameter",  # a kernel keeps its arguments whatever its switches say
     "-Wno-unused-macros",  # and so does a file its macros
     "-Wno-declaration-after-statement",  # forbidden before C99
@@ -31,9 +32,7 @@ WARNINGS = [
 
 
 @pytest.mark.parametrize("path", sources.kernel_names())
-def test_clang_has_no_warning_about_a_kernel(
-    path: str, runtime: Runtime, tmp_path: Path
-) -> None:
+def test_clang_has_no_warning_about_a_kernel(path: str, runtime: Runtime, tmp_path: Path) -> None:
     clang = shutil.which("clang-15")
     if clang is None:
         pytest.skip("clang-15 is not installed")
@@ -46,18 +45,26 @@ def test_clang_has_no_warning_about_a_kernel(
             prelude.write_text("\n".join(generated) + "\n")
             for variant in KERNEL_VARIANTS:
                 images = int(variant.storage == "image")
-                options = {
-                    "SSGI_LANES": variant.lanes, "SSGI_IMAGES": images,
-                    "SSGI_IMAGE_ROWS": 2048, **build.macros,
-                }
+                options = {"SSGI_LANES": variant.lanes, "SSGI_IMAGES": images, "SSGI_IMAGE_ROWS": 2048, **build.macros}
                 done = subprocess.run(
                     [
-                        clang, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header",
-                        "-fsyntax-only", *WARNINGS, f"-I{folder}", "-include", str(prelude),
+                        clang,
+                        "-x",
+                        "cl",
+                        "-cl-std=CL1.2",
+                        "-Xclang",
+                        "-finclude-default-header",
+                        "-fsyntax-only",
+                        *WARNINGS,
+                        f"-I{folder}",
+                        "-include",
+                        str(prelude),
                         *(f"-D{name}={value}" for name, value in options.items()),
                         str(folder / path),
                     ],
-                    capture_output=True, text=True, check=False,
+                    capture_output=True,
+                    text=True,
+                    check=False,
                 )
                 assert done.returncode == 0, f"{variant}, {build.macros}:\n{done.stderr}"
 

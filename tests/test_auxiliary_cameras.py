@@ -47,21 +47,17 @@ def test_directions_spread_round_the_median_point(seen: GBuffer) -> None:
     axes = [extra.view[2, :3] for extra in extras]
     point, *_ = np.linalg.lstsq(
         np.concatenate([np.eye(3) - np.outer(a, a) for a in axes]),
-        np.concatenate([(np.eye(3) - np.outer(a, a)) @ e.position
-                        for a, e in zip(axes, extras, strict=True)]),
+        np.concatenate([(np.eye(3) - np.outer(a, a)) @ e.position for a, e in zip(axes, extras, strict=True)]),
     )
     ways = [seen.camera.position - point, *(extra.position - point for extra in extras)]
     ways = [way / np.linalg.norm(way) for way in ways]
-    apart = [math.degrees(math.acos(np.clip(a @ b, -1, 1)))
-             for i, a in enumerate(ways) for b in ways[:i]]
+    apart = [math.degrees(math.acos(np.clip(a @ b, -1, 1))) for i, a in enumerate(ways) for b in ways[:i]]
     # Six even directions would be 90 degrees apart; free places allow less.
     assert min(apart) > 30.0
     assert max(math.degrees(math.acos(np.clip(ways[0] @ w, -1, 1))) for w in ways[1:]) > 90.0
 
 
-def test_a_gbuffer_its_depth_and_device_memory_give_the_same(
-    runtime: Runtime, seen: GBuffer
-) -> None:
+def test_a_gbuffer_its_depth_and_device_memory_give_the_same(runtime: Runtime, seen: GBuffer) -> None:
     views = [
         [extra.view for extra in auxiliary_cameras(seen.camera, source)]
         for source in (seen, depth_of(seen), on_device(seen, runtime))
@@ -76,13 +72,14 @@ def test_the_unit_of_length_does_not_matter(seen: GBuffer, scale: float) -> None
     view = camera.view.copy()
     view[:3, 3] *= scale
     scaled = Camera(
-        view=view, projection=camera.projection, width=camera.width, height=camera.height,
+        view=view,
+        projection=camera.projection,
+        width=camera.width,
+        height=camera.height,
         depth_range=camera.depth_range,
     )
     for one, other in zip(
-        auxiliary_cameras(camera, depth),
-        auxiliary_cameras(scaled, depth * np.float32(scale)),
-        strict=True,
+        auxiliary_cameras(camera, depth), auxiliary_cameras(scaled, depth * np.float32(scale)), strict=True
     ):
         np.testing.assert_allclose(other.position, one.position * scale, rtol=1e-5)
 
@@ -92,9 +89,7 @@ def test_the_place_of_the_origin_does_not_matter(seen: GBuffer) -> None:
     view = camera.view.copy()
     view[:3, 3] -= view[:3, :3] @ shift
     moved = replace(camera, view=view)
-    for one, other in zip(
-        auxiliary_cameras(camera, depth), auxiliary_cameras(moved, depth), strict=True
-    ):
+    for one, other in zip(auxiliary_cameras(camera, depth), auxiliary_cameras(moved, depth), strict=True):
         np.testing.assert_allclose(other.position, one.position + shift, atol=1e-5)
 
 

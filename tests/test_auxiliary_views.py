@@ -39,9 +39,7 @@ def punctual_lights() -> list[Light]:
     ]
 
 
-def cameras(
-    views: AuxiliaryViews, box: BuiltinScene, seen: DeviceGBuffer, lights: list[Light]
-) -> list[Camera]:
+def cameras(views: AuxiliaryViews, box: BuiltinScene, seen: DeviceGBuffer, lights: list[Light]) -> list[Camera]:
     found = []
     with views.runtime.frame():
         for gbuffer in views.drawn(box.scene, box.camera(32, 24), seen, lights):

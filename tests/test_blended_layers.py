@@ -31,8 +31,7 @@ def camera_of(kind: str) -> Camera:
         projection[2, 3] = -20.5 / 19.5
         return Camera(view=seen.view, projection=projection, width=columns, height=rows)
     return Camera.look_at(
-        (0, 0, 6), (0, 0, 0), yfov=0.6, width=columns, height=rows, near=0.5, far=20,
-        reversed_z=kind == "reversed",
+        (0, 0, 6), (0, 0, 0), yfov=0.6, width=columns, height=rows, near=0.5, far=20, reversed_z=kind == "reversed"
     )
 
 
@@ -61,7 +60,8 @@ def layers_of(
 
 def downloaded(layer: DeviceGBuffer) -> dict[str, Floats]:
     return {
-        "depth": layer.depth.download()[0], "opacity": layer.opacity.download()[0],
+        "depth": layer.depth.download()[0],
+        "opacity": layer.opacity.download()[0],
         "through": np.moveaxis(layer.transmitted.download(), 0, -1),
         "albedo": np.moveaxis(layer.albedo.download(), 0, -1),
         "normal": np.moveaxis(layer.normal.download(), 0, -1),
@@ -82,8 +82,7 @@ def test_layers_come_nearest_first_and_end_before_the_wall(
 ) -> None:
     camera = camera_of(kind)
     scene = squares(
-        (0.4, 1.0, 0.7, glass(0.5)), (0.0, 0.0, 1.2, WALL), (0.0, -1.0, 2.0, glass(0.7)),
-        (0.0, 2.0, 0.5, glass(0.9)),
+        (0.4, 1.0, 0.7, glass(0.5)), (0.0, 0.0, 1.2, WALL), (0.0, -1.0, 2.0, glass(0.7)), (0.0, 2.0, 0.5, glass(0.9))
     )
     found = layers_of(runtime, scene, camera, margin)
     nearest, middle = covered(camera, 2.0, 0.5), covered(camera, 1.0, 0.7, 0.4)
@@ -154,9 +153,7 @@ def test_a_surface_on_a_wall_is_in_front_of_it(runtime: Runtime, kind: str) -> N
 def test_more_layers_than_are_drawn_leave_out_the_last(runtime: Runtime) -> None:
     panes = [(0.0, -0.25 * i, 1.0, glass(0.5)) for i in range(MOST_LAYERS + 2)]
     found = layers_of(runtime, squares(*panes), camera_of("perspective"))
-    assert [round(float(layer["depth"][17, 26]), 4) for layer in found] == [
-        6.0 + 0.25 * i for i in range(MOST_LAYERS)
-    ]
+    assert [round(float(layer["depth"][17, 26]), 4) for layer in found] == [6.0 + 0.25 * i for i in range(MOST_LAYERS)]
 
 
 def test_vertices_of_one_material_may_differ_in_what_they_let_through(runtime: Runtime) -> None:
@@ -167,6 +164,4 @@ def test_vertices_of_one_material_may_differ_in_what_they_let_through(runtime: R
     x = camera.unproject(np.full(SIZE, 5.0))[..., 0]
     there = np.isfinite(layer["depth"]) & (np.abs((x + 1.4) / 0.2 % 1.0 - 0.5) < 0.45)
     number = np.floor((x + 1.4) / 0.2)
-    np.testing.assert_allclose(
-        layer["through"][there][:, 0], 0.05 * (number[there] + 1.0), rtol=1e-5
-    )
+    np.testing.assert_allclose(layer["through"][there][:, 0], 0.05 * (number[there] + 1.0), rtol=1e-5)

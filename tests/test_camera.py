@@ -54,22 +54,15 @@ def reversed_ortho(near: float, far: float) -> Any:
 CAMERAS = {
     "perspective": Camera.look_at(EYE, TARGET, width=W, height=H, near=0.1, far=100.0),
     "infinite far": Camera.look_at(EYE, TARGET, width=W, height=H, near=0.1),
-    "reversed": Camera.look_at(
-        EYE, TARGET, width=W, height=H, near=0.1, far=100.0, reversed_z=True
-    ),
-    "reversed, infinite far": Camera.look_at(
-        EYE, TARGET, width=W, height=H, near=0.1, reversed_z=True
-    ),
+    "reversed": Camera.look_at(EYE, TARGET, width=W, height=H, near=0.1, far=100.0, reversed_z=True),
+    "reversed, infinite far": Camera.look_at(EYE, TARGET, width=W, height=H, near=0.1, reversed_z=True),
     "off-centre": with_projection(frustum(-0.1, 0.3, -0.2, 0.05, 0.1, 100.0)),
     "scaled matrix": with_projection(frustum(-0.1, 0.3, -0.2, 0.05, 0.1, 100.0) * 7.0),
-    "orthographic": Camera.orthographic(
-        EYE, TARGET, view_height=4.0, width=W, height=H, near=0.1, far=100.0
-    ),
+    "orthographic": Camera.orthographic(EYE, TARGET, view_height=4.0, width=W, height=H, near=0.1, far=100.0),
     "off-centre orthographic": with_projection(ortho(-1, 3, -2, 1, 0.1, 100.0)),
     "reversed orthographic": with_projection(reversed_ortho(0.1, 100.0), "0..1"),
     "intrinsics": Camera.from_intrinsics(
-        50.0, 60.0, 20.0, 30.0, width=W, height=H, near=0.1, far=100.0,
-        view=look_at_matrix(EYE, TARGET, (0, 1, 0)),
+        50.0, 60.0, 20.0, 30.0, width=W, height=H, near=0.1, far=100.0, view=look_at_matrix(EYE, TARGET, (0, 1, 0))
     ),
 }
 CAMERAS["margin"] = CAMERAS["off-centre"].with_margin((3, 5))
@@ -89,9 +82,7 @@ def pixels_of(camera: Camera, world: NDArray[np.float64]) -> tuple[Any, Any, Any
 
 
 @every_camera
-def test_pixels_lead_to_the_points_that_the_matrices_project_there(
-    name: str, rng: np.random.Generator
-) -> None:
+def test_pixels_lead_to_the_points_that_the_matrices_project_there(name: str, rng: np.random.Generator) -> None:
     camera = CAMERAS[name]
     column, row = rng.uniform(0, camera.width, 500), rng.uniform(0, camera.height, 500)
     depth = np.exp2(rng.uniform(-3, 6, 500))
@@ -187,9 +178,7 @@ def test_far_pixels_without_surface_unproject_to_nothing() -> None:
 
 def test_matrices_cannot_be_changed_from_outside() -> None:
     view = np.eye(4)
-    camera = Camera(
-        view=view, projection=perspective_matrix(1, 1, 0, 0, 0.1, 10), width=W, height=H
-    )
+    camera = Camera(view=view, projection=perspective_matrix(1, 1, 0, 0, 0.1, 10), width=W, height=H)
     view[0, 3] = 5.0
     assert camera.view[0, 3] == 0.0
     with pytest.raises(ValueError, match="read-only"):
@@ -222,10 +211,7 @@ def changed(matrix: NDArray[np.float64], *items: tuple[int, int, float]) -> NDAr
         ({"projection": changed(GOOD, (1, 1, -1.0))}, "expected both > 0"),
         ({"projection": changed(GOOD, (2, 2, 0.0), (2, 3, 0.0))}, "depends on depth"),
         ({"projection": changed(GOOD, (2, 3, 0.2))}, "0 < near < far"),
-        (
-            {"projection": perspective_matrix(1, 1, 0, 0, 0.1, 10, reversed_z=True)},
-            "reversed-Z needs '0..1'",
-        ),
+        ({"projection": perspective_matrix(1, 1, 0, 0, 0.1, 10, reversed_z=True)}, "reversed-Z needs '0..1'"),
         ({"depth_range": "0..2"}, "depth_range is '0..2'"),
         ({"width": 0}, r"width is 0: expected an integer >= 1 and <= 16384 \(px\)"),
         ({"height": 16385}, "height is 16385"),
@@ -270,9 +256,7 @@ def test_bad_views_are_refused(changes: dict[str, Any], message: str) -> None:
     ],
 )
 def test_bad_orthographic_views_are_refused(changes: dict[str, Any], message: str) -> None:
-    values: dict[str, Any] = {
-        "eye": EYE, "target": TARGET, "width": W, "height": H, "view_height": 1.0
-    }
+    values: dict[str, Any] = {"eye": EYE, "target": TARGET, "width": W, "height": H, "view_height": 1.0}
     with pytest.raises(ValueError, match=message):
         Camera.orthographic(**{**values, **changes})
 
@@ -315,8 +299,6 @@ def test_a_cropped_camera_sees_the_same_through_each_pixel(name: str) -> None:
 
 
 def test_an_orthographic_camera_may_see_behind_its_plane() -> None:
-    camera = Camera.orthographic(
-        EYE, TARGET, view_height=4.0, width=W, height=H, near=-5.0, far=5.0
-    )
+    camera = Camera.orthographic(EYE, TARGET, view_height=4.0, width=W, height=H, near=-5.0, far=5.0)
     assert camera.near == pytest.approx(-5.0)
     assert camera.far == pytest.approx(5.0)

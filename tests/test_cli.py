@@ -138,9 +138,7 @@ def test_render_writes_linear_channels_with_usual_names(tmp_path: Path) -> None:
 
 
 def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
-    arguments = (
-        "render", "cornell_box", *SMALL, "--bounces", 0, "--shadow-size", 128, "--exposure", 1, "-o"
-    )
+    arguments = ("render", "cornell_box", *SMALL, "--bounces", 0, "--shadow-size", 128, "--exposure", 1, "-o")
     succeeds(*arguments, tmp_path / "a.exr")
     succeeds(*arguments, tmp_path / "b.exr", "--ambient", 1.0)
     succeeds(*arguments, tmp_path / "c.exr", "--ambient", 2.0)
@@ -150,17 +148,28 @@ def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
 
 
 def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
-    facts = answer("render", "cornell_box", *SMALL, "--shadow-size", 128, "--indirect", "vpl",
-                   "--vpls", 200, "--layers", 2, "-o", tmp_path / "a.exr")
+    facts = answer(
+        "render",
+        "cornell_box",
+        *SMALL,
+        "--shadow-size",
+        128,
+        "--indirect",
+        "vpl",
+        "--vpls",
+        200,
+        "--layers",
+        2,
+        "-o",
+        tmp_path / "a.exr",
+    )
     assert {"vpl voxelize", "vpl splat"} <= {p["name"] for p in facts["passes"]}
     channels = exr.read(tmp_path / "a.exr")
     assert all(channels[f"indirect.{c}"].mean() > 0.0 for c in "RGB")
 
 
 def test_render_dims_ambient_light_by_the_technique_asked_for(tmp_path: Path) -> None:
-    arguments = (
-        "render", "cornell_box", *SMALL, "--bounces", 0, "--ambient", 0.5, "-o", tmp_path / "a.exr"
-    )
+    arguments = ("render", "cornell_box", *SMALL, "--bounces", 0, "--ambient", 0.5, "-o", tmp_path / "a.exr")
     for name, more in (("ssao", ["--ao-samples", 8]), ("hbao", []), ("none", [])):
         facts = answer(*arguments, "--ao", name, *more)
         assert (name in {p["name"] for p in facts["passes"]}) == (name != "none")
@@ -168,8 +177,7 @@ def test_render_dims_ambient_light_by_the_technique_asked_for(tmp_path: Path) ->
 
 
 def test_render_writes_views_beside_the_picture(tmp_path: Path) -> None:
-    facts = answer("render", "cornell_box", *SMALL, "--ambient", 1, "--views", "-o",
-                   tmp_path / "a.png")
+    facts = answer("render", "cornell_box", *SMALL, "--ambient", 1, "--views", "-o", tmp_path / "a.png")
     names = {"a.png", "a.exr", "a.ao.png", "a.depth.png", "a.normal.png", "a.albedo.png"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert {Path(name).name for name in facts["files"]} == names
@@ -217,8 +225,25 @@ def test_suffixes_may_be_upper_case(corner: Path, tmp_path: Path) -> None:
 
 
 def test_eye_and_target_place_the_camera(corner: Path, tmp_path: Path) -> None:
-    succeeds("render", corner, "--width", 33, "--height", 33, "--eye", 0.2, 1, 4, "--target", 0.2,
-             1, -1, *DIRECT, "-o", tmp_path / "a.exr")
+    succeeds(
+        "render",
+        corner,
+        "--width",
+        33,
+        "--height",
+        33,
+        "--eye",
+        0.2,
+        1,
+        4,
+        "--target",
+        0.2,
+        1,
+        -1,
+        *DIRECT,
+        "-o",
+        tmp_path / "a.exr",
+    )
     depth = exr.read(tmp_path / "a.exr")["Z"]
     # The wall z = -1, 5 units straight ahead; float32 roundings of depth.
     np.testing.assert_allclose(depth[16, 16], 5.0, rtol=1e-5)
@@ -227,15 +252,33 @@ def test_eye_and_target_place_the_camera(corner: Path, tmp_path: Path) -> None:
 def test_fov_is_vertical_and_in_degrees(corner: Path, tmp_path: Path) -> None:
     # From z = 1, the wall of height 2 at z = -1 just fills 53.13 degrees.
     for name, fov in (("less", 52.0), ("more", 55.0)):
-        succeeds("render", corner, "--width", 20, "--height", 200, "--fov", fov, "--eye", 0, 1, 1,
-                 "--target", 0, 1, -1, *DIRECT, "-o", tmp_path / f"{name}.exr")
+        succeeds(
+            "render",
+            corner,
+            "--width",
+            20,
+            "--height",
+            200,
+            "--fov",
+            fov,
+            "--eye",
+            0,
+            1,
+            1,
+            "--target",
+            0,
+            1,
+            -1,
+            *DIRECT,
+            "-o",
+            tmp_path / f"{name}.exr",
+        )
     less, more = (exr.read(tmp_path / f"{name}.exr")["Z"] for name in ("less", "more"))
     assert np.isfinite(less[0]).all()
     assert not np.isfinite(more[0]).any()
 
 
-CAMERA = {"origin": [0, 1, 4], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60,
-          "width": 40, "height": 30}
+CAMERA = {"origin": [0, 1, 4], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60, "width": 40, "height": 30}
 
 
 def test_camera_file_places_the_camera_and_sets_the_size(corner: Path, tmp_path: Path) -> None:
@@ -294,22 +337,17 @@ def applied(source: Path, *arguments: object) -> np.ndarray[Any, Any]:
 
 
 CAMERAS = {
-    "--fov 40": Camera.look_at(
-        (0, 0, 0), (0, 0, -1), yfov=np.radians(40.0), width=64, height=48),
-    "--ortho 3": Camera.orthographic(
-        (0, 0, 0), (0, 0, -1), view_height=3.0, width=64, height=48),
+    "--fov 40": Camera.look_at((0, 0, 0), (0, 0, -1), yfov=np.radians(40.0), width=64, height=48),
+    "--ortho 3": Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=3.0, width=64, height=48),
     "--intrinsics 70 72 30 25": Camera.from_intrinsics(70, 72, 30, 25, width=64, height=48),
     "": Camera.look_at((0, 0, 0), (0, 0, -1), yfov=np.radians(50.0), width=64, height=48),
 }
 
 
 @pytest.mark.parametrize("options", CAMERAS)
-def test_apply_gives_what_the_library_gives(
-    depth_file: Path, options: str, runtime: Runtime
-) -> None:
+def test_apply_gives_what_the_library_gives(depth_file: Path, options: str, runtime: Runtime) -> None:
     depth = exr.read(depth_file)["Z"]
-    expected = ssao(GBuffer(camera=CAMERAS[options], depth=depth), 0.3, falloff="exponential",
-                    runtime=runtime)
+    expected = ssao(GBuffer(camera=CAMERAS[options], depth=depth), 0.3, falloff="exponential", runtime=runtime)
     settings = ("--set", "radius=0.3", "--set", "falloff=exponential")
     np.testing.assert_array_equal(applied(depth_file, *options.split(), *settings), expected)
 
@@ -328,16 +366,15 @@ def test_apply_writes_bent_normals_beside_visibility(depth_file: Path, runtime: 
 
 def test_settings_take_lists_booleans_and_infinity(depth_file: Path, runtime: Runtime) -> None:
     depth = exr.read(depth_file)["Z"]
-    expected = ssao(GBuffer(camera=CAMERAS[""], depth=depth), [0.1, 0.3], hemisphere=False,
-                    falloff=[1.0, 0.5, 0.0], runtime=runtime)
+    expected = ssao(
+        GBuffer(camera=CAMERAS[""], depth=depth), [0.1, 0.3], hemisphere=False, falloff=[1.0, 0.5, 0.0], runtime=runtime
+    )
     settings = ("radius=[0.1, 0.3]", "hemisphere=False", "falloff=[1, 0.5, 0]", "near_px=inf")
     result = applied(depth_file, *(word for text in settings for word in ("--set", text)))
     np.testing.assert_array_equal(result, expected)
 
 
-def test_normals_in_the_file_are_used_unless_told_otherwise(
-    depth_file: Path, tmp_path: Path
-) -> None:
+def test_normals_in_the_file_are_used_unless_told_otherwise(depth_file: Path, tmp_path: Path) -> None:
     plain = applied(depth_file)
     depth = exr.read(depth_file)["Z"]
     normal = np.broadcast_to(np.float32([0.6, 0.0, 0.8]), (*SHAPE, 3))
@@ -375,16 +412,12 @@ def test_the_camera_is_that_of_the_display_window(
     # The point that a pixel of the data window shows is the one that the whole image's camera sees.
     at = (display[0] - left, display[1] - top)
     sx, sy, ox, oy = whole.pixel_to_view
-    np.testing.assert_allclose(
-        seen.pixel_to_view, (sx, sy, ox - sx * at[0], oy - sy * at[1]), rtol=1e-12, atol=1e-15
-    )
+    np.testing.assert_allclose(seen.pixel_to_view, (sx, sy, ox - sx * at[0], oy - sy * at[1]), rtol=1e-12, atol=1e-15)
     expected = gtao(GBuffer(camera=seen, depth=depth), runtime=runtime)
     np.testing.assert_array_equal(exr.read(output)["ao"], expected)
 
 
-def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(
-    tmp_path: Path, runtime: Runtime
-) -> None:
+def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(tmp_path: Path, runtime: Runtime) -> None:
     builtin = make_scene("hall")
     camera = Camera.look_at(builtin.eye, builtin.target, yfov=0.7, width=320, height=240)
     gbuffer = gi.rasterize.gbuffer(builtin.scene, camera, overscan=0.2, runtime=runtime)
@@ -412,8 +445,11 @@ def test_apply_does_not_replace_its_input_unless_told(
     half = rng.uniform(0, 1, shape).astype(np.float16)
     ids = rng.integers(2**24, 2**32, shape, np.uint32)
     depth = rng.uniform(1, 2, shape).astype(np.float32)
-    header = {"dataWindow": (np.int32([-2, -1]), np.int32([13, 10])),
-              "displayWindow": (np.int32([0, 0]), np.int32([11, 9])), "owner": "me"}
+    header = {
+        "dataWindow": (np.int32([-2, -1]), np.int32([13, 10])),
+        "displayWindow": (np.int32([0, 0]), np.int32([11, 9])),
+        "owner": "me",
+    }
     OpenEXR.File(header, {"Z": depth, "h": half, "id": ids, "ao": depth}).write(str(source))
     if link is not None:
         output = tmp_path / "other.exr"
@@ -457,10 +493,16 @@ def test_set_help_lists_every_parameter_without_a_file() -> None:
 
 
 def invented(**changes: Any) -> DeviceInfo:
-    speeds = {"1 lane, image": 234.0, "1 lane, buffer": 856.0, "8 lanes, buffer": 3500.0,
-              "16 lanes, buffer": 3400.0}
-    entry = {"driver": "/some/driver.icd", "platform": 0, "device": 0, "kind": "cpu", "units": 2,
-             "label": "A Platform 1.2: a processor with a long name", "speeds": speeds}
+    speeds = {"1 lane, image": 234.0, "1 lane, buffer": 856.0, "8 lanes, buffer": 3500.0, "16 lanes, buffer": 3400.0}
+    entry = {
+        "driver": "/some/driver.icd",
+        "platform": 0,
+        "device": 0,
+        "kind": "cpu",
+        "units": 2,
+        "label": "A Platform 1.2: a processor with a long name",
+        "speeds": speeds,
+    }
     return DeviceInfo(**{**entry, **changes})
 
 
@@ -494,9 +536,7 @@ def test_devices_fit_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch, columns:
     assert any("no kernel variant runs on it" in line for line in lines)
 
 
-def test_no_device_is_an_error_that_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_no_device_is_an_error_that_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(drivers, "devices", lambda: ())
     assert "pip install" in fails(tmp_path, "devices")
     assert answer("devices") == []
@@ -509,8 +549,20 @@ def test_no_device_is_an_error_that_says_what_to_install(
     ("arguments", "words"),
     [
         ((), ("render", "apply", "devices")),
-        (("render",), ("Pixels", "degrees", "cene units", "W m^-2 sr^-1", "horizontal",
-                       "world space", "Texels", "milliseconds", "cornell_box")),
+        (
+            ("render",),
+            (
+                "Pixels",
+                "degrees",
+                "cene units",
+                "W m^-2 sr^-1",
+                "horizontal",
+                "world space",
+                "Texels",
+                "milliseconds",
+                "cornell_box",
+            ),
+        ),
         (("apply",), ("degrees", "scene units", "in pixels", "+z towards the viewer", "--set")),
         (("devices",), ("--json",)),
     ],
@@ -557,9 +609,7 @@ def test_version_is_printed() -> None:
         (["--width", "wide"], "'wide' is not a valid integer"),
     ],
 )
-def test_a_wrong_option_of_render_is_named(
-    tmp_path: Path, options: list[object], message: str
-) -> None:
+def test_a_wrong_option_of_render_is_named(tmp_path: Path, options: list[object], message: str) -> None:
     assert message in fails(tmp_path, "render", "cornell_box", *options, "-o", tmp_path / "a.png")
 
 
@@ -582,9 +632,7 @@ def test_eye_of_a_file_needs_a_target(corner: Path, tmp_path: Path) -> None:
         ("junk.ply", "not a ply", "junk.ply"),
     ],
 )
-def test_a_scene_that_cannot_be_read_is_named(
-    tmp_path: Path, name: str, content: str | None, message: str
-) -> None:
+def test_a_scene_that_cannot_be_read_is_named(tmp_path: Path, name: str, content: str | None, message: str) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_text(content)
@@ -603,9 +651,7 @@ def test_a_scene_that_cannot_be_read_is_named(
         ("folder.png", "it is a folder"),
     ],
 )
-def test_an_output_that_cannot_be_written_is_named(
-    tmp_path: Path, name: str, message: str
-) -> None:
+def test_an_output_that_cannot_be_written_is_named(tmp_path: Path, name: str, message: str) -> None:
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "file.txt").write_text("")
     output = tmp_path / name
@@ -710,7 +756,11 @@ def test_an_exr_file_that_is_missing_is_named(tmp_path: Path) -> None:
 def test_the_command_runs_as_a_process_with_json_alone_on_standard_output(tmp_path: Path) -> None:
     done = subprocess.run(
         [*COMMAND, "render", "cornell_box", *SMALL, "--json", "-o", "a.png"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -721,7 +771,11 @@ def test_the_command_runs_as_a_process_with_json_alone_on_standard_output(tmp_pa
 def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> None:
     done = subprocess.run(
         [*COMMAND, "render", "nothing.obj", "--json", "-o", "a.png"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 1
     assert done.stdout == ""
@@ -743,9 +797,7 @@ def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> No
         ("x" * 10_000, "expected NAME=VALUE"),
     ],
 )
-def test_hostile_settings_are_refused_in_a_line(
-    depth_file: Path, tmp_path: Path, setting: str, message: str
-) -> None:
+def test_hostile_settings_are_refused_in_a_line(depth_file: Path, tmp_path: Path, setting: str, message: str) -> None:
     text = fails(tmp_path, "apply", "gtao", depth_file, "--set", setting, "-o", tmp_path / "a.exr")
     assert message in text
     assert len(text) < 400
@@ -754,9 +806,7 @@ def test_hostile_settings_are_refused_in_a_line(
 def test_deeply_nested_json_is_refused(corner: Path, tmp_path: Path) -> None:
     deep = tmp_path / "deep.json"
     deep.write_text('{"camera": ' * 100_000)
-    assert "deep.json is not JSON" in fails(
-        tmp_path, "render", corner, "--camera", deep, "-o", tmp_path / "a.png"
-    )
+    assert "deep.json is not JSON" in fails(tmp_path, "render", corner, "--camera", deep, "-o", tmp_path / "a.png")
     assert "deep.json is not JSON" in fails(tmp_path, "bench", "--compare", deep, deep)
     assert "deep.json is not JSON" in fails(tmp_path, "bench", "gtao", "--scene", deep, "--list")
 
@@ -791,14 +841,10 @@ def test_up_turns_the_picture(corner: Path, tmp_path: Path) -> None:
     succeeds(*box[:6], *DIRECT, "-o", tmp_path / "upright.exr")
     one, other = (exr.read(tmp_path / f"{name}.exr")["Z"] for name in ("box", "upright"))
     assert not np.array_equal(one, other)
-    assert "--up needs --eye" in fails(
-        tmp_path, "render", corner, "--up", 0, 0, 1, "-o", tmp_path / "c.exr"
-    )
+    assert "--up needs --eye" in fails(tmp_path, "render", corner, "--up", 0, 0, 1, "-o", tmp_path / "c.exr")
 
 
-def test_a_full_disk_is_told_with_the_name_of_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_told_with_the_name_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -809,9 +855,7 @@ def test_a_full_disk_is_told_with_the_name_of_the_file(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")
-def test_names_that_are_not_utf8_work_and_are_shown(
-    depth_file: Path, corner: Path, tmp_path: Path
-) -> None:
+def test_names_that_are_not_utf8_work_and_are_shown(depth_file: Path, corner: Path, tmp_path: Path) -> None:
     odd = tmp_path / os.fsdecode(b"\xff")
     odd.mkdir()
     source, output = odd / os.fsdecode(b"in\xfe.exr"), odd / os.fsdecode(b"out\xfe.exr")
@@ -826,9 +870,7 @@ def test_names_that_are_not_utf8_work_and_are_shown(
     assert r"\xff/c\xfe.obj: there is no such file" in message
 
 
-def test_ambient_occlusion_needs_neither_albedo_nor_emission(
-    depth_file: Path, tmp_path: Path
-) -> None:
+def test_ambient_occlusion_needs_neither_albedo_nor_emission(depth_file: Path, tmp_path: Path) -> None:
     depth = exr.read(depth_file)["Z"]
     colours = {"albedo": np.full((*SHAPE, 3), 1.5), "emission": np.full((*SHAPE, 3), np.inf)}
     both = tmp_path / "both.exr"
@@ -847,15 +889,11 @@ def test_nan_may_stand_for_holes(depth_file: Path, tmp_path: Path) -> None:
     normal[30, 30], zero[30, 30] = np.nan, 0.0
     exr.write(holes, {"depth": open_, "normal": zero})
     exr.write(broken, {"depth": wrong, "normal": normal})
-    assert "depth[20, 30] is nan" in fails(
-        tmp_path, "apply", "ssao", broken, "-o", tmp_path / "ao.exr"
-    )
+    assert "depth[20, 30] is nan" in fails(tmp_path, "apply", "ssao", broken, "-o", tmp_path / "ao.exr")
     np.testing.assert_array_equal(applied(broken, "--nan", "hole"), applied(holes))
 
 
-def test_what_lacks_memory_is_told_in_a_line(
-    depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_lacks_memory_is_told_in_a_line(depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def lacking(*_: object) -> None:
         raise MemoryError("Unable to allocate 9.9 GiB")
 
@@ -893,14 +931,15 @@ def test_a_bench_that_measures_nothing_fails(monkeypatch: pytest.MonkeyPatch) ->
     [
         (KeyboardInterrupt(), "Aborted!"),
         (MemoryError(), "Error: ssgi can't start: out of memory (see ulimit -v)"),
-        (ImportError("x.so: failed to map segment from shared object"),
-         "Error: ssgi can't start: out of memory (see ulimit -v)"),
+        (
+            ImportError("x.so: failed to map segment from shared object"),
+            "Error: ssgi can't start: out of memory (see ulimit -v)",
+        ),
         (ImportError("No module named 'rich'"), "Error: ssgi can't start: No module named 'rich'"),
     ],
 )
 def test_an_import_that_is_interrupted_ends_without_a_traceback(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    error: BaseException, line: str,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: BaseException, line: str
 ) -> None:
     class Interrupted:
         @staticmethod
@@ -918,7 +957,10 @@ def test_an_import_that_is_interrupted_ends_without_a_traceback(
 def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [*COMMAND, "apply", "gtao", depth_file, "--device", "pocl", "-o", tmp_path / "a.exr"],
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
         env={**os.environ, "POCL_MAX_WORK_GROUP_SIZE": "8"},
     )
     assert done.returncode == 1
@@ -930,9 +972,11 @@ def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_p
 @pytest.mark.slow
 def test_a_process_that_is_interrupted_as_it_starts_says_so(tmp_path: Path) -> None:
     started = subprocess.Popen(
-        [sys.executable, "-c", "import ssgi_cl.__main__ as c, sys; print(flush=True); "
-         "sys.exit(c.main())", "devices"],
-        cwd=Path(__file__).parent.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-c", "import ssgi_cl.__main__ as c, sys; print(flush=True); sys.exit(c.main())", "devices"],
+        cwd=Path(__file__).parent.parent,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert started.stdout is not None
     started.stdout.readline()

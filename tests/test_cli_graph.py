@@ -42,8 +42,16 @@ def test_the_ending_chooses_what_is_written(tmp_path: Path) -> None:
 def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
     found = states(drawn(tmp_path / "a.json", "--outputs", "ao, gbuffer"))
     assert {name for name, state in found.items() if state == "culled"} == {
-        "idle lights", "shadow maps", "direct light", "radiosity", "sky light", "bounce", "combine",
-        "read-back", "exposure", "picture"
+        "idle lights",
+        "shadow maps",
+        "direct light",
+        "radiosity",
+        "sky light",
+        "bounce",
+        "combine",
+        "read-back",
+        "exposure",
+        "picture",
     }
     assert found["gtao"] == "ran"
 
@@ -60,8 +68,7 @@ def test_the_next_frame_of_the_same_inputs_reuses_stages(tmp_path: Path) -> None
         (("--indirect", "gather"), "bounce", "ran", ""),
         (("--ao", "ssao"), "ssao", "ran", ""),
         (("--exposure", "2"), "exposure", "culled", "the caller gives exposure"),
-        (("--indirect", "ssdo"), "ambient occlusion", "idle",
-         "ssdo hides ambient light by itself"),
+        (("--indirect", "ssdo"), "ambient occlusion", "idle", "ssdo hides ambient light by itself"),
     ],
     ids=str,
 )
@@ -74,9 +81,7 @@ def test_options_of_render_shape_the_frame(
 
 
 def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
-    record = json.loads(
-        drawn(tmp_path / "a.json", "--width", 128, "--height", 96, "--bounces", 0)
-    )
+    record = json.loads(drawn(tmp_path / "a.json", "--width", 128, "--height", 96, "--bounces", 0))
     skips = {stage["name"]: [s["name"] for s in stage["skips"]] for stage in record["stages"]}
     assert skips["gtao"] == ["gtao tiles"]
     assert skips["shadow maps"] == ["map spot"]
@@ -87,11 +92,12 @@ def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("-o", "graph.png"), "--output is graph.png: expected a name that ends in .svg or .dot or "
-         ".json"),
+        (("-o", "graph.png"), "--output is graph.png: expected a name that ends in .svg or .dot or .json"),
         (("-o", "nowhere/graph.svg"), "there is no folder nowhere"),
-        (("-o", "graph.svg", "--outputs", "depth"), "outputs has 'depth': expected names out of "
-         "'image', 'radiance', 'ao', 'indirect', 'gbuffer'"),
+        (
+            ("-o", "graph.svg", "--outputs", "depth"),
+            "outputs has 'depth': expected names out of 'image', 'radiance', 'ao', 'indirect', 'gbuffer'",
+        ),
         (("-o", "graph.svg", "--layers", "0"), "layers is 0"),
     ],
     ids=str,

@@ -46,21 +46,28 @@ def file(tmp_path: Path) -> Path:
             {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 4, 0]},
         ],
         "cameras": [
-            {"type": "perspective",
-             "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 1.5}},
-            {"type": "orthographic",
-             "orthographic": {"xmag": 2, "ymag": 1, "znear": 0, "zfar": 10}},
+            {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 1.5}},
+            {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 1, "znear": 0, "zfar": 10}},
         ],
-        "extensions": {LIGHTS: {"lights": [
-            {"type": "spot", "intensity": 1366,
-             "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}]}},
-        "materials": [{"name": "pane", "alphaMode": "BLEND", "emissiveFactor": [0, 0.5, 0],
-                       "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]}}],
+        "extensions": {
+            LIGHTS: {
+                "lights": [
+                    {"type": "spot", "intensity": 1366, "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}
+                ]
+            }
+        },
+        "materials": [
+            {
+                "name": "pane",
+                "alphaMode": "BLEND",
+                "emissiveFactor": [0, 0.5, 0],
+                "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]},
+            }
+        ],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
         "accessors": [{"type": "VEC3", "componentType": 5126, "count": 3, "bufferView": 0}],
         "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36,
-                     "uri": "data:;base64," + base64.b64encode(data).decode()}],
+        "buffers": [{"byteLength": 36, "uri": "data:;base64," + base64.b64encode(data).decode()}],
     }
     path = tmp_path / "pane.gltf"
     path.write_text(json.dumps(document))
@@ -75,8 +82,7 @@ def test_a_file_is_told_with_all_that_it_brings(file: Path) -> None:
     assert (material["name"], material["triangles"]) == ("pane", 1)
     assert (material["albedo"], material["emission"]) == ([0.5, 0.25, 1], [0, 0.5, 0])
     assert facts["notes"] == [
-        "material 'pane': G-buffers and shadows have blended surfaces where their opacity is "
-        "0.5 or more"
+        "material 'pane': G-buffers and shadows have blended surfaces where their opacity is 0.5 or more"
     ]
     front, plan = facts["cameras"]["Front"], facts["cameras"]["Plan"]
     assert front["eye"] == [0, 1, 5]
@@ -126,17 +132,25 @@ def test_a_built_in_scene_has_its_own_radius() -> None:
 
 def test_text_names_everything(file: Path) -> None:
     text = told(str(file))
-    for part in ("bounds     0 0 0 to 2 3 0", "triangles  1 of 3 vertices", "pane: 1 triangles",
-                 "camera     'Front': eye 0 1 5, forward 0 0 -1, fov 28.65, perspective",
-                 "light      SpotLight: position 0 4 0, direction 0 0 -1", "note       material",
-                 "AO radius"):
+    for part in (
+        "bounds     0 0 0 to 2 3 0",
+        "triangles  1 of 3 vertices",
+        "pane: 1 triangles",
+        "camera     'Front': eye 0 1 5, forward 0 0 -1, fov 28.65, perspective",
+        "light      SpotLight: position 0 4 0, direction 0 0 -1",
+        "note       material",
+        "AO radius",
+    ):
         assert part in text, text
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(["none.glb"], "there is no such file"), (["cornell_box", "--width", "0"], "width is 0"),
-     (["cornell_box", "--fov", "200"], "--fov is 200")],
+    [
+        (["none.glb"], "there is no such file"),
+        (["cornell_box", "--width", "0"], "width is 0"),
+        (["cornell_box", "--fov", "200"], "--fov is 200"),
+    ],
 )
 def test_faults_are_one_line(arguments: list[str], message: str) -> None:
     done = CliRunner().invoke(main, ["info", *arguments])

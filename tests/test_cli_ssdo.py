@@ -42,10 +42,7 @@ def applied(source: Path, *arguments: object) -> dict[str, NDArray[np.float32]]:
     result = ssgi("apply", "ssdo", source, "-o", output, *SETTINGS, *arguments)
     assert result.exit_code == 0, result.output
     channels = exr.read(output)
-    return {
-        name: np.stack([channels[f"{name}.{c}"] for c in "RGB"], axis=-1)
-        for name in ("direct", "bounce")
-    }
+    return {name: np.stack([channels[f"{name}.{c}"] for c in "RGB"], axis=-1) for name in ("direct", "bounce")}
 
 
 def gbuffer_of(source: Path) -> GBuffer:
@@ -114,8 +111,6 @@ def test_method_as_published_has_knobs_of_its_own(source: Path, runtime: Runtime
     direct, bounce = ssdo(gbuffer_of(source), [Environment(1.0)], runtime=runtime, **options)
     np.testing.assert_array_equal(images["direct"], direct)
     np.testing.assert_array_equal(images["bounce"], bounce)
-    result = ssgi(
-        "apply", "ssdo", source, "-o", source.with_name("out.exr"), *SETTINGS, "--set", "strength=2"
-    )
+    result = ssgi("apply", "ssdo", source, "-o", source.with_name("out.exr"), *SETTINGS, "--set", "strength=2")
     assert result.exit_code != 0
     assert "strength=2 applies only to method='published' (got method='points')" in result.output

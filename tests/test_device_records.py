@@ -28,8 +28,12 @@ def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(
     ("found", "limited"),
-    [(Found([RUNS]), False), (Found([FAILS]), True), (Found([RUNS, FAILS]), True),
-     (Found([], reason="no device"), True)],
+    [
+        (Found([RUNS]), False),
+        (Found([FAILS]), True),
+        (Found([RUNS, FAILS]), True),
+        (Found([], reason="no device"), True),
+    ],
 )
 def test_a_record_with_a_failure_holds_for_a_day(
     driver: Path, monkeypatch: pytest.MonkeyPatch, found: Found, limited: bool
@@ -55,9 +59,7 @@ def test_a_damaged_record_is_none(driver: Path, damage: str) -> None:
     assert record_file(driver).read_text() == damage
 
 
-@pytest.mark.parametrize(
-    "name", ["POCL_DEVICES", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "RUSTICL_ENABLE"]
-)
+@pytest.mark.parametrize("name", ["POCL_DEVICES", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "RUSTICL_ENABLE"])
 def test_variables_that_choose_devices_have_records_of_their_own(
     driver: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -70,17 +72,13 @@ def test_variables_that_choose_devices_have_records_of_their_own(
 
 
 @pytest.mark.parametrize("name", ["POCL_EXTRA_BUILD_FLAGS", "POCL_CACHE_DIR", "EDITOR"])
-def test_other_variables_change_nothing(
-    driver: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_other_variables_change_nothing(driver: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     before = record_file(driver)
     monkeypatch.setenv(name, "x")
     assert record_file(driver) == before
 
 
-def test_machines_that_share_a_home_have_records_of_their_own(
-    driver: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_machines_that_share_a_home_have_records_of_their_own(driver: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     save(driver, Found([RUNS]))
     monkeypatch.setattr(records, "machine_description", lambda: ["another processor"])
     assert load(driver) is None
@@ -129,9 +127,7 @@ def test_a_record_is_confirmed_by_its_first_uses(driver: Path) -> None:
     records.forget(driver)  # gone already
 
 
-def test_what_cannot_be_written_is_not_recorded(
-    driver: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_is_not_recorded(driver: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", "/proc/nowhere")
     save(driver, Found([RUNS]))
     assert load(driver) is None

@@ -28,20 +28,20 @@ LIGHTS = {
 }
 
 
-def wall_map(
-    distance: float = 2.0, *, tilt: float = 0.0, shift: float = 0.0, size: int = 64
-) -> ReflectiveShadowMap:
+def wall_map(distance: float = 2.0, *, tilt: float = 0.0, shift: float = 0.0, size: int = 64) -> ReflectiveShadowMap:
     """Return what a spot light at (shift, 0, 0) sees of a wall before it, turned by `tilt`."""
     light = SpotLight((shift, 0.0, 0.0), (0.0, 0.0, -1.0), 0.4, 1.0)
-    camera = Camera.look_at(
-        (shift, 0, 0), (shift, 0, -max(1.0, shift)), yfov=0.9, width=size, height=size
-    )
+    camera = Camera.look_at((shift, 0, 0), (shift, 0, -max(1.0, shift)), yfov=0.9, width=size, height=size)
     normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
     ones = camera.unproject(np.ones((size, size), np.float32)) - camera.position
     depth = (-distance * normal[2] / (ones @ normal)).astype(np.float32)
     return ReflectiveShadowMap(
-        light=light, camera=camera, depth=depth, position=camera.unproject(depth),
-        normal=np.broadcast_to(normal, (size, size, 3)), flux=np.ones((size, size, 3)),
+        light=light,
+        camera=camera,
+        depth=depth,
+        position=camera.unproject(depth),
+        normal=np.broadcast_to(normal, (size, size, 3)),
+        flux=np.ones((size, size, 3)),
     )
 
 
@@ -105,15 +105,11 @@ def test_a_map_far_from_the_origin_is_as_exact_as_one_there(runtime: Runtime) ->
     far.upload(wall_map(tilt=0.3, shift=1e6))
     np.testing.assert_array_equal(far.origin, (1e6, 0.0, 0.0))
     # The given positions are rounded to 0.06; the eye itself, in float64, to 1e-10.
-    np.testing.assert_allclose(
-        far.position.download(), near.position.download(), rtol=0, atol=1e-6
-    )
+    np.testing.assert_allclose(far.position.download(), near.position.download(), rtol=0, atol=1e-6)
     camera = Camera.look_at((1e6 + 1.0, 0, 1), (1e6, 0, -2), width=8, height=8)
     points = np.array([[0.5], [0.25], [-1.0], [1.0]])
     world = np.append(points[:3, 0] + far.origin, 1.0)
-    np.testing.assert_allclose(
-        (far.to_view(camera) @ points)[:, 0], (camera.view @ world)[:3], rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose((far.to_view(camera) @ points)[:, 0], (camera.view @ world)[:3], rtol=0, atol=1e-9)
 
 
 def test_the_way_back_from_view_space_is_the_inverse(runtime: Runtime) -> None:

@@ -51,9 +51,7 @@ def test_without_a_home_a_temporary_folder_of_the_user_serves(homeless: Path) ->
     assert replaced() == {"XDG_CACHE_HOME": str(folder)}
 
 
-def test_without_a_home_the_variable_serves(
-    homeless: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_home_the_variable_serves(homeless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(homeless / "given"))
     assert cache_folder() == homeless / "given"
     assert replaced() == {"XDG_CACHE_HOME": str(homeless / "given")}
@@ -76,9 +74,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(homeless: Path, bad: s
     assert homeless in taken.parents
 
 
-def test_folders_that_cannot_be_written_are_replaced(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_folders_that_cannot_be_written_are_replaced(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", NOWHERE)
     monkeypatch.delenv("POCL_CACHE_DIR", raising=False)
     monkeypatch.delenv("SSGI_CL_CACHE", raising=False)

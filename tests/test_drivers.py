@@ -59,9 +59,7 @@ def test_what_was_found_is_recorded(alone: Path, monkeypatch: pytest.MonkeyPatch
     assert probed == [alone]
 
 
-def test_failures_in_doubt_are_tried_again_by_the_next_process(
-    alone: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failures_in_doubt_are_tried_again_by_the_next_process(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A memory limit or a full disk at the first use was "the driver crashes" for ever."""
     probed = finds(monkeypatch, Found([info(alone, WHY)], lasting=False), Found([info(alone)]))
     monkeypatch.setattr(probing, "doubtful", lambda: "memory is limited to 9 MiB by `ulimit -v`")
@@ -74,22 +72,33 @@ def test_failures_in_doubt_are_tried_again_by_the_next_process(
     assert drivers.choose(None) == info(alone)
 
 
-def test_a_recorded_failure_names_its_file_and_how_to_try_again(
-    alone: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recorded_failure_names_its_file_and_how_to_try_again(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     probed = finds(monkeypatch, Found([info(alone, WHY)]), Found([info(alone)]))
     with pytest.raises(DeviceError, match="test: no kernel runs on it") as caught:
         drivers.choose("test")
     message = str(caught.value)
     (record,) = drivers.cache_folder().glob("*.json")
-    for words in ("Test 1: a", FORM, WHY, str(record), "for 24 hours", "ssgi devices --refresh",
-                  "pip install 'ssgi-cl[pocl]'", "pip install 'ssgi-cl[intel]'", "pocl-opencl-icd"):
+    for words in (
+        "Test 1: a",
+        FORM,
+        WHY,
+        str(record),
+        "for 24 hours",
+        "ssgi devices --refresh",
+        "pip install 'ssgi-cl[pocl]'",
+        "pip install 'ssgi-cl[intel]'",
+        "pocl-opencl-icd",
+    ):
         assert words in message
     result = CliRunner().invoke(command.main, ["devices"])
     assert result.exit_code == 0
     shown = " ".join(result.output.split())
-    for words in ("error: unknown target CPU 'generic'", str(record), "ssgi devices --refresh",
-                  "No kernel runs on any of these. Install a driver"):
+    for words in (
+        "error: unknown target CPU 'generic'",
+        str(record),
+        "ssgi devices --refresh",
+        "No kernel runs on any of these. Install a driver",
+    ):
         assert words in shown
     assert len(probed) == 1
     result = CliRunner().invoke(command.main, ["devices", "--refresh"])
@@ -98,9 +107,7 @@ def test_a_recorded_failure_names_its_file_and_how_to_try_again(
     assert "refresh" not in result.output
 
 
-def test_why_a_driver_lists_nothing_is_said(
-    alone: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_why_a_driver_lists_nothing_is_said(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     probed = finds(monkeypatch, Found([], reason=f"{alone}: libnone.so: not found"))
     for _ in range(2):
         with pytest.raises(DeviceError, match=r"any device: no such(.|\n)*none\n.*libnone.so: not"):
@@ -113,9 +120,7 @@ def test_why_a_driver_lists_nothing_is_said(
     assert len(probed) == 1
 
 
-def test_a_driver_without_a_device_is_listed_after_those_with_one(
-    alone: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_driver_without_a_device_is_listed_after_those_with_one(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = alone.with_name("other.icd")
     other.touch()
     monkeypatch.setattr(drivers, "driver_files", lambda: [alone, other])
@@ -140,15 +145,17 @@ def listing(monkeypatch: pytest.MonkeyPatch, *labels: str) -> None:
     """Let the loaded driver list these devices now."""
     listed = [SimpleNamespace(label=label, driver_version="1") for label in labels]
     platform = SimpleNamespace(get_devices=lambda: listed)
-    monkeypatch.setattr(opencl, "opencl", lambda: SimpleNamespace(
-        get_platforms=lambda: [platform] if labels else [], Error=RuntimeError))
-    monkeypatch.setattr(opencl, "described", lambda platform, device: {
-        "label": device.label, "kind": "cpu", "units": 1})
+    monkeypatch.setattr(
+        opencl,
+        "opencl",
+        lambda: SimpleNamespace(get_platforms=lambda: [platform] if labels else [], Error=RuntimeError),
+    )
+    monkeypatch.setattr(
+        opencl, "described", lambda platform, device: {"label": device.label, "kind": "cpu", "units": 1}
+    )
 
 
-def test_a_device_counts_only_as_what_the_driver_reports_now(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_device_counts_only_as_what_the_driver_reports_now(monkeypatch: pytest.MonkeyPatch) -> None:
     listing(monkeypatch, "Test 1: a", "Test 1: b")
     assert opencl.listed_device(info("x.icd")).label == "Test 1: a"  # type: ignore[union-attr]
     assert opencl.listed_device(info("x.icd", label="Test 1: b")) is None  # cards were swapped
@@ -156,16 +163,12 @@ def test_a_device_counts_only_as_what_the_driver_reports_now(
     assert opencl.listed_device(info("x.icd")) is None
 
 
-def test_a_record_that_the_driver_contradicts_is_made_anew(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_that_the_driver_contradicts_is_made_anew(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the driver in use: its devices as they are, and as a record of other ones says."""
     true = runtime.info
     for stale in (
-        DeviceInfo(true.driver, true.platform, true.device + 7, true.label, true.kind, true.units,
-                   true.speeds),
-        DeviceInfo(true.driver, true.platform, true.device, "Another", true.kind, true.units,
-                   true.speeds),
+        DeviceInfo(true.driver, true.platform, true.device + 7, true.label, true.kind, true.units, true.speeds),
+        DeviceInfo(true.driver, true.platform, true.device, "Another", true.kind, true.units, true.speeds),
     ):
         known = [stale]
         monkeypatch.setattr("ssgi_cl.device.runtime._OPENED", {})
@@ -185,12 +188,8 @@ def test_a_device_that_is_gone_is_an_error_that_says_how_to_look_again(runtime: 
 # ---- speeds that use shows to be wrong
 
 
-@pytest.mark.parametrize(
-    ("speed", "kept"), [(5.0, True), (3.4, True), (3.3, False), (2.5, False), (50.0, True)]
-)
-def test_a_speed_that_use_does_not_confirm_is_measured_again(
-    alone: Path, speed: float, kept: bool
-) -> None:
+@pytest.mark.parametrize(("speed", "kept"), [(5.0, True), (3.4, True), (3.3, False), (2.5, False), (50.0, True)])
+def test_a_speed_that_use_does_not_confirm_is_measured_again(alone: Path, speed: float, kept: bool) -> None:
     records.save(alone, Found([info(alone)]))
     drivers.confirm(info(alone), KERNEL_VARIANTS[3], lambda: speed)
     assert (records.load(alone) is not None) == kept
@@ -208,8 +207,12 @@ def test_a_speed_is_confirmed_a_few_times_only(alone: Path) -> None:
 
 
 def test_the_fastest_device_that_has_every_word_is_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = (info(speed=5.0, label="PoCL 3.0: a"), info(speed=9.0, label="PoCL 3.1: b"),
-             info(speed=99.0, label="Other 3: b"), info(speed="broken", label="PoCL 4: b"))
+    found = (
+        info(speed=5.0, label="PoCL 3.0: a"),
+        info(speed=9.0, label="PoCL 3.1: b"),
+        info(speed=99.0, label="Other 3: b"),
+        info(speed="broken", label="PoCL 4: b"),
+    )
     monkeypatch.setattr(drivers, "devices", lambda: found)
     assert drivers.choose(None) is found[2]
     assert drivers.choose("pocl") is found[1]
@@ -219,9 +222,7 @@ def test_the_fastest_device_that_has_every_word_is_chosen(monkeypatch: pytest.Mo
         drivers.choose("pocl 4")
 
 
-def test_a_folder_or_a_file_can_be_named_as_the_drivers(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_folder_or_a_file_can_be_named_as_the_drivers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("b.icd", "a.icd", "notes.txt"):
         (tmp_path / name).touch()
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
@@ -230,9 +231,7 @@ def test_a_folder_or_a_file_can_be_named_as_the_drivers(
     assert drivers.driver_files() == [tmp_path / "b.icd"]
 
 
-def test_drivers_of_the_python_environment_are_found(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_drivers_of_the_python_environment_are_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
@@ -254,10 +253,7 @@ def test_drivers_of_the_python_environment_are_found(
 @pytest.mark.slow
 def test_a_busy_machine_gets_the_same_form() -> None:
     quiet = drivers.choose(None)
-    loops = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"])
-        for _ in range(2 * (os.cpu_count() or 1))
-    ]
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2 * (os.cpu_count() or 1))]
     try:
         found = probing.probe(Path(quiet.driver)).devices
     finally:
@@ -270,9 +266,7 @@ def test_a_busy_machine_gets_the_same_form() -> None:
     assert 0.5 < busy.speed / quiet.speed < 2.0
 
 
-def test_only_one_of_those_who_would_probe_a_driver_does(
-    alone: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_one_of_those_who_would_probe_a_driver_does(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     probed: list[Path] = []
 
     def slow(driver: Path) -> Found:

@@ -79,9 +79,7 @@ def channel_line(line: Texels) -> bytes:
 ENCODINGS = {"flat": flat_line, "repeated": repeated_line, "channels": channel_line}
 
 
-def picture(
-    path: Path, texels: Texels, encoding: str = "flat", *, header: bytes = HEADER, size: str = ""
-) -> Path:
+def picture(path: Path, texels: Texels, encoding: str = "flat", *, header: bytes = HEADER, size: str = "") -> Path:
     lines, length = texels.shape[:2]
     size = size or f"-Y {lines} +X {length}"
     body = b"".join(map(ENCODINGS[encoding], texels))
@@ -91,9 +89,7 @@ def picture(
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("size", [(1, 1), (3, 7), (2, 8), (4, 1000)])
-def test_every_encoding_gives_the_same_radiance(
-    tmp_path: Path, encoding: str, size: tuple[int, int]
-) -> None:
+def test_every_encoding_gives_the_same_radiance(tmp_path: Path, encoding: str, size: tuple[int, int]) -> None:
     if encoding == "channels" and size[1] < 8:
         pytest.skip("shorter lines have no runs per channel")
     texels = texels_of(*size)
@@ -126,9 +122,7 @@ def test_exposures_of_the_header_are_divided_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("down", ["-Y", "+Y"])
 @pytest.mark.parametrize("right", ["+X", "-X"])
 @pytest.mark.parametrize("by_columns", [False, True])
-def test_lines_run_as_the_header_says(
-    tmp_path: Path, down: str, right: str, by_columns: bool
-) -> None:
+def test_lines_run_as_the_header_says(tmp_path: Path, down: str, right: str, by_columns: bool) -> None:
     texels = texels_of(2, 3)
     stored = texels[:: 1 if down == "-Y" else -1, :: 1 if right == "+X" else -1]
     size = f"{down} 2 {right} 3"
@@ -223,8 +217,18 @@ def test_files_of_no_known_kind_or_that_are_missing(tmp_path: Path) -> None:
 
 
 def rendered(tmp_path: Path, *options: str) -> NDArray[np.float32]:
-    arguments = ["render", "cornell_box", "-o", str(tmp_path / "out.exr"), "--width", "40",
-                 "--height", "30", "--json", *options]
+    arguments = [
+        "render",
+        "cornell_box",
+        "-o",
+        str(tmp_path / "out.exr"),
+        "--width",
+        "40",
+        "--height",
+        "30",
+        "--json",
+        *options,
+    ]
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 0, done.output
     json.loads(done.stdout)
@@ -244,8 +248,13 @@ def test_the_command_takes_an_image_or_one_radiance(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("value", "message"),
-    [("1,2", "expected a file or R,G,B"), ("1,2,-3", "radiance is"), ("none.hdr", "no such file"),
-     ("1,2,nan", "radiance"), ("sky.jpg", "expected .exr, .hdr")],
+    [
+        ("1,2", "expected a file or R,G,B"),
+        ("1,2,-3", "radiance is"),
+        ("none.hdr", "no such file"),
+        ("1,2,nan", "radiance"),
+        ("sky.jpg", "expected .exr, .hdr"),
+    ],
 )
 def test_the_command_says_what_is_wrong_with_an_environment(value: str, message: str) -> None:
     arguments = ["render", "cornell_box", "-o", "x.png", "--environment", value]

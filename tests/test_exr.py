@@ -121,11 +121,7 @@ def test_given_names_win(tmp_path: Path) -> None:
     channels = {"Z": plane, "far": plane * 2, "a": plane * 3, "b": plane * 4, "c": plane * 5}
     channels |= {"shade.R": plane * 6, "shade.G": plane * 7, "shade.B": plane * 8}
     OpenEXR.File({}, channels).write(str(tmp_path / "a.exr"))
-    mapping: dict[str, str | tuple[str, ...]] = {
-        "depth": "far",
-        "normal": ("c", "b", "a"),
-        "albedo": "shade",
-    }
+    mapping: dict[str, str | tuple[str, ...]] = {"depth": "far", "normal": ("c", "b", "a"), "albedo": "shade"}
     found = exr.read_gbuffer(tmp_path / "a.exr", mapping)
     assert found["depth"][0, 0] == 2
     np.testing.assert_array_equal(found["normal"][0, 0], [5, 4, 3])
@@ -156,9 +152,7 @@ def test_without_depth_the_channels_are_listed(tmp_path: Path) -> None:
         ({"colour": "Z"}, "names 'colour': expected 'depth'"),
     ],
 )
-def test_a_wrong_mapping_is_explained(
-    tmp_path: Path, mapping: dict[str, str | tuple[str, ...]], message: str
-) -> None:
+def test_a_wrong_mapping_is_explained(tmp_path: Path, mapping: dict[str, str | tuple[str, ...]], message: str) -> None:
     exr.write(tmp_path / "a.exr", {"depth": np.ones((2, 2))})
     with pytest.raises(ValueError, match=message):
         exr.read_gbuffer(tmp_path / "a.exr", mapping)
@@ -224,9 +218,7 @@ def claiming(path: Path, *window: int) -> None:
 
 
 @pytest.mark.parametrize("window", [(0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0)])
-def test_a_window_that_ends_before_it_begins_is_refused(
-    tmp_path: Path, window: tuple[int, int, int, int]
-) -> None:
+def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
     claiming(tmp_path / "a.exr", *window)
     with pytest.raises(ValueError, match=r"a\.exr is damaged: its window runs from column"):
         exr.read(tmp_path / "a.exr")
@@ -246,9 +238,7 @@ def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("window", [(1, 0, 0, 0), (0, 0, 0, 2), (-1, 0, 0, 0), (1, 1, 1, 1)])
-def test_other_windows_need_a_camera_of_the_data_window(
-    tmp_path: Path, window: tuple[int, int, int, int]
-) -> None:
+def test_other_windows_need_a_camera_of_the_data_window(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
     path = tmp_path / "a.exr"
     regional(path, *window)
     header = read_header(path)
@@ -279,9 +269,7 @@ def test_an_array_of_another_size_is_not_added(damaged: Path) -> None:
 @pytest.mark.parametrize("kind", [name for name in dir(OpenEXR) if name.startswith("HTJ2K")])
 def test_htj2k_is_read(tmp_path: Path, kind: str) -> None:
     depth = np.arange(300 * 7, dtype=np.float32).reshape(300, 7) / 3
-    OpenEXR.File({"compression": getattr(OpenEXR, kind)}, {"Z": depth}).write(
-        str(tmp_path / "a.exr")
-    )
+    OpenEXR.File({"compression": getattr(OpenEXR, kind)}, {"Z": depth}).write(str(tmp_path / "a.exr"))
     np.testing.assert_array_equal(exr.read(tmp_path / "a.exr")["Z"], depth)
     assert read_header(tmp_path / "a.exr").compression == kind.removesuffix("_COMPRESSION")
 
@@ -330,9 +318,7 @@ def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["folder.exr"]
 
 
-def test_a_writer_that_fails_leaves_the_old_file(
-    damaged: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_writer_that_fails_leaves_the_old_file(damaged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = damaged.read_bytes()
 
     class Failing:

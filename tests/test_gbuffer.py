@@ -52,9 +52,7 @@ def test_lists_views_and_read_only_arrays_are_taken(rng: np.random.Generator) ->
     np.testing.assert_array_equal(gbuffer.depth, view)
     planar = np.moveaxis(np.ascontiguousarray(np.moveaxis(NORMAL, -1, 0)), 0, -1)
     assert not planar.flags.c_contiguous
-    np.testing.assert_array_equal(
-        GBuffer(camera=CAMERA, depth=DEPTH.tolist(), normal=planar).normal, NORMAL
-    )
+    np.testing.assert_array_equal(GBuffer(camera=CAMERA, depth=DEPTH.tolist(), normal=planar).normal, NORMAL)
     fixed = DEPTH.copy()
     fixed.flags.writeable = False
     assert GBuffer(camera=CAMERA, depth=fixed).depth is fixed
@@ -170,9 +168,7 @@ def test_the_camera_must_be_one() -> None:
 
 
 def test_a_file_holds_the_front_layer(tmp_path: Path) -> None:
-    gbuffer = GBuffer(
-        camera=CAMERA, depth=np.stack([DEPTH, DEPTH + 1]), normal=NORMAL, albedo=COLOUR
-    )
+    gbuffer = GBuffer(camera=CAMERA, depth=np.stack([DEPTH, DEPTH + 1]), normal=NORMAL, albedo=COLOUR)
     gbuffer.to_exr(tmp_path / "a.exr")
     back = GBuffer.from_exr(tmp_path / "a.exr", camera=CAMERA)
     np.testing.assert_array_equal(back.depth, DEPTH)
@@ -183,8 +179,12 @@ def test_a_file_holds_the_front_layer(tmp_path: Path) -> None:
 
 def shadow_map(**changes: Any) -> ReflectiveShadowMap:
     values: dict[str, Any] = {
-        "light": SpotLight((0, 0, 0), (0, 0, -1), 0.5, 1.0), "camera": CAMERA, "depth": DEPTH,
-        "position": NORMAL, "normal": NORMAL, "flux": COLOUR,
+        "light": SpotLight((0, 0, 0), (0, 0, -1), 0.5, 1.0),
+        "camera": CAMERA,
+        "depth": DEPTH,
+        "position": NORMAL,
+        "normal": NORMAL,
+        "flux": COLOUR,
     }
     return ReflectiveShadowMap(**{**values, **changes})
 
@@ -206,8 +206,7 @@ def test_shadow_maps_are_checked_like_g_buffers() -> None:
 def test_the_six_faces_of_a_point_light_are_stacked() -> None:
     arrays = {
         name: np.concatenate([array] * 6)
-        for name, array in (("depth", DEPTH), ("position", NORMAL), ("normal", NORMAL),
-                            ("flux", COLOUR))
+        for name, array in (("depth", DEPTH), ("position", NORMAL), ("normal", NORMAL), ("flux", COLOUR))
     }
     light = PointLight((0, 0, 0), 1.0)
     made = shadow_map(light=light, camera=(CAMERA,) * 6, **arrays)

@@ -95,10 +95,7 @@ def test_same_name_gives_bit_identical_results(made: BuiltinScene) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_seeds_give_different_scenes(kind: str) -> None:
-    digests = {
-        hashlib.sha256(make_scene(f"{kind}-{seed}").scene.positions.tobytes()).hexdigest()
-        for seed in range(2)
-    }
+    digests = {hashlib.sha256(make_scene(f"{kind}-{seed}").scene.positions.tobytes()).hexdigest() for seed in range(2)}
     assert len(digests) == 2
 
 
@@ -145,8 +142,8 @@ def test_views_are_outside_of_geometry_and_show_much(made: BuiltinScene, runtime
 
 def test_every_kind_renders(made: BuiltinScene, runtime: Runtime) -> None:
     frame = gi.render(
-        made.scene, made.camera(64, 48), made.lights, bounces=0, ao_radius=made.ao_radius,
-                      runtime=runtime)
+        made.scene, made.camera(64, 48), made.lights, bounces=0, ao_radius=made.ao_radius, runtime=runtime
+    )
     image = frame.image.astype(np.float64)
     assert image.shape == (48, 64, 3)
     assert image.std() > 10.0
@@ -156,15 +153,19 @@ def test_every_kind_renders(made: BuiltinScene, runtime: Runtime) -> None:
     assert any(isinstance(light, Environment) for light in made.lights)
 
 
-@pytest.mark.parametrize("name", ["attic-1", "room", "room-", "room-01", "room--1", "room-1.5",
-                                  "Room-1", "room-1000000"])
+@pytest.mark.parametrize(
+    "name", ["attic-1", "room", "room-", "room-01", "room--1", "room-1.5", "Room-1", "room-1000000"]
+)
 def test_unknown_names_are_refused_with_the_kinds(name: str) -> None:
     assert not is_scene(name)
-    with pytest.raises(ValueError, match=(
-        rf"scene is '{name}': expected one of cornell_box.*, or KIND-SEED with KIND one of room, "
-        "colonnade, foliage, machine, street, terrain, chambers and SEED an integer from 0 to "
-        "999999"
-    )):
+    with pytest.raises(
+        ValueError,
+        match=(
+            rf"scene is '{name}': expected one of cornell_box.*, or KIND-SEED with KIND one of room, "
+            "colonnade, foliage, machine, street, terrain, chambers and SEED an integer from 0 to "
+            "999999"
+        ),
+    ):
         make_scene(name)
 
 
@@ -183,8 +184,10 @@ def test_sets_of_scenes_share_none() -> None:
 @pytest.mark.parametrize(
     ("part", "expected"),
     [
-        (solids.cylinder(64), np.pi), (solids.cone(64), np.pi / 3.0),
-        (solids.octahedron(), 4.0 / 3.0), (solids.sphere(64), 4.0 / 3.0 * np.pi),
+        (solids.cylinder(64), np.pi),
+        (solids.cone(64), np.pi / 3.0),
+        (solids.octahedron(), 4.0 / 3.0),
+        (solids.sphere(64), 4.0 / 3.0 * np.pi),
         (solids.torus(1.0, 0.25, 96, 48), 2.0 * np.pi**2 * 0.25**2),
         (solids.prism([(1, 0), (0, 1), (-1, 0), (0, -1)], 0.5), 1.0),
         (solids.arch(2.0, 0.5, 0.3, 96), 0.5 * np.pi * (1.5**2 - 1.0) * 0.3),

@@ -52,7 +52,8 @@ def lit(folder: Path, light: dict[str, Any], **node: Any) -> Scene:
     """A scene with one light, on a node of its own."""
     made = document(
         nodes=[{"extensions": {LIGHTS: {"light": 0}}, **node}],
-        extensions={LIGHTS: {"lights": [light]}}, extensionsUsed=[LIGHTS],
+        extensions={LIGHTS: {"lights": [light]}},
+        extensionsUsed=[LIGHTS],
     )
     return gi.rasterize.load_scene(saved(folder, made))
 
@@ -63,10 +64,7 @@ def seen(folder: Path, camera: dict[str, Any], **node: Any) -> Scene:
 
 
 PERSPECTIVE = {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}
-ORTHOGRAPHIC = {
-    "type": "orthographic",
-    "orthographic": {"xmag": 4.0, "ymag": 2.0, "znear": 0.0, "zfar": 50.0},
-}
+ORTHOGRAPHIC = {"type": "orthographic", "orthographic": {"xmag": 4.0, "ymag": 2.0, "znear": 0.0, "zfar": 50.0}}
 
 
 def test_a_point_light_is_where_its_node_is_in_watts(tmp_path: Path) -> None:
@@ -87,8 +85,10 @@ def test_a_directional_light_shines_along_its_nodes_minus_z(tmp_path: Path) -> N
 
 def test_lights_are_placed_by_the_nodes_above_them(tmp_path: Path) -> None:
     made = document(
-        nodes=[{"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
-               {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]}],
+        nodes=[
+            {"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
+            {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]},
+        ],
         extensions={LIGHTS: {"lights": [{"type": "point"}]}},
     )
     (found,) = gi.rasterize.load_scene(saved(tmp_path, made)).lights
@@ -96,14 +96,9 @@ def test_lights_are_placed_by_the_nodes_above_them(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.intensity, 1.0 / 683.0, **EXACT)  # 1 cd by default
 
 
-@pytest.mark.parametrize(
-    ("inner", "outer"), [(0.0, math.pi / 4), (0.3, 0.6), (0.0, math.pi / 2), (0.5, 0.5001)]
-)
-def test_a_spot_light_sends_the_flux_of_its_soft_cone(
-    tmp_path: Path, inner: float, outer: float
-) -> None:
-    light = {"type": "spot", "intensity": 683.0,
-             "spot": {"innerConeAngle": inner, "outerConeAngle": outer}}
+@pytest.mark.parametrize(("inner", "outer"), [(0.0, math.pi / 4), (0.3, 0.6), (0.0, math.pi / 2), (0.5, 0.5001)])
+def test_a_spot_light_sends_the_flux_of_its_soft_cone(tmp_path: Path, inner: float, outer: float) -> None:
+    light = {"type": "spot", "intensity": 683.0, "spot": {"innerConeAngle": inner, "outerConeAngle": outer}}
     (found,) = lit(tmp_path, light).lights
     assert isinstance(found, gi.SpotLight)
     np.testing.assert_allclose(found.direction, [0, 0, -1], **EXACT)
@@ -150,9 +145,7 @@ def test_a_light_that_cannot_be_is_left_out_and_named(
 def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
     scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="bulb")
     assert len(scene.lights) == 1
-    assert scene.notes == (
-        "light 'bulb': its range is not used, light falls off with distance only",
-    )
+    assert scene.notes == ("light 'bulb': its range is not used, light falls off with distance only",)
 
 
 @pytest.mark.parametrize(
@@ -198,16 +191,14 @@ def test_a_far_plane_is_kept(tmp_path: Path) -> None:
 def test_an_orthographic_camera_shows_its_box(tmp_path: Path) -> None:
     scene = seen(tmp_path, {**ORTHOGRAPHIC, "name": "Plan"}, translation=[0, 0, 9])
     camera = scene.cameras["Plan"].sized(80, 40)
-    expected = Camera.orthographic(
-        (0, 0, 9), (0, 0, 0), view_height=4.0, width=80, height=40, far=50.0
-    )
+    expected = Camera.orthographic((0, 0, 9), (0, 0, 0), view_height=4.0, width=80, height=40, far=50.0)
     np.testing.assert_allclose(camera.view, expected.view, **EXACT)
     np.testing.assert_allclose(camera.projection, expected.projection, **EXACT)
 
 
-@pytest.mark.parametrize("camera", [
-    ORTHOGRAPHIC, {"type": "perspective",
-                   "perspective": {"yfov": 0.8, "znear": 0.1, "aspectRatio": 2.0}}])
+@pytest.mark.parametrize(
+    "camera", [ORTHOGRAPHIC, {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "aspectRatio": 2.0}}]
+)
 @pytest.mark.parametrize("size", [(200, 100), (300, 100), (100, 100), (50, 100)])
 def test_the_files_picture_is_always_within_the_picture(
     tmp_path: Path, camera: dict[str, Any], size: tuple[int, int]
@@ -241,10 +232,8 @@ def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
         ({"type": "perspective", "perspective": {"yfov": 0, "znear": 1}}, {}, "height is 0"),
         ({"type": "perspective", "perspective": {"yfov": 1, "znear": 0}}, {}, "near is 0"),
         ({"type": "perspective", "perspective": {"yfov": 1, "znear": 2, "zfar": 1}}, {}, "far is"),
-        ({"type": "perspective", "perspective": {"yfov": 1, "znear": 1, "aspectRatio": 0}}, {},
-         "aspect is 0"),
-        ({"type": "orthographic",
-          "orthographic": {"xmag": 1, "ymag": 0, "znear": 0, "zfar": 1}}, {}, "xmag and ymag"),
+        ({"type": "perspective", "perspective": {"yfov": 1, "znear": 1, "aspectRatio": 0}}, {}, "aspect is 0"),
+        ({"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 0, "znear": 0, "zfar": 1}}, {}, "xmag and ymag"),
         (PERSPECTIVE, {"scale": [1, 0, 1]}, "no usable length"),
         (PERSPECTIVE, {"matrix": [1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1]}, "parallel"),
         (PERSPECTIVE, {"translation": [1e200, 0, 0]}, "view"),
@@ -269,7 +258,8 @@ def test_views_do_not_change_what_truths_are_stored_under(tmp_path: Path) -> Non
 
 def test_a_scene_with_views_can_be_pickled(tmp_path: Path) -> None:
     made = document(
-        nodes=[{"camera": 0}, {"extensions": {LIGHTS: {"light": 0}}}], cameras=[PERSPECTIVE],
+        nodes=[{"camera": 0}, {"extensions": {LIGHTS: {"light": 0}}}],
+        cameras=[PERSPECTIVE],
         extensions={LIGHTS: {"lights": [{"type": "point"}]}},
     )
     copy = pickle.loads(pickle.dumps(gi.rasterize.load_scene(saved(tmp_path, made))))
@@ -279,24 +269,26 @@ def test_a_scene_with_views_can_be_pickled(tmp_path: Path) -> None:
 
 
 def test_what_is_not_drawn_has_a_line_each(tmp_path: Path) -> None:
-    glass = {"name": "glass", "alphaMode": "BLEND",
-             "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
+    glass = {
+        "name": "glass",
+        "alphaMode": "BLEND",
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}},
+    }
     many = [{"name": f"m{index}", "extensions": {"KHR_materials_sheen": {}}} for index in range(6)]
     unused = {"name": "unused", "alphaMode": "BLEND"}
     made = document(
         materials=[glass, *many, unused],
         extensionsUsed=["KHR_materials_transmission", "KHR_materials_sheen", "ACME_fog", LIGHTS],
-        animations=[{}], scenes=[{"nodes": [0]}, {"nodes": []}],
+        animations=[{}],
+        scenes=[{"nodes": [0]}, {"nodes": []}],
     )
     primitives = made["meshes"][0]["primitives"]
     primitives[0]["material"] = 0
     primitives += [{"attributes": {"POSITION": 0}, "material": 1 + index} for index in range(6)]
     primitives.append({"attributes": {"POSITION": 0}, "mode": 1})
     assert gi.rasterize.load_scene(saved(tmp_path, made)).notes == (
-        "material 'glass': G-buffers and shadows have blended surfaces where their opacity is "
-        "0.5 or more",
-        "material 'glass': light passes straight through it, neither bent nor scattered; "
-        "G-buffers show it",
+        "material 'glass': G-buffers and shadows have blended surfaces where their opacity is 0.5 or more",
+        "material 'glass': light passes straight through it, neither bent nor scattered; G-buffers show it",
         "materials 'm0', 'm1', 'm2', 'm3' and 2 more: sheen is not drawn",
         "1 primitive(s) of points and lines are not drawn",
         "animations are not played: nodes stand as the file places them",
@@ -306,8 +298,7 @@ def test_what_is_not_drawn_has_a_line_each(tmp_path: Path) -> None:
 
 
 def render(folder: Path, scene: Path, *options: str) -> Result:
-    arguments = ["render", str(scene), "-o", str(folder / "out.exr"), "--width", "32",
-                 "--height", "24", *options]
+    arguments = ["render", str(scene), "-o", str(folder / "out.exr"), "--width", "32", "--height", "24", *options]
     return CliRunner().invoke(main, arguments)
 
 
@@ -321,11 +312,13 @@ def picture(folder: Path, scene: Path, *options: str) -> np.ndarray:
 
 def test_the_command_uses_the_files_lights_and_cameras(tmp_path: Path) -> None:
     made = document(
-        nodes=[{"camera": 0, "name": "far", "translation": [0.3, 0.3, 4]},
-               {"camera": 0, "name": "near", "translation": [0.3, 0.3, 0.5]},
-               {"extensions": {LIGHTS: {"light": 0}}, "translation": [0.3, 0.3, 1]}],
-        cameras=[PERSPECTIVE], extensions={LIGHTS: {"lights": [
-            {"type": "point", "color": [1, 0, 0], "intensity": 683.0, "range": 1.0}]}},
+        nodes=[
+            {"camera": 0, "name": "far", "translation": [0.3, 0.3, 4]},
+            {"camera": 0, "name": "near", "translation": [0.3, 0.3, 0.5]},
+            {"extensions": {LIGHTS: {"light": 0}}, "translation": [0.3, 0.3, 1]},
+        ],
+        cameras=[PERSPECTIVE],
+        extensions={LIGHTS: {"lights": [{"type": "point", "color": [1, 0, 0], "intensity": 683.0, "range": 1.0}]}},
     )
     path = saved(tmp_path, made)
     scene = gi.rasterize.load_scene(path)

@@ -67,7 +67,6 @@ def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArra
     [("64x8192", 40), ("2048", 400)],
 )
 @pytest.mark.slow  # stress/test_same_bits.py does it for all techniques
-
 def test_wrapped_planes_give_bit_identical_results(
     monkeypatch: pytest.MonkeyPatch, box: GBuffer, limit: str, texels: int
 ) -> None:
@@ -82,9 +81,7 @@ def test_wrapped_planes_give_bit_identical_results(
 
 @pytest.mark.parametrize("rows", [1, 2, 61, 62, 63, 126, 127, 200])
 @pytest.mark.parametrize("count", [1, 3])
-def test_every_pixel_is_read_wherever_rows_end(
-    monkeypatch: pytest.MonkeyPatch, rows: int, count: int
-) -> None:
+def test_every_pixel_is_read_wherever_rows_end(monkeypatch: pytest.MonkeyPatch, rows: int, count: int) -> None:
     # With the rows before and after, images of 62 and 126 rows fill their columns of 64 exactly.
     runtime = opened(monkeypatch, "64x8192")
     values = np.arange(count * rows * 3, dtype=np.float32).reshape(count, rows, 3)
@@ -106,9 +103,7 @@ def test_every_pixel_is_read_wherever_rows_end(
         }
     }
     """
-    runtime.kernel_from_text("copy", text).run(
-        "copy", (rows, 3), source=plane, to=result, count=count
-    )
+    runtime.kernel_from_text("copy", text).run("copy", (rows, 3), source=plane, to=result, count=count)
     found = result.download()
     np.testing.assert_array_equal(found[::2], values)
     np.testing.assert_array_equal(found[1::2, :, :2], -7.0)
@@ -126,9 +121,7 @@ def test_a_plane_that_no_image_holds_is_refused_before_anything_runs(
     monkeypatch: pytest.MonkeyPatch, rows: int, columns: int, message: str
 ) -> None:
     runtime = opened(monkeypatch, "64")
-    gbuffer = GBuffer(
-        camera=cornell_box().camera(columns, rows), depth=np.ones((rows, columns))
-    )
+    gbuffer = GBuffer(camera=cornell_box().camera(columns, rows), depth=np.ones((rows, columns)))
     builds, taken = runtime.builds, runtime.allocated_bytes
     with runtime.frame():
         pass
@@ -140,9 +133,7 @@ def test_a_plane_that_no_image_holds_is_refused_before_anything_runs(
 
 
 def device(rows: int = 8192, columns: int = 16384, size: int = 1 << 30) -> Any:
-    return SimpleNamespace(
-        image2d_max_height=rows, image2d_max_width=columns, max_mem_alloc_size=size
-    )
+    return SimpleNamespace(image2d_max_height=rows, image2d_max_width=columns, max_mem_alloc_size=size)
 
 
 def test_limits_are_the_devices(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,17 +148,13 @@ def test_limits_are_the_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     ("asked", "rows", "columns"),
     [("2048", 2048, 2048), ("64x8192", 64, 8192), ("100x30", 64, 30), ("99999", 8192, 16384)],
 )
-def test_the_variable_lowers_them(
-    monkeypatch: pytest.MonkeyPatch, asked: str, rows: int, columns: int
-) -> None:
+def test_the_variable_lowers_them(monkeypatch: pytest.MonkeyPatch, asked: str, rows: int, columns: int) -> None:
     monkeypatch.setenv(VARIABLE, asked)
     assert ImageLimits.of(device()) == ImageLimits(rows, columns, 1 << 30)
 
 
 @pytest.mark.parametrize("asked", ["0", "x", "64x", "-1", "64x0", "2048 "])
-def test_another_value_of_the_variable_is_refused(
-    monkeypatch: pytest.MonkeyPatch, asked: str
-) -> None:
+def test_another_value_of_the_variable_is_refused(monkeypatch: pytest.MonkeyPatch, asked: str) -> None:
     monkeypatch.setenv(VARIABLE, asked)
     with pytest.raises(ValueError, match=f"{VARIABLE} is '{asked}': expected elements, such as"):
         ImageLimits.of(device())
@@ -179,8 +166,10 @@ def test_rows_beyond_the_limit_lie_in_further_columns() -> None:
     assert limits.shape("X", 5, 96) == (5, 96)
     assert limits.shape("X", 65, 32) == (64, 64)
     assert limits.shape("X", 192, 32) == (64, 96)
-    with pytest.raises(DeviceError, match="X has images of at most 64 rows and 96 columns: a plane "
-                                          "of 193 rows of 32 elements needs 128 columns"):
+    with pytest.raises(
+        DeviceError,
+        match="X has images of at most 64 rows and 96 columns: a plane of 193 rows of 32 elements needs 128 columns",
+    ):
         limits.shape("X", 193, 32)
 
 

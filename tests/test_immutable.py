@@ -25,8 +25,11 @@ CORNERS = np.float32([[-1, -1, -2], [1, -1, -2], [0, 1, -2]])
 def triangle(positions: Any = CORNERS, texture: Any = None) -> Scene:
     """A triangle 2 units in front of the world's origin."""
     return Scene(
-        positions=positions, normals=np.float32([[0, 0, 1]] * 3), uvs=np.zeros((3, 2), np.float32),
-        colors=np.ones((3, 3), np.float32), triangles=np.int32([[0, 1, 2]]),
+        positions=positions,
+        normals=np.float32([[0, 0, 1]] * 3),
+        uvs=np.zeros((3, 2), np.float32),
+        colors=np.ones((3, 3), np.float32),
+        triangles=np.int32([[0, 1, 2]]),
         material_ids=np.zeros(1, np.int32),
         textures=[np.zeros((2, 2, 4), np.uint8) if texture is None else texture],  # type: ignore[arg-type]
     )
@@ -39,8 +42,14 @@ def camera() -> Camera:
 def rsm() -> ReflectiveShadowMap:
     plane, vectors = np.ones((12, 16), np.float32), np.ones((12, 16, 3), np.float32)
     return ReflectiveShadowMap(
-        light=SpotLight((0, 0, 0), (0, 0, -1), 0.5, 1.0), camera=camera(), depth=plane,
-        position=vectors, normal=vectors, flux=vectors, specular_flux=vectors, gloss=plane,
+        light=SpotLight((0, 0, 0), (0, 0, -1), 0.5, 1.0),
+        camera=camera(),
+        depth=plane,
+        position=vectors,
+        normal=vectors,
+        flux=vectors,
+        specular_flux=vectors,
+        gloss=plane,
     )
 
 
@@ -66,8 +75,11 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 def arrays_of(made: Any) -> Iterator[tuple[str, Any]]:
     for field in dataclasses.fields(made):
         value = getattr(made, field.name)
-        yield from ((field.name, one) for one in (value if isinstance(value, tuple) else (value,))
-                    if isinstance(one, np.ndarray))
+        yield from (
+            (field.name, one)
+            for one in (value if isinstance(value, tuple) else (value,))
+            if isinstance(one, np.ndarray)
+        )
     if isinstance(made, Scene):
         yield "bounds", made.bounds
 
@@ -88,9 +100,7 @@ def test_arrays_are_read_only_in_every_copy(kind: str, how: str) -> None:
 
 
 @pytest.mark.parametrize("view", [lambda a: a, lambda a: a[:], lambda a: a.view()])
-def test_a_scene_does_not_share_memory_that_its_maker_can_write_to(
-    view: Callable[[Any], Any]
-) -> None:
+def test_a_scene_does_not_share_memory_that_its_maker_can_write_to(view: Callable[[Any], Any]) -> None:
     positions, texture = CORNERS.copy(), np.zeros((2, 2, 4), np.uint8)
     given = view(positions)
     given.flags.writeable = positions is given  # a read-only view of a writable array

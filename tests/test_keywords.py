@@ -29,16 +29,12 @@ TYPED: dict[Callable[..., Any], tuple[type[Params], ...]] = {
 }
 """Functions with `**params`, and the dataclasses of what these may be."""
 
-PUBLIC = [
-    value for name in dir(gi) if inspect.isfunction(value := getattr(gi, name, None))
-]
+PUBLIC = [value for name in dir(gi) if inspect.isfunction(value := getattr(gi, name, None))]
 
 
 def fields(*kinds: type[Params]) -> dict[str, Any]:
     """Return the type of each parameter that any of the dataclasses has."""
-    return {
-        name: get_type_hints(kind)[name] for kind in kinds for name in parameter_fields(kind)
-    }
+    return {name: get_type_hints(kind)[name] for kind in kinds for name in parameter_fields(kind)}
 
 
 @pytest.mark.parametrize("function", TYPED, ids=lambda f: f.__name__)
@@ -54,8 +50,10 @@ def test_keywords_are_those_of_the_parameters(function: Callable[..., Any]) -> N
 
 def test_keywords_of_choose_are_those_of_the_parameters() -> None:
     for keywords, kind in (
-        (choosing._Ssao, gi.SsaoParams), (choosing._Hbao, gi.HbaoParams),
-        (choosing._Gtao, gi.GtaoParams), (choosing._Bitmask, gi.BitmaskParams),
+        (choosing._Ssao, gi.SsaoParams),
+        (choosing._Hbao, gi.HbaoParams),
+        (choosing._Gtao, gi.GtaoParams),
+        (choosing._Bitmask, gi.BitmaskParams),
     ):
         asked = get_type_hints(choosing._Asked)
         assert get_type_hints(keywords) == fields(kind) | asked
@@ -80,19 +78,13 @@ def test_misspelt_keyword_is_named(function: Callable[..., Any]) -> None:
 def test_messages() -> None:
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=0.9, width=4, height=3)
     gbuffer = GBuffer(camera=camera, depth=np.ones((3, 4), np.float32))
-    with pytest.raises(
-        TypeError, match=r"^gtao\(\) has no .* 'radios': did you mean 'radius'\? It has bent_"
-    ):
+    with pytest.raises(TypeError, match=r"^gtao\(\) has no .* 'radios': did you mean 'radius'\? It has bent_"):
         gi.gtao(gbuffer, radios=1)  # type: ignore[call-overload]
-    with pytest.raises(
-        TypeError, match=r"^SsaoParams\(\) has no parameter 'sample': did you mean 'samples'\?"
-    ):
+    with pytest.raises(TypeError, match=r"^SsaoParams\(\) has no parameter 'sample': did you mean 'samples'\?"):
         gi.SsaoParams(sample=4)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"^render\(\) .*'exposur': did you mean 'exposure'\?"):
         gi.render(None, camera, [], bounces=0, exposur=1.0)  # type: ignore[call-arg, arg-type]
-    with pytest.raises(
-        TypeError, match=r"^choose\(\) of 'hbao' .*'attenuate': did you mean 'attenuation'\?"
-    ):
+    with pytest.raises(TypeError, match=r"^choose\(\) of 'hbao' .*'attenuate': did you mean 'attenuation'\?"):
         gi.choose("hbao", (3, 4), preset="low", attenuate=1.0)  # type: ignore[call-overload]
     with pytest.raises(ValueError, match=r"'published'; did you mean 'published'\?$"):
         gi.SsdoParams(method="publish")

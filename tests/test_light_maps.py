@@ -39,9 +39,7 @@ def drawn(maps: LightMaps, scene: Scene, lights: Sequence[Light]) -> tuple[list[
     return kept, [p.name for p in passes if not p.skipped]
 
 
-def planes(
-    maps: LightMaps, scene: Scene, lights: Sequence[Light]
-) -> list[NDArray[np.float32]]:
+def planes(maps: LightMaps, scene: Scene, lights: Sequence[Light]) -> list[NDArray[np.float32]]:
     shadows, rsm = maps.draw(scene, lights)
     found = [shadow.depth.download() for shadow in shadows if shadow is not None]
     if rsm is not None:
@@ -62,20 +60,19 @@ def test_maps_are_kept_while_nothing_changes(runtime: Runtime, scene: Scene, flu
 
 @pytest.mark.parametrize("flux", [False, True])
 @pytest.mark.parametrize("changed", range(4))
-def test_what_changed_is_drawn_as_if_all_were(
-    runtime: Runtime, scene: Scene, flux: bool, changed: int
-) -> None:
+def test_what_changed_is_drawn_as_if_all_were(runtime: Runtime, scene: Scene, flux: bool, changed: int) -> None:
     others: list[Light] = [
-        replace(SPOT, direction=(0.3, -1.0, 0.0)), Environment(0.1),
-        replace(LAMP, intensity=0.3), replace(SUN, direction=(0.0, 0.0, 1.0)),
+        replace(SPOT, direction=(0.3, -1.0, 0.0)),
+        Environment(0.1),
+        replace(LAMP, intensity=0.3),
+        replace(SUN, direction=(0.0, 0.0, 1.0)),
     ]
     lights: list[Light] = list(LIGHTS)
     lights[changed] = others[changed]
     maps = LightMaps(runtime, 32, flux=flux)
     maps.draw(scene, LIGHTS)
     for one, other in zip(
-        planes(maps, scene, lights), planes(LightMaps(runtime, 32, flux=flux), scene, lights),
-        strict=True,
+        planes(maps, scene, lights), planes(LightMaps(runtime, 32, flux=flux), scene, lights), strict=True
     ):
         np.testing.assert_array_equal(one, other)
 
@@ -119,15 +116,16 @@ def test_blocks_lie_between_their_planes(variant_runtime: Runtime, scene: Scene)
 @pytest.mark.slow  # frames with and without skips are compared in test_skips.py
 def test_blocks_give_the_light_that_all_taps_give(variant_runtime: Runtime, scene: Scene) -> None:
     camera = BUILTIN_SCENES["cornell_box"]().camera(96, 70)
-    device = Rasterizer(variant_runtime, camera.size).render(
-        device_scene(scene, variant_runtime), camera
-    )
+    device = Rasterizer(variant_runtime, camera.size).render(device_scene(scene, variant_runtime), camera)
     device.derive()
     shading = PunctualLights(variant_runtime, camera.size)
     maps = LightMaps(variant_runtime, 100, flux=False)
     # Flat, steep, nearly along walls, and from outside.
     punctual_lights = (
-        SPOT, LAMP, SUN, DirectionalLight((1.0, -0.02, 0.3), 2.0),
+        SPOT,
+        LAMP,
+        SUN,
+        DirectionalLight((1.0, -0.02, 0.3), 2.0),
         PointLight((0.278, 0.01, 0.28), 0.1),
         SpotLight((0.27, 0.3, -0.9), (0.1, -0.2, 1.0), 0.4, 1.0),
     )
@@ -167,9 +165,7 @@ def test_a_light_that_lights_nothing_says_so_in_every_frame(runtime: Runtime, sc
     assert maps.draw(scene, (SPOT,))[1] is not None
 
 
-def test_faces_that_reflect_are_told_in_every_kernel_variant(
-    variant_runtime: Runtime, scene: Scene
-) -> None:
+def test_faces_that_reflect_are_told_in_every_kernel_variant(variant_runtime: Runtime, scene: Scene) -> None:
     # Beyond the front of the box is nothing.
     maps = LightMaps(variant_runtime, 19, flux=True)
     rsm = maps.draw(scene, (PointLight((0.278, 0.3, -0.5), 1.0),))[1]

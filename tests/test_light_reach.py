@@ -25,10 +25,17 @@ def held(rng: np.random.Generator, count: int) -> tuple[Boxes, Doubles, Doubles]
     normals = facing / np.linalg.norm(facing, axis=-1, keepdims=True)
     normals = normals + rng.uniform(-0.2, 0.2, points.shape)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return Boxes(
-        points.min(axis=1), points.max(axis=1), normals.min(axis=1), normals.max(axis=1),
-        (points * normals).sum(axis=-1).min(axis=1),
-    ), points, normals
+    return (
+        Boxes(
+            points.min(axis=1),
+            points.max(axis=1),
+            normals.min(axis=1),
+            normals.max(axis=1),
+            (points * normals).sum(axis=-1).min(axis=1),
+        ),
+        points,
+        normals,
+    )
 
 
 @pytest.mark.parametrize("count", [1, RUN + 1])
@@ -40,9 +47,9 @@ def test_no_light_that_lights_a_point_is_left_out(rng: np.random.Generator, coun
         for p, r in zip(rng.uniform(-2.0, 4.0, (60, 3)), rng.uniform(0.0, 0.5, 60), strict=True)
     ]
     punctual_lights += [
-        SpotLight(p, d, 0.4, 1.0, radius=r) for p, d, r in zip(
-            rng.uniform(-2.0, 4.0, (60, 3)), rng.normal(size=(60, 3)), rng.uniform(0.0, 0.2, 60),
-            strict=True,
+        SpotLight(p, d, 0.4, 1.0, radius=r)
+        for p, d, r in zip(
+            rng.uniform(-2.0, 4.0, (60, 3)), rng.normal(size=(60, 3)), rng.uniform(0.0, 0.2, 60), strict=True
         )
     ]
     punctual_lights += [DirectionalLight(d, 1.0) for d in rng.normal(size=(60, 3))]
@@ -59,8 +66,7 @@ def test_no_light_that_lights_a_point_is_left_out(rng: np.random.Generator, coun
                 lit = (normals * way).sum(axis=-1) + punctual_light.radius > 1e-4
             if isinstance(punctual_light, SpotLight):
                 axis = turn @ np.asarray(punctual_light.direction)
-                lit &= way @ -axis > np.cos(punctual_light.cone_angle) * np.linalg.norm(way,
-                    axis=-1)
+                lit &= way @ -axis > np.cos(punctual_light.cone_angle) * np.linalg.norm(way, axis=-1)
             assert reaches or not lit.any(), punctual_light
         left_out += np.count_nonzero(~found)
     # Some are: of a single box nearly all that turn away.
@@ -70,8 +76,7 @@ def test_no_light_that_lights_a_point_is_left_out(rng: np.random.Generator, coun
 def test_a_light_behind_a_slanted_plane_is_left_out_though_its_box_is_large() -> None:
     normal = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
     box = Boxes(
-        np.array([[-1.0, -1.0, -6.0]]), np.array([[1.0, 1.0, -5.0]]), normal[None], normal[None],
-        np.array([0.0]),
+        np.array([[-1.0, -1.0, -6.0]]), np.array([[1.0, 1.0, -5.0]]), normal[None], normal[None], np.array([0.0])
     )
     camera = Camera(view=np.eye(4), projection=np.diag([1.0, 1.0, -1.0, 1.0]), width=4, height=4)
     behind, before = (PointLight(way * normal + (0.0, 0.0, -5.5), 1.0) for way in (-0.1, 0.1))

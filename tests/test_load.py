@@ -108,9 +108,7 @@ class Gltf:
         )
         return len(self.json["accessors"]) - 1
 
-    def triangle(
-        self, x: float = 0.0, material: int | None = None, mesh: int = 0, **attributes: int
-    ) -> dict[str, Any]:
+    def triangle(self, x: float = 0.0, material: int | None = None, mesh: int = 0, **attributes: int) -> dict[str, Any]:
         positions = self.accessor([[x, 0, 0], [x + 1, 0, 0], [x, 1, 0]], "f4")
         primitive: dict[str, Any] = {"attributes": {"POSITION": positions, **attributes}}
         if material is not None:
@@ -361,9 +359,7 @@ def test_gltf_factors_keep_all_their_bits(tmp_path: Path) -> None:
     made = Gltf()
     strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 8.0}}
     made.triangle(
-        material=made.material(
-            [0.001, 0.0023, 0.5, 1.0], emissiveFactor=[1.0, 0.5, 0.25], extensions=strength
-        )
+        material=made.material([0.001, 0.0023, 0.5, 1.0], emissiveFactor=[1.0, 0.5, 0.25], extensions=strength)
     )
     material = made.load(tmp_path).materials[0]
     assert material.albedo == (0.001, 0.0023, 0.5)
@@ -383,9 +379,7 @@ def test_geometry_of_gltf_is_handed_on_in_a_well_formed_file(tmp_path: Path) -> 
         assert (28 + text + binary, kind) == (len(made), b"BIN\0")
 
 
-def test_gltf_materials_find_their_meshes_though_names_are_missing_or_equal(
-    tmp_path: Path,
-) -> None:
+def test_gltf_materials_find_their_meshes_though_names_are_missing_or_equal(tmp_path: Path) -> None:
     made = Gltf()
     for x, red in enumerate((0.1, 0.2, 0.3)):
         made.triangle(x=2.0 * x, material=made.material([red, 0, 0, 1], name="same"))
@@ -430,8 +424,7 @@ def test_gltf_roughness_and_metal_give_the_lobe(
 
 def test_gltf_specular_and_glossiness_give_the_lobe(tmp_path: Path) -> None:
     made = Gltf()
-    glossy = {"diffuseFactor": [0.5, 0.2, 0.1, 1.0], "specularFactor": [0.3, 0.4, 1.0],
-              "glossinessFactor": 0.5}
+    glossy = {"diffuseFactor": [0.5, 0.2, 0.1, 1.0], "specularFactor": [0.3, 0.4, 1.0], "glossinessFactor": 0.5}
     extension = {"KHR_materials_pbrSpecularGlossiness": glossy}
     made.triangle(material=made.material(extensions=extension))
     material = made.load(tmp_path).materials[0]
@@ -449,9 +442,7 @@ def test_gltf_specular_and_glossiness_give_the_lobe(tmp_path: Path) -> None:
         ({"alphaMode": "BLEND"}, 0.5),
     ],
 )
-def test_gltf_alpha_mode_gives_the_cutoff(
-    tmp_path: Path, fields: dict[str, Any], cutoff: float
-) -> None:
+def test_gltf_alpha_mode_gives_the_cutoff(tmp_path: Path, fields: dict[str, Any], cutoff: float) -> None:
     made = Gltf()
     made.triangle(material=made.material([1, 1, 1, 0.75], **fields))
     material = made.load(tmp_path).materials[0]
@@ -494,9 +485,7 @@ def test_gltf_transmission_takes_its_share_of_the_base_colour(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("factor", [-1.0, 7.0])
-def test_gltf_transmission_beyond_its_range_is_the_nearest_within(
-    tmp_path: Path, factor: float
-) -> None:
+def test_gltf_transmission_beyond_its_range_is_the_nearest_within(tmp_path: Path, factor: float) -> None:
     made = Gltf()
     thin = {"KHR_materials_transmission": {"transmissionFactor": factor}}
     made.triangle(material=made.material([0.5, 0.5, 0.5, 1.0], extensions=thin))
@@ -587,9 +576,7 @@ def test_gltf_buffer_outside_of_the_folder_is_refused(tmp_path: Path, uri: str) 
         load_scene(written(tmp_path, "a.gltf", json.dumps(made.json)))
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("DracoPy") is not None, reason="needs DracoPy to be absent"
-)
+@pytest.mark.skipif(importlib.util.find_spec("DracoPy") is not None, reason="needs DracoPy to be absent")
 def test_draco_without_its_package_names_the_extra(tmp_path: Path) -> None:
     made = Gltf()
     primitive = made.triangle()
@@ -737,9 +724,7 @@ def test_crease_angle_out_of_range_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "glb"])
-def test_damaged_file_loads_or_is_refused_but_never_fails_otherwise(
-    tmp_path: Path, suffix: str
-) -> None:
+def test_damaged_file_loads_or_is_refused_but_never_fails_otherwise(tmp_path: Path, suffix: str) -> None:
     sphere = trimesh.creation.icosphere(subdivisions=1)
     sphere.visual.vertex_colors = np.tile([10, 200, 30, 255], (len(sphere.vertices), 1))
     whole = sphere.export(file_type=suffix)

@@ -54,10 +54,17 @@ def test_frames_without_lobes_take_metals_for_matt(runtime: Runtime) -> None:
         )
         scene = replace(built.scene, materials=materials)
         for options in ({"bounces": 0}, {"indirect": "multires", "vpls": 64}):
-            frames.append(gi.render(
-                scene, built.camera(32, 24), built.lights, outputs=("radiance",), rsm_size=32,
-                runtime=runtime, **options,  # type: ignore[arg-type]
-            ).radiance)
+            frames.append(
+                gi.render(
+                    scene,
+                    built.camera(32, 24),
+                    built.lights,
+                    outputs=("radiance",),
+                    rsm_size=32,
+                    runtime=runtime,
+                    **options,  # type: ignore[arg-type]
+                ).radiance
+            )
     for one, other in zip(frames[:2], frames[2:], strict=True):
         np.testing.assert_array_equal(one, other)
         assert one.mean() > 0.0

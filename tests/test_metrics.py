@@ -17,9 +17,7 @@ from ssgi_cl.truth import metrics
 
 Metric = Callable[..., float]
 
-PLAIN: tuple[Metric, ...] = (
-    metrics.rmse, metrics.bias, metrics.p99, metrics.psnr, metrics.mrse, metrics.ssim,
-)
+PLAIN: tuple[Metric, ...] = (metrics.rmse, metrics.bias, metrics.p99, metrics.psnr, metrics.mrse, metrics.ssim)
 FLIPS: tuple[Metric, ...] = (metrics.flip, metrics.hdr_flip)
 BEST = {metrics.psnr: math.inf, metrics.ssim: 1.0}
 
@@ -82,9 +80,7 @@ def test_ssim_in_the_middle_of_a_window_is_that_computed_by_hand(rng: np.random.
             x, y = (w * image).sum(), (w * truth).sum()
             xx, yy = (w * (image - x) ** 2).sum(), (w * (truth - y) ** 2).sum()
             xy = (w * (image - x) * (truth - y)).sum()
-            total[row, column] = ((2 * x * y + 1e-4) * (2 * xy + 9e-4)) / (
-                (x * x + y * y + 1e-4) * (xx + yy + 9e-4)
-            )
+            total[row, column] = ((2 * x * y + 1e-4) * (2 * xy + 9e-4)) / ((x * x + y * y + 1e-4) * (xx + yy + 9e-4))
     # Float64, another order of sums.
     assert metrics.ssim(image, truth, mask) == pytest.approx(total.mean(), rel=1e-10)
 
@@ -121,9 +117,7 @@ def test_hdr_flip_sees_a_difference_beyond_1() -> None:
 
 @pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
 @pytest.mark.parametrize("channels", [(), (3,)])
-def test_image_is_perfect_against_itself(
-    metric: Metric, channels: tuple[int, ...], rng: np.random.Generator
-) -> None:
+def test_image_is_perfect_against_itself(metric: Metric, channels: tuple[int, ...], rng: np.random.Generator) -> None:
     image = rng.random((20, 24, *channels)).astype(np.float32)
     # FLIP computes in float32.
     assert called(metric, image, image) == pytest.approx(BEST.get(metric, 0.0), abs=1e-6)
@@ -142,9 +136,7 @@ def test_pixels_outside_the_mask_have_no_say(metric: Metric, rng: np.random.Gene
 
 
 @pytest.mark.parametrize("metric", PLAIN[:5], ids=lambda m: m.__name__)
-def test_mask_is_the_same_as_cutting_the_rest_off(
-    metric: Metric, rng: np.random.Generator
-) -> None:
+def test_mask_is_the_same_as_cutting_the_rest_off(metric: Metric, rng: np.random.Generator) -> None:
     truth, image = rng.random((24, 30, 3)), rng.random((24, 30, 3))
     mask = np.zeros((24, 30), np.bool_)
     mask[3:9, 5:25] = True
@@ -225,9 +217,7 @@ def test_tilted_plane_has_a_border_and_nothing_else(with_normals: bool) -> None:
     y = sy * (np.arange(60) + 0.5) + oy
     depth = np.repeat((2.0 / (1.0 - 1.5 * y))[:, None], 80, axis=1)  # z = -2 - 1.5 y
     normal = np.tile(np.array((0.0, 1.5, 1.0)) / math.hypot(1.5, 1.0), (60, 80, 1))
-    found = metrics.regions(
-        GBuffer(camera=camera, depth=depth, normal=normal if with_normals else None)
-    )
+    found = metrics.regions(GBuffer(camera=camera, depth=depth, normal=normal if with_normals else None))
     assert tuple(found) == metrics.REGIONS
     assert found["border"].sum() == 60 * 80 - 54 * 74  # 5 % of 60 rows: 3 pixels
     assert found["elsewhere"].sum() == 54 * 74

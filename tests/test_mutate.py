@@ -55,8 +55,16 @@ def changes(found: list[Edit], source: bytes) -> set[tuple[str, str]]:
 def test_python_is_changed_in_expressions_and_not_in_words() -> None:
     found = changes(python_source.edits(PYTHON), PYTHON)
     assert found == {
-        ("a < b and not b", "not (a < b and not b)"), ("<", "<="), ("<", ">"), ("and", "or"),
-        ("not b", "b"), ("max", "min"), ("-b", "b"), ("+", "-"), ("*", "/"), ("a, b", "b, a"),
+        ("a < b and not b", "not (a < b and not b)"),
+        ("<", "<="),
+        ("<", ">"),
+        ("and", "or"),
+        ("not b", "b"),
+        ("max", "min"),
+        ("-b", "b"),
+        ("+", "-"),
+        ("*", "/"),
+        ("a, b", "b, a"),
         ("0.5", "0.625"),
     }
 
@@ -64,9 +72,19 @@ def test_python_is_changed_in_expressions_and_not_in_words() -> None:
 def test_kernels_are_changed_in_code_and_values_of_macros_alone() -> None:
     found = changes(kernel_source.edits(KERNEL), KERNEL)
     assert found == {
-        ("0.25f", "0.3125f"), ("v_min", "v_max"), ("x", "y"), ("y", "x"), (" * ", " / "),
-        ("-", ""), (" <= ", " < "), (" <= ", " >= "), ("1.0f", "1.25f"), ("0", "1"),
-        ("a <= 1.0f", "!(a <= 1.0f)"), ("a, b", "b, a"), ("out[0] = f(a, b);", ";"),
+        ("0.25f", "0.3125f"),
+        ("v_min", "v_max"),
+        ("x", "y"),
+        ("y", "x"),
+        (" * ", " / "),
+        ("-", ""),
+        (" <= ", " < "),
+        (" <= ", " >= "),
+        ("1.0f", "1.25f"),
+        ("0", "1"),
+        ("a <= 1.0f", "!(a <= 1.0f)"),
+        ("a, b", "b, a"),
+        ("out[0] = f(a, b);", ";"),
     }
 
 
@@ -86,7 +104,9 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
     assert len(set(every)) == len(every)
     sources = {path: (ROOT / path).read_bytes() for path in paths}
     wanted = {
-        (path, edit) for path, source in sources.items() for edit in edits(path, source)
+        (path, edit)
+        for path, source in sources.items()
+        for edit in edits(path, source)
         if not path.endswith(".py") or python_source.is_new(edit, source)
     }
     assert {(mutant.path, mutant.edit) for mutant in every} == wanted
@@ -105,9 +125,7 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
         ("bench/front.py", "tests/bench/test_front.py"),
     ],
 )
-def test_a_file_is_covered_by_the_tests_of_its_name_or_its_users(
-    graph: Covering, path: str, test: str
-) -> None:
+def test_a_file_is_covered_by_the_tests_of_its_name_or_its_users(graph: Covering, path: str, test: str) -> None:
     assert test in Table.read(TABLE).covering(path, graph)
 
 
@@ -158,9 +176,7 @@ def test_mutants_are_killed_or_survive_in_a_copy() -> None:
 
 def test_the_score_leaves_equivalent_mutants_out() -> None:
     mutant = Mutant("kernels/ssao/ssao.cl", Edit("sign", 0, 1, ""), 3, "a = -b;", "-")
-    results = [
-        Result(mutant, status) for status in (KILLED, KILLED, KILLED, SURVIVED, EQUIVALENT)
-    ]
+    results = [Result(mutant, status) for status in (KILLED, KILLED, KILLED, SURVIVED, EQUIVALENT)]
     assert score(results) == "75.0%"
     report = as_markdown(results, seed=7, only=())
     assert "| kernels/ssao | 5 | 3 | 0 | 1 | 1 | 75.0% |" in report

@@ -48,9 +48,7 @@ def scene_of(
         uvs=np.asarray(np.zeros((count, 2)) if uvs is None else uvs, np.float32),
         colors=np.asarray(np.ones((count, 3)) if colors is None else colors, np.float32),
         triangles=np.arange(count, dtype=np.int32).reshape(-1, 3),
-        material_ids=np.asarray(
-            np.zeros(len(corners)) if material_ids is None else material_ids
-        ).astype(np.int32),
+        material_ids=np.asarray(np.zeros(len(corners)) if material_ids is None else material_ids).astype(np.int32),
         materials=materials,
         textures=textures,
     )
@@ -69,9 +67,7 @@ def rays(camera: Camera) -> tuple[Doubles, Doubles]:
     """World-space start and direction [rows, columns, 3] of every pixel; t is linear depth."""
     rows, columns = camera.size
     near = camera.unproject(np.full((rows, columns), 1.0, np.float32))
-    return 2 * near - (far := camera.unproject(np.full((rows, columns), 2.0, np.float32))), (
-        far - near
-    )
+    return 2 * near - (far := camera.unproject(np.full((rows, columns), 2.0, np.float32))), (far - near)
 
 
 def cast(scene: Scene, camera: Camera, layer: int = 0) -> tuple[Doubles, NDArray[np.bool_]]:
@@ -118,18 +114,11 @@ def turned(angle: float = 0.9, distance: float = 6.0) -> Doubles:
 CAMERAS = {
     "usual": Camera.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, near=0.01, far=50.0),
     "infinite": Camera.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, near=1e-4),
-    "reversed": Camera.look_at(
-        (0, 0, 0), (0, 0, -1), width=64, height=48, near=1e-3, reversed_z=True
-    ),
-    "orthographic": Camera.orthographic(
-        (0, 0, 0), (0, 0, -1), view_height=5.0, width=64, height=48, far=40.0
-    ),
+    "reversed": Camera.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, near=1e-3, reversed_z=True),
+    "orthographic": Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=5.0, width=64, height=48, far=40.0),
     "intrinsics": Camera.from_intrinsics(70.0, 55.0, 20.0, 31.5, width=64, height=48),
     "off-centre": Camera(
-        view=np.eye(4),
-        projection=perspective_matrix(1.3, 1.7, 0.3, -0.2, 0.1, 80.0),
-        width=33,
-        height=57,
+        view=np.eye(4), projection=perspective_matrix(1.3, 1.7, 0.3, -0.2, 0.1, 80.0), width=33, height=57
     ),
 }
 

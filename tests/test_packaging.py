@@ -49,16 +49,17 @@ def test_every_folder_of_python_files_is_a_package(project: dict[str, Any]) -> N
 
 
 @pytest.mark.slow
-def test_wheel_and_sdist_hold_the_kernels_and_no_other_import_name(
-    project: dict[str, Any], tmp_path: Path
-) -> None:
+def test_wheel_and_sdist_hold_the_kernels_and_no_other_import_name(project: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("build")
     pytest.importorskip("setuptools", minversion="77")
     source = tmp_path / "source"
     # A copy of what git tracks or would track: a build leaves folders in the source.
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout.split("\0")
     for name in listed:
         if name and (ROOT / name).is_file():
@@ -66,7 +67,9 @@ def test_wheel_and_sdist_hold_the_kernels_and_no_other_import_name(
             (source / name).write_bytes((ROOT / name).read_bytes())
     done = subprocess.run(
         [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(tmp_path), str(source)],
-        capture_output=True, text=True, check=False,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     (wheel,) = tmp_path.glob("*.whl")
@@ -80,8 +83,7 @@ def test_wheel_and_sdist_hold_the_kernels_and_no_other_import_name(
     assert {top for top in tops if not top.endswith(".dist-info")} == own
     kernels = {f"ssgi_cl/kernels/{path}" for path in sources.kernel_names()}
     kernels |= {
-        f"ssgi_cl/kernels/{file.relative_to(ROOT / 'kernels').as_posix()}"
-        for file in (ROOT / "kernels").rglob("*.clh")
+        f"ssgi_cl/kernels/{file.relative_to(ROOT / 'kernels').as_posix()}" for file in (ROOT / "kernels").rglob("*.clh")
     }
     assert kernels <= names
     assert "ssgi_cl/py.typed" in names

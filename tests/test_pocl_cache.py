@@ -15,13 +15,7 @@ import pytest
 
 from ssgi_cl.device import pocl_cache
 from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.pocl_cache import (
-    clear_damaged,
-    damaged_files,
-    guard,
-    whole_bitcode,
-    whole_library,
-)
+from ssgi_cl.device.pocl_cache import clear_damaged, damaged_files, guard, whole_bitcode, whole_library
 from ssgi_cl.device.runtime import Runtime
 
 BITCODE = b"BC\xc0\xde" + struct.pack("<II8x", 0b01, 2) + struct.pack("<II4x", 0b01, 1)
@@ -161,9 +155,7 @@ def test_a_process_that_ends_in_order_leaves_no_mark(folder: Path) -> None:
     assert not mark.exists()
 
 
-def test_a_cache_that_cannot_be_written_is_no_error(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_that_cannot_be_written_is_no_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", "/proc/nowhere")
     guard()
     assert pocl_cache._held == {}

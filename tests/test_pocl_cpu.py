@@ -25,9 +25,7 @@ class Record:
         self.texts = [ctypes.create_string_buffer(text) for text in (triple, name)]
         self.memory = ctypes.create_string_buffer(1024)
         struct.pack_into("=QQ", self.memory, 0x278, *map(ctypes.addressof, self.texts))
-        self.device = SimpleNamespace(
-            driver_version="3.0-rc2", int_ptr=ctypes.addressof(self.memory)
-        )
+        self.device = SimpleNamespace(driver_version="3.0-rc2", int_ptr=ctypes.addressof(self.memory))
 
     @property
     def name(self) -> bytes:

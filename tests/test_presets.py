@@ -27,20 +27,12 @@ from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, ssao
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import choose as choosing
 from ssgi_cl.techniques.presets import speed_model as pacing
-from ssgi_cl.techniques.presets.speed_model import (
-    SpeedModel,
-    measured,
-    predicted_ms,
-    rolling_ground,
-    speed_model_of,
-)
+from ssgi_cl.techniques.presets.speed_model import SpeedModel, measured, predicted_ms, rolling_ground, speed_model_of
 from ssgi_cl.truth.metrics import rmse
 from ssgi_cl.tuning.choose import choose
 
 SIZE = (600, 800)
-RECORDED = sorted(
-    path.stem for path in Path(presets.__file__).parent.iterdir() if path.suffix == ".json"
-)
+RECORDED = sorted(path.stem for path in Path(presets.__file__).parent.iterdir() if path.suffix == ".json")
 SLICES = ("bitmask_ao", "gtao", "hbao")
 """Techniques that scan slices."""
 PACE = SpeedModel(call_ms=0.1, pixel_ns=20.0)
@@ -58,6 +50,7 @@ def steps() -> GBuffer:
 @pytest.fixture
 def same_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device that takes as long with the defaults as is recorded, at the recorded size."""
+
     def recorded(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
         record = presets.record(technique.name)
         call_ms, (rows, columns) = record["pace"]["call_ms"], record["size"]
@@ -149,9 +142,7 @@ def test_no_candidate_is_faster_and_better_than_the_defaults(technique: str) -> 
 
 
 @pytest.mark.parametrize("technique", RECORDED)
-def test_no_preset_is_slower_and_worse_than_the_defaults_on_a_reported_scene(
-    technique: str,
-) -> None:
+def test_no_preset_is_slower_and_worse_than_the_defaults_on_a_reported_scene(technique: str) -> None:
     for entry in presets.record(technique)["layers"]:
         usual = entry["presets"]["medium"]
         for name in ("high", "ultra"):
@@ -162,7 +153,11 @@ def test_no_preset_is_slower_and_worse_than_the_defaults_on_a_reported_scene(
             # Cornell box at this size (.2 % at 800 x 600).
             most = 1.04 if entry["layers"] == 1 else 1.02
             assert all(error <= most * before for error, before in errors), (
-                entry["layers"], name, preset["by_scene"], usual["by_scene"])
+                entry["layers"],
+                name,
+                preset["by_scene"],
+                usual["by_scene"],
+            )
 
 
 @pytest.mark.parametrize("technique", SLICES)
@@ -188,8 +183,7 @@ def test_dearer_presets_err_no_more_on_scenes_that_nothing_is_tuned_on(
     context = Context(runtime, BUILTIN_SCENES[scene](), (300, 400), TruthSettings(rays=256))
     function, truth = TECHNIQUES[technique].function, context.occlusion().mean
     errors = [
-        rmse(function(context.gbuffer, context.radius, runtime=runtime, preset=name), truth,
-             context.seen)
+        rmse(function(context.gbuffer, context.radius, runtime=runtime, preset=name), truth, context.seen)
         for name in (None, *presets.NAMES)
     ]
     usual, *named = errors
@@ -281,9 +275,7 @@ def test_layers_between_and_beyond_the_recorded_ones_take_their_time(
 
 
 @pytest.mark.usefixtures("layered", "same_speed")
-def test_a_number_of_layers_between_two_recorded_ones_takes_a_time_between_theirs(
-    runtime: Runtime,
-) -> None:
+def test_a_number_of_layers_between_two_recorded_ones_takes_a_time_between_theirs(runtime: Runtime) -> None:
     entries = presets.record("ssao")["layers"]
     size = tuple(presets.record("ssao")["size"])
     slow = presets.curve("ssao", 2)[-1].ms
@@ -294,9 +286,7 @@ def test_a_number_of_layers_between_two_recorded_ones_takes_a_time_between_their
     assert chosen.ms == pytest.approx(4.0 * slow)
 
 
-def test_prediction_grows_with_pixels_and_with_the_pace(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_prediction_grows_with_pixels_and_with_the_pace(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     recorded = presets.record("ssao")
     call_ms, defaults_ms = recorded["pace"]["call_ms"], recorded["layers"][0]["default"]["ms"]
     monkeypatch.setattr(pacing, "speed_model_of", lambda runtime, technique: PACE)
@@ -312,15 +302,21 @@ def test_prediction_grows_with_pixels_and_with_the_pace(
 def test_what_cannot_be_met_is_refused_with_the_facts(runtime: Runtime) -> None:
     curve = presets.curve("ssao")
     best = min(point.error_cut for point in curve)
-    with pytest.raises(ValueError, match=(
-        r"budget_ms is 0.01: cannot be met: the fastest setting of ssao takes about "
-        r"\d+(\.\d+)? ms here at 800 x 600"
-    )):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"budget_ms is 0.01: cannot be met: the fastest setting of ssao takes about "
+            r"\d+(\.\d+)? ms here at 800 x 600"
+        ),
+    ):
         choose("ssao", SIZE, budget_ms=0.01, runtime=runtime)
-    with pytest.raises(ValueError, match=(
-        r"error is 0.001: the best recorded setting of ssao with 1 depth layer is expected to "
-        rf"reach {best:.3f}"
-    )):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"error is 0.001: the best recorded setting of ssao with 1 depth layer is expected to "
+            rf"reach {best:.3f}"
+        ),
+    ):
         choose("ssao", SIZE, error=0.001)
     with pytest.raises(ValueError, match=r"of ssao with 3 depth layers is expected"):
         choose("ssao", SIZE, error=0.001, layers=3)
@@ -344,19 +340,20 @@ def some_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
 
 @pytest.mark.usefixtures("some_recorded", "same_speed")
 @pytest.mark.parametrize("technique", ["gtao", "bitmask_ao"])
-def test_each_technique_that_is_recorded_is_chosen_by_name_error_and_time(
-    technique: str, runtime: Runtime
-) -> None:
+def test_each_technique_that_is_recorded_is_chosen_by_name_error_and_time(technique: str, runtime: Runtime) -> None:
     curve = presets.curve(technique)
     chosen = choose(technique, SIZE, preset="high", radius=0.7).params
     assert type(chosen) is TECHNIQUES[technique].params
     assert chosen.radius == 0.7
     assert choose(technique, SIZE, error=curve[0].error_cut).error <= curve[0].error_cut
     assert choose(technique, SIZE, budget_ms=1e9, runtime=runtime).ms is not None
-    with pytest.raises(ValueError, match=(
-        rf"budget_ms is 0.001: cannot be met: the fastest setting of {technique} takes about "
-        r"\d+(\.\d+)? ms here at 800 x 600"
-    )):
+    with pytest.raises(
+        ValueError,
+        match=(
+            rf"budget_ms is 0.001: cannot be met: the fastest setting of {technique} takes about "
+            r"\d+(\.\d+)? ms here at 800 x 600"
+        ),
+    ):
         choose(technique, SIZE, budget_ms=0.001, runtime=runtime)
     with pytest.raises(ValueError, match=rf"error is 0.001: the best recorded .* {technique}"):
         choose(technique, SIZE, error=0.001)
@@ -364,9 +361,7 @@ def test_each_technique_that_is_recorded_is_chosen_by_name_error_and_time(
 
 @pytest.mark.usefixtures("some_recorded")
 @pytest.mark.parametrize("asked", [{"preset": "low"}, {"error": 0.1}, {"budget_ms": 8.0}], ids=str)
-def test_technique_that_is_not_recorded_says_which_are(
-    asked: dict[str, Any], steps: GBuffer, runtime: Runtime
-) -> None:
+def test_technique_that_is_not_recorded_says_which_are(asked: dict[str, Any], steps: GBuffer, runtime: Runtime) -> None:
     message = "'hbao' has no presets: expected one of bitmask_ao, gtao"
     with pytest.raises(ValueError, match=message):
         choose("hbao", SIZE, runtime=runtime, **asked)
@@ -377,8 +372,11 @@ def test_technique_that_is_not_recorded_says_which_are(
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"preset": "high", "budget_ms": 8}, r"preset is 'high' and budget_ms is 8: expected "
-         r"exactly one of preset, error, budget_ms"),
+        (
+            {"preset": "high", "budget_ms": 8},
+            r"preset is 'high' and budget_ms is 8: expected "
+            r"exactly one of preset, error, budget_ms",
+        ),
         ({"error": 0.1, "budget_ms": 8}, r"error is 0.1 and budget_ms is 8: expected exactly one"),
         ({}, r"nothing is asked for: expected exactly one of preset, error, budget_ms"),
         ({"preset": "best"}, r"preset is 'best': .*'low', 'medium', 'high', 'ultra'"),
@@ -493,9 +491,7 @@ def test_predicted_time_is_near_the_measured_one(
     parameters = presets.record(technique)["pace"]["parameters"]
     speeds: list[SpeedModel] = []
     least, quiet = [np.inf, np.inf], False
-    monkeypatch.setattr(
-        pacing, "speed_model_of", lambda *_: min(speeds, key=lambda speed: speed.pixel_ns)
-    )
+    monkeypatch.setattr(pacing, "speed_model_of", lambda *_: min(speeds, key=lambda speed: speed.pixel_ns))
     # What else the machine does only slows both down, so the least of several turns is its own.
     for _turn in range(4):
         speed, alone = measured(runtime, kind, parameters)
@@ -546,9 +542,7 @@ def test_what_is_given_to_ssao_wins_over_the_preset(runtime: Runtime, steps: GBu
 
 
 def test_ssao_without_a_preset_takes_16_samples(runtime: Runtime, steps: GBuffer) -> None:
-    np.testing.assert_array_equal(
-        ssao(steps, 0.6, runtime=runtime), ssao(steps, 0.6, 16, runtime=runtime)
-    )
+    np.testing.assert_array_equal(ssao(steps, 0.6, runtime=runtime), ssao(steps, 0.6, 16, runtime=runtime))
 
 
 @pytest.mark.usefixtures("same_speed")
@@ -599,13 +593,10 @@ def test_open_plane_stays_open_with_every_preset(runtime: Runtime) -> None:
     plane = GBuffer(camera=camera, depth=np.full((40, 48), 5.0, np.float32))
     for name in presets.NAMES:
         # A plane occludes nothing; what is left is the rounding of blur and upsampling.
-        np.testing.assert_allclose(
-            ssao(plane, 0.6, preset=name, runtime=runtime), 1.0, rtol=0, atol=1e-6
-        )
+        np.testing.assert_allclose(ssao(plane, 0.6, preset=name, runtime=runtime), 1.0, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("asked", [("--preset", "medium"), ("--error", "0.2"),
-                                   ("--budget-ms", "1000")])
+@pytest.mark.parametrize("asked", [("--preset", "medium"), ("--error", "0.2"), ("--budget-ms", "1000")])
 def test_command_line_takes_what_is_asked_and_what_is_set_wins(
     runtime: Runtime, steps: GBuffer, tmp_path: Path, asked: tuple[str, str]
 ) -> None:
@@ -614,7 +605,10 @@ def test_command_line_takes_what_is_asked_and_what_is_set_wins(
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=np.radians(50.0), width=48, height=40)
     name, value = asked[0][2:].replace("-", "_"), asked[1]
     expected = ssao(
-        GBuffer(camera=camera, depth=steps.depth), 0.6, 5, runtime=runtime,
+        GBuffer(camera=camera, depth=steps.depth),
+        0.6,
+        5,
+        runtime=runtime,
         **{name: value if name == "preset" else float(value)},  # type: ignore[arg-type]
     )
     options = (*asked, "--set", "radius=0.6", "--set", "samples=5")
@@ -626,15 +620,12 @@ def test_command_line_takes_what_is_asked_and_what_is_set_wins(
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        (("--preset", "best"),
-         "preset is 'best': expected one of 'low', 'medium', 'high', 'ultra'"),
+        (("--preset", "best"), "preset is 'best': expected one of 'low', 'medium', 'high', 'ultra'"),
         (("--error", "1e-6"), "is expected to reach"),
         (("--preset", "low", "--error", "0.2"), "expected at most one of preset, error, budget_ms"),
     ],
 )
-def test_command_line_says_what_is_wrong(
-    steps: GBuffer, tmp_path: Path, asked: tuple[str, ...], message: str
-) -> None:
+def test_command_line_says_what_is_wrong(steps: GBuffer, tmp_path: Path, asked: tuple[str, ...], message: str) -> None:
     source = tmp_path / "in.exr"
     exr.write(source, {"depth": np.asarray(steps.depth)})
     words = ["apply", "ssao", str(source), "-o", str(tmp_path / "out.exr"), *asked]

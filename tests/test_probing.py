@@ -61,9 +61,7 @@ def probed() -> DeviceInfo:
     return info
 
 
-def test_a_form_that_kills_twice_is_reported_with_how(
-    rounds: Callable[..., list[list[str]]]
-) -> None:
+def test_a_form_that_kills_twice_is_reported_with_how(rounds: Callable[..., list[list[str]]]) -> None:
     asked = rounds([10.0, "dies", 80.0, "dies"])
     crash = "the driver crashes or hangs on it: it was ended by SIGBUS"
     assert probed().speeds == dict(zip(NAMES, [10.0, crash, 80.0, crash], strict=True))
@@ -99,12 +97,15 @@ DOUBLE = [100.0, 550.0, 2000.0, 1900.0]
 
 
 @pytest.mark.parametrize(
-    "speeds", [[DOUBLE, TRUE, TRUE], [TRUE, DOUBLE, TRUE], [TRUE, TRUE],
-               [DOUBLE, [50.0, 550.0, 1000.0, 1900.0], TRUE, TRUE, TRUE]],
+    "speeds",
+    [
+        [DOUBLE, TRUE, TRUE],
+        [TRUE, DOUBLE, TRUE],
+        [TRUE, TRUE],
+        [DOUBLE, [50.0, 550.0, 1000.0, 1900.0], TRUE, TRUE, TRUE],
+    ],
 )
-def test_an_outlier_is_outvoted(
-    rounds: Callable[..., list[list[str]]], speeds: list[list[float]]
-) -> None:
+def test_an_outlier_is_outvoted(rounds: Callable[..., list[list[str]]], speeds: list[list[float]]) -> None:
     rounds(*speeds)
     info = probed()
     assert info.speeds == dict(zip(NAMES, TRUE, strict=True))
@@ -127,9 +128,7 @@ def test_consensus_takes_two_and_a_majority() -> None:
     assert consensus([{"a": 1.0, "b": 3.0}, {"a": 1.0}]) is None  # b was found once
 
 
-def test_failures_in_doubt_do_not_last(
-    rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failures_in_doubt_do_not_last(rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch) -> None:
     rounds([1.0, 2.0, 3.0, "dies"])
     assert probing.probe(DRIVER).lasting
     monkeypatch.setattr(probing, "doubtful", lambda: "memory is limited")
@@ -140,14 +139,10 @@ def test_failures_in_doubt_do_not_last(
     monkeypatch.setattr(probing, "run_probe", lambda *_: nothing)
     found = probing.probe(DRIVER)
     assert not found.lasting
-    assert found.reason == (
-        f"{DRIVER}: the driver lists no device; libx.so: not found; memory is limited"
-    )
+    assert found.reason == (f"{DRIVER}: the driver lists no device; libx.so: not found; memory is limited")
 
 
-def test_a_driver_that_dies_when_asked_for_devices_is_asked_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_driver_that_dies_when_asked_for_devices_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probing, "run_probe", lambda *_: Answers([], "was ended by SIGABRT"))
     found = probing.probe(DRIVER)
     assert (found.devices, found.lasting) == ([], False)
@@ -180,9 +175,7 @@ def script(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setattr(sys, "executable", str(path))
 
 
-def test_a_probe_that_hangs_keeps_its_answers(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_probe_that_hangs_keeps_its_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     script(tmp_path, monkeypatch, 'echo \'{"variant": "a", "speed": 1.0}\'\nexec sleep 60')
     monkeypatch.setattr(probing, "PROBE_SECONDS", 0.5)
     answers = probing.run_probe(dict(os.environ), ["0", "0", "a", "b"])
@@ -190,9 +183,7 @@ def test_a_probe_that_hangs_keeps_its_answers(
     assert answers.ending == "hangs (for 1 s)"
 
 
-def test_the_last_words_of_a_probe_are_kept(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_last_words_of_a_probe_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     script(tmp_path, monkeypatch, "echo '{cut'; echo 'LLVM ERROR: bad' >&2; kill -ABRT $$")
     answers = probing.run_probe(dict(os.environ), [])
     assert answers.lines == []
@@ -269,8 +260,7 @@ def test_a_driver_has_less_time_where_limits_may_hang_it(
 def test_the_widest_form_within_15_percent_of_the_fastest_is_best() -> None:
     def best(*speeds: float) -> object:
         return DeviceInfo(
-            driver="", platform=0, device=0, label="", kind="cpu", units=1,
-            speeds=dict(zip(NAMES, speeds, strict=True)),
+            driver="", platform=0, device=0, label="", kind="cpu", units=1, speeds=dict(zip(NAMES, speeds, strict=True))
         ).best
 
     assert best(10.0, 20.0, 100.0, 86.0) == KERNEL_VARIANTS[3]

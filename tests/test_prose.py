@@ -19,9 +19,18 @@ from ssgi_cl.techniques import catalogue
 ROOT = Path(__file__).parents[1]
 
 CLEAN = (
-    "README.md", "ARCHITECTURE.md", "CHANGELOG.md", "kernels/README.md", "docs/guide.md",
-    "docs/devices.md", "docs/results.md", "docs/limits.md", "docs/indirect.md",
-    "docs/benchmark.md", "docs/agreement.md", "docs/summation.md",
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "kernels/README.md",
+    "docs/guide.md",
+    "docs/devices.md",
+    "docs/results.md",
+    "docs/limits.md",
+    "docs/indirect.md",
+    "docs/benchmark.md",
+    "docs/agreement.md",
+    "docs/summation.md",
     *(f"docs/techniques/{path.name}" for path in sorted((ROOT / "docs/techniques").glob("*.md"))),
 )
 """Pages that use none of `WORDS`."""
@@ -77,10 +86,7 @@ CODE_WORDS = {
 }
 """Words that neither identifiers nor comments nor texts of code use -> what to say."""
 
-OWN_WORDS = (
-    "ssgi_cl/former_names.py", "tests/test_public_names.py", "tests/test_prose.py",
-    "rasterize/scenes/",
-)
+OWN_WORDS = ("ssgi_cl/former_names.py", "tests/test_public_names.py", "tests/test_prose.py", "rasterize/scenes/")
 """Sources with former names by intent, and scenes, where a lamp is a thing."""
 
 CODE = re.compile(r"^```.*?^```|^    .*?$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
@@ -111,8 +117,7 @@ def test_words_are_found_in_prose_across_lines(word: str) -> None:
     assert found(f"Some text with {word} in it.")
 
 
-@pytest.mark.parametrize("code",
-    ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
+@pytest.mark.parametrize("code", ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
 def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
     assert not found(f"Some text\n{code}\nand more.")
 
@@ -126,7 +131,8 @@ def found_in_code(source: str, *, python: bool) -> list[str]:
     if python:
         # Strings of one word may be keys of recorded files.
         parts = [
-            token.string for token in tokenize.generate_tokens(io.StringIO(source).readline)
+            token.string
+            for token in tokenize.generate_tokens(io.StringIO(source).readline)
             if token.type in (tokenize.NAME, tokenize.COMMENT)
             or (token.type == tokenize.STRING and " " in re.sub(r"\s", " ", token.string))
         ]
@@ -143,21 +149,20 @@ def found_in_code(source: str, *, python: bool) -> list[str]:
 
 def test_code_uses_standard_words() -> None:
     names = subprocess.run(
-        ["git", "ls-files", "*.py", "*.pyi", "*.cl", "*.clh"], cwd=ROOT, capture_output=True,
-        text=True, check=False,
+        ["git", "ls-files", "*.py", "*.pyi", "*.cl", "*.clh"], cwd=ROOT, capture_output=True, text=True, check=False
     ).stdout.split()
     if not names:
         pytest.skip("not a git checkout")
     said = {
         name: found_in_code(text(name), python=".py" in name)
-        for name in names if not name.startswith(OWN_WORDS) and (ROOT / name).exists()
+        for name in names
+        if not name.startswith(OWN_WORDS) and (ROOT / name).exists()
     }
     assert not {name: words for name, words in said.items() if words}
 
 
 @pytest.mark.parametrize(
-    "source",
-    ["lamp = 1", "def f(openness): ...", "# of a lamp", '"""The numpy\ntwin."""', "x.pace = 2"],
+    "source", ["lamp = 1", "def f(openness): ...", "# of a lamp", '"""The numpy\ntwin."""', "x.pace = 2"]
 )
 def test_words_are_found_in_python(source: str) -> None:
     assert found_in_code(source, python=True)
@@ -175,9 +180,7 @@ def test_readme_is_short() -> None:
 @pytest.mark.parametrize("name", PAGES)
 def test_links_of_pages_resolve(name: str) -> None:
     folder = (ROOT / name).parent
-    links = [
-        link.partition("#")[0] for link in LINK.findall(text(name)) if "://" not in link
-    ]
+    links = [link.partition("#")[0] for link in LINK.findall(text(name)) if "://" not in link]
     missing = [link for link in links if link and not (folder / link).exists()]
     assert not missing
 
@@ -201,13 +204,16 @@ def test_walks_and_pages_name_what_exists() -> None:
     rows = re.findall(r"^\| [^|]+ \| `([^`]+)` \| `(\w+)` \|$", page, re.MULTILINE)
     assert len(rows) >= 16
     absent = [
-        (path, name) for path, name in rows
+        (path, name)
+        for path, name in rows
         if not re.search(rf"(def|class|void|vfloat|bool|^) ?{name}\b", text(path), re.MULTILINE)
     ]
     assert not absent
     paths = re.compile(r"`((?:ssgi_cl|kernels|tests|tools|bench|docs)/[\w/.-]+\.[a-z]+)`")
     missing = [
-        (page, path) for page in CLEAN if page != "CHANGELOG.md"
+        (page, path)
+        for page in CLEAN
+        if page != "CHANGELOG.md"
         for path in paths.findall(text(page))
         if "NAME" not in path and not (ROOT / path).exists()
     ]
@@ -218,9 +224,7 @@ def test_walks_and_pages_name_what_exists() -> None:
 def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
     page = text(f"docs/techniques/{name}.md")
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
-    assert [head.partition(" from ")[0] for head in headings] == [
-        "Method", "Parameters", "Cost", "Error", "Departures",
-    ]
+    assert [head.partition(" from ")[0] for head in headings] == ["Method", "Parameters", "Cost", "Error", "Departures"]
     assert page.startswith(f"# {name}: ")
     assert f"](../images/{name}.png)" in page
     assert f"`python -m tools.technique_pictures {name}`" in page
@@ -229,10 +233,7 @@ def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
 
 
 def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
-    functions = {
-        name for name, value in vars(catalogue).items()
-        if name in catalogue.TECHNIQUES and callable(value)
-    }
+    functions = {name for name, value in vars(catalogue).items() if name in catalogue.TECHNIQUES and callable(value)}
     assert functions <= set(figure_tables.PAGES)
     assert {f"docs/techniques/{name}.md" for name in (*figure_tables.PAGES, "README")} == {
         page for page in PAGES if page.startswith("docs/techniques/")
@@ -241,17 +242,13 @@ def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
     assert public <= set(parameter_tables.PARAMETERS.values())
     for name, params in parameter_tables.PARAMETERS.items():
         page = text(f"docs/techniques/{name.partition('-')[0]}.md")
-        rows = re.findall(
-            rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL
-        )
+        rows = re.findall(rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
         shown = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", rows[0], re.MULTILINE)
         assert shown == [(field, default) for field, default, _ in describe(params)]
 
 
 def test_pictures_of_pages_are_small_and_all_used() -> None:
-    shown = {
-        Path(link).name for page in PAGES for link in LINK.findall(text(page)) if "images/" in link
-    }
+    shown = {Path(link).name for page in PAGES for link in LINK.findall(text(page)) if "images/" in link}
     kept = {path.name: path.stat().st_size for path in (ROOT / "docs/images").iterdir()}
     assert shown == set(kept)
     assert max(kept.values()) < 200 * 1024
@@ -261,8 +258,12 @@ def test_the_example_of_readme_runs_as_it_stands(tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", text("README.md"), re.DOTALL)
     assert len([line for line in code.splitlines() if line]) <= 11
     done = subprocess.run(
-        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", code], cwd=tmp_path,
-        capture_output=True, text=True, timeout=600, check=False,
+        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "hall.png").stat().st_size > 10_000

@@ -37,9 +37,7 @@ def test_importing_the_package_imports_no_libraries() -> None:
         "import sys, ssgi_cl; heavy = {'numpy', 'pyopencl', 'OpenEXR', 'trimesh', 'click', 'rich'};"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    found = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, check=True
-    )
+    found = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
 
 

@@ -60,9 +60,7 @@ def report(name: str, ours: tuple[float, float], theirs: float) -> None:
     )
 
 
-def test_a_gbuffer_takes_at_most_half_of_pyrenders_flat_pass(
-    runtime: Runtime, sponza: Scene
-) -> None:
+def test_a_gbuffer_takes_at_most_half_of_pyrenders_flat_pass(runtime: Runtime, sponza: Scene) -> None:
     camera = Camera.look_at((-10, 1.2, -0.3), (8, 2.6, 0.4), yfov=1.0, width=800, height=600)
     kept = DeviceScene(runtime, sponza)
     rasterizer = Rasterizer(runtime, camera.size)
@@ -72,9 +70,7 @@ def test_a_gbuffer_takes_at_most_half_of_pyrenders_flat_pass(
     assert max(ours) <= 0.5 * theirs
 
 
-def test_a_shadow_map_takes_at_most_half_of_pyrenders_depth_pass(
-    runtime: Runtime, sponza: Scene
-) -> None:
+def test_a_shadow_map_takes_at_most_half_of_pyrenders_depth_pass(runtime: Runtime, sponza: Scene) -> None:
     light = SpotLight((-6.0, 8.0, 0.5), (0.7, -0.7, -0.1), 0.8, 100.0)
     (camera,) = light_cameras(light, sponza.bounds, 512)
     kept = DeviceScene(runtime, sponza)

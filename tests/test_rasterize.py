@@ -33,9 +33,7 @@ View = tuple[Scene, tuple[float, float, float], tuple[float, float, float], floa
 # ---- scenes and cameras
 
 
-@pytest.fixture(
-    scope="module", params=[*BUILTIN_SCENES, pytest.param("sponza", marks=pytest.mark.slow)]
-)
+@pytest.fixture(scope="module", params=[*BUILTIN_SCENES, pytest.param("sponza", marks=pytest.mark.slow)])
 def view(request: pytest.FixtureRequest) -> View:
     """A scene with an eye, a target and a vertical field of view."""
     if request.param == "sponza":
@@ -79,16 +77,12 @@ def off_centre(of: View) -> Camera:
 
 
 def reversed_infinite(of: View) -> Camera:
-    return Camera.look_at(
-        of[1], of[2], yfov=of[3], width=WIDTH, height=HEIGHT, near=0.3, reversed_z=True
-    )
+    return Camera.look_at(of[1], of[2], yfov=of[3], width=WIDTH, height=HEIGHT, near=0.3, reversed_z=True)
 
 
 def intrinsics(of: View) -> Camera:
     view = look_at_matrix(of[1], of[2], (0.0, 1.0, 0.0))
-    return Camera.from_intrinsics(
-        230.0, 190.0, 100.5, 80.25, width=WIDTH, height=HEIGHT, view=view, far=9.0
-    )
+    return Camera.from_intrinsics(230.0, 190.0, 100.5, 80.25, width=WIDTH, height=HEIGHT, view=view, far=9.0)
 
 
 CAMERAS = [perspective, orthographic, off_centre, reversed_infinite, intrinsics]
@@ -162,8 +156,7 @@ def plane_depth(camera: Camera, normal: ArrayLike, offset: float) -> Doubles:
 
 def ahead(width: int = WIDTH, height: int = HEIGHT, **more: float) -> Camera:
     """Return a camera at 0 that looks down -z."""
-    return Camera.look_at((0, 0, 0), (0, 0, -1), width=width, height=height,
-        **more)  # type: ignore[arg-type]
+    return Camera.look_at((0, 0, 0), (0, 0, -1), width=width, height=height, **more)  # type: ignore[arg-type]
 
 
 def depth_of(result: GBuffer) -> NDArray[np.float32]:
@@ -220,13 +213,10 @@ def assert_same_picture(ours: GBuffer, theirs: GBuffer, *, textured: bool) -> No
 
 
 @pytest.mark.parametrize(
-    "make_camera",
-    [CAMERAS[0], *(pytest.param(make, marks=pytest.mark.slow) for make in CAMERAS[1:])],
+    "make_camera", [CAMERAS[0], *(pytest.param(make, marks=pytest.mark.slow) for make in CAMERAS[1:])]
 )
 @pytest.mark.usefixtures("opengl")
-def test_both_backends_draw_the_same(
-    runtime: Runtime, view: View, make_camera: Callable[[View], Camera]
-) -> None:
+def test_both_backends_draw_the_same(runtime: Runtime, view: View, make_camera: Callable[[View], Camera]) -> None:
     scene, camera = view[0], make_camera(view)
     ours = gbuffer(scene, camera, runtime=runtime)
     theirs = gbuffer(scene, camera, backend="pyrender")
@@ -236,9 +226,7 @@ def test_both_backends_draw_the_same(
 
 @pytest.mark.parametrize("make_camera", CAMERAS[1:])
 @pytest.mark.usefixtures("opengl")
-def test_both_backends_draw_the_same_with_every_camera(
-    runtime: Runtime, make_camera: Callable[[View], Camera]
-) -> None:
+def test_both_backends_draw_the_same_with_every_camera(runtime: Runtime, make_camera: Callable[[View], Camera]) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     camera = make_camera((made.scene, made.eye, made.target, made.yfov))
     ours = gbuffer(made.scene, camera, runtime=runtime)
@@ -251,10 +239,7 @@ def test_both_backends_draw_the_same_with_every_camera(
 def test_both_backends_draw_the_same_layers_and_margin(runtime: Runtime, view: View) -> None:
     scene, camera = view[0], perspective(view)
     ours, theirs = (
-        gbuffer(
-            scene, camera, layers=3, overscan=0.1, attributes="all", backend=backend,
-            runtime=runtime,
-        )
+        gbuffer(scene, camera, layers=3, overscan=0.1, attributes="all", backend=backend, runtime=runtime)
         for backend in ("opencl", "pyrender")
     )
     assert ours.layers == 3
@@ -314,16 +299,11 @@ def test_a_scene_far_away_looks_like_one_at_the_origin(runtime: Runtime, hall: V
 @pytest.mark.parametrize("scale", [1e-4, 1e-2, 1e2, 1e4])
 def test_the_unit_of_length_does_not_matter(runtime: Runtime, hall: View, scale: float) -> None:
     scene, eye, target, yfov = hall
-    scaled = replace(
-        scene, positions=scene.positions * np.float32(scale), origin=scene.origin * scale
-    )
-    camera = Camera.look_at(
-        np.multiply(eye, scale), np.multiply(target, scale), yfov=yfov, width=WIDTH, height=HEIGHT
-    )
+    scaled = replace(scene, positions=scene.positions * np.float32(scale), origin=scene.origin * scale)
+    camera = Camera.look_at(np.multiply(eye, scale), np.multiply(target, scale), yfov=yfov, width=WIDTH, height=HEIGHT)
     small = gbuffer(scaled, camera, runtime=runtime)
     measured = GBuffer(
-        camera=small.camera, depth=depth_of(small) / np.float32(scale), normal=small.normal,
-        albedo=small.albedo,
+        camera=small.camera, depth=depth_of(small) / np.float32(scale), normal=small.normal, albedo=small.albedo
     )
     expected = gbuffer(scene, perspective(hall), runtime=runtime)
     assert_same_picture(measured, expected, textured=False)
@@ -334,9 +314,7 @@ def test_the_unit_of_length_does_not_matter(runtime: Runtime, hall: View, scale:
 
 @pytest.mark.parametrize("shared", [True, False], ids=["shared vertices", "own vertices"])
 @pytest.mark.parametrize("cells", [3, 40, 400], ids=["large", "small", "below a pixel"])
-def test_a_tessellated_plane_has_no_hole(
-    runtime: Runtime, rng: np.random.Generator, cells: int, shared: bool
-) -> None:
+def test_a_tessellated_plane_has_no_hole(runtime: Runtime, rng: np.random.Generator, cells: int, shared: bool) -> None:
     points = jittered_plane(rng, cells, half=4.0, depth=2.0)
     triangles = sheet(points)
     flat = points.reshape(-1, 3)
@@ -349,29 +327,22 @@ def test_a_tessellated_plane_has_no_hole(
     assert not np.isfinite(behind).any()
 
 
-def test_a_tessellated_sphere_seen_from_within_has_no_hole(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_tessellated_sphere_seen_from_within_has_no_hole(runtime: Runtime, rng: np.random.Generator) -> None:
     polar = np.linspace(0.0, np.pi, 61)[:, None]
     azimuth = np.linspace(0.0, 2.0 * np.pi, 121)[None, :]
     points = np.stack(
-        [np.sin(polar) * np.cos(azimuth), np.cos(polar) + 0.0 * azimuth,
-         np.sin(polar) * np.sin(azimuth)], axis=-1,
+        [np.sin(polar) * np.cos(azimuth), np.cos(polar) + 0.0 * azimuth, np.sin(polar) * np.sin(azimuth)], axis=-1
     )
     points *= rng.uniform(0.9, 1.1, (61, 121, 1))
     points[:, -1] = points[:, 0]
     points[0], points[-1] = points[0, 0], points[-1, 0]
     scene = scene_of(points.reshape(-1, 3), sheet(points))
     for target in ((1, 0, 0), (0, 1, 0.01), (-0.3, -1, 0.2), (0.1, 0, -1)):
-        camera = Camera.look_at(
-            (0.01, 0.02, 0.03), target, (0.1, 0.2, 1), yfov=1.6, width=WIDTH, height=HEIGHT
-        )
+        camera = Camera.look_at((0.01, 0.02, 0.03), target, (0.1, 0.2, 1), yfov=1.6, width=WIDTH, height=HEIGHT)
         assert there(gbuffer(scene, camera, runtime=runtime)).all()
 
 
-def test_a_pixel_on_an_edge_belongs_to_one_triangle(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_pixel_on_an_edge_belongs_to_one_triangle(runtime: Runtime, rng: np.random.Generator) -> None:
     # Vertices on pixel centres and on the lines between them. If a pixel were covered twice, the
     # triangle of lesser number would win, and the picture would change with the numbers.
     step = 1.0 / 32.0
@@ -382,9 +353,7 @@ def test_a_pixel_on_an_edge_belongs_to_one_triangle(
     corners = points.reshape(-1, 3)[triangles.ravel()]
     colors = np.repeat(rng.uniform(0.0, 1.0, (len(triangles), 3)), 3, axis=0)
     order = rng.permutation(len(triangles))
-    camera = Camera.orthographic(
-        (0, 0, 0), (0, 0, -1), view_height=64 * step, width=64, height=64, far=2.0
-    )
+    camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=64 * step, width=64, height=64, far=2.0)
     numbers = np.arange(triangles.size).reshape(-1, 3)
     one = gbuffer(scene_of(corners, numbers, colors=colors), camera, runtime=runtime)
     other = gbuffer(scene_of(corners, numbers[order], colors=colors), camera, runtime=runtime)
@@ -394,13 +363,9 @@ def test_a_pixel_on_an_edge_belongs_to_one_triangle(
 
 @pytest.mark.parametrize("half", [1e2, 1e4, 1e5, 1e6])
 @pytest.mark.parametrize("pitch", [0.0, 0.3, 1.2])
-def test_a_huge_ground_under_the_camera_is_whole(
-    runtime: Runtime, half: float, pitch: float
-) -> None:
+def test_a_huge_ground_under_the_camera_is_whole(runtime: Runtime, half: float, pitch: float) -> None:
     ground = quad([(-half, 0, -half), (half, 0, -half), (half, 0, half), (-half, 0, half)])
-    camera = Camera.look_at(
-        (0.3, 1.6, 0.2), (1.3, 1.6 - np.tan(pitch), 0.9), width=WIDTH, height=HEIGHT, near=1e-3
-    )
+    camera = Camera.look_at((0.3, 1.6, 0.2), (1.3, 1.6 - np.tan(pitch), 0.9), width=WIDTH, height=HEIGHT, near=1e-3)
     expected = plane_depth(camera, (0, 1, 0), 0.0)
     inside = (expected > 0.0) & (expected < 0.5 * half)
     depth = depth_of(gbuffer(ground, camera, runtime=runtime))
@@ -441,10 +406,7 @@ def test_depth_of_a_slanted_plane_is_right_to_a_few_roundings(runtime: Runtime) 
     normal, offset = np.array([0.25, 0.75, 0.5]), -1.0
     x, y = np.array([-8.0, 8.0, 8.0, -8.0]), np.array([-8.0, -8.0, 8.0, 8.0])
     plane = quad(np.stack([x, y, (offset - 0.25 * x - 0.75 * y) / 0.5], axis=-1))
-    for camera in (
-        ahead(),
-        Camera.orthographic((0, 0, 5), (0, 0, 0), view_height=4.0, width=WIDTH, height=HEIGHT),
-    ):
+    for camera in (ahead(), Camera.orthographic((0, 0, 5), (0, 0, 0), view_height=4.0, width=WIDTH, height=HEIGHT)):
         expected = plane_depth(camera, normal, offset)
         depth = depth_of(gbuffer(plane, camera, runtime=runtime))
         seen = (expected > 0.01) & (expected < 12.0)
@@ -454,9 +416,7 @@ def test_depth_of_a_slanted_plane_is_right_to_a_few_roundings(runtime: Runtime) 
 
 def test_a_scene_of_one_triangle(runtime: Runtime) -> None:
     scene = scene_of([(-1, -1, -2), (1, -1, -2), (-1, 1, -2)], [(0, 1, 2)])
-    camera = Camera.orthographic(
-        (0, 0, 0), (0, 0, -1), view_height=4.0, width=200, height=200, far=9.0
-    )
+    camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=4.0, width=200, height=200, far=9.0)
     result = gbuffer(scene, camera, runtime=runtime)
     row, column = np.mgrid[:200, :200]
     x, y = (column + 0.5) / 50.0 - 2.0, 2.0 - (row + 0.5) / 50.0
@@ -471,15 +431,11 @@ def test_a_scene_of_one_triangle(runtime: Runtime) -> None:
 def test_triangles_without_area_are_not_seen_and_do_no_harm(runtime: Runtime) -> None:
     wall = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
     needle = [(-1, -1, -2), (0, 0, -2), (1, 1, -2), (0.5, 0.5, -2)]
-    scene = scene_of(
-        [*wall, *needle],
-        [(4, 4, 4), (0, 1, 2), (4, 5, 6), (0, 2, 3), (4, 5, 4), (5, 6, 7)],
-    )
+    scene = scene_of([*wall, *needle], [(4, 4, 4), (0, 1, 2), (4, 5, 6), (0, 2, 3), (4, 5, 4), (5, 6, 7)])
     alone = quad(wall)
     camera = ahead(yfov=1.1)
     np.testing.assert_array_equal(
-        depth_of(gbuffer(scene, camera, runtime=runtime)),
-        depth_of(gbuffer(alone, camera, runtime=runtime)),
+        depth_of(gbuffer(scene, camera, runtime=runtime)), depth_of(gbuffer(alone, camera, runtime=runtime))
     )
 
 
@@ -489,9 +445,7 @@ def test_a_surface_seen_edge_on_has_a_depth_within_its_own(runtime: Runtime) -> 
     scene = scene_of([*wall, *blade], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
     for width in (64, 65):  # the blade lies between two columns, and in the middle of one
         for shift in (0.0, 1e-9, 1e-6):
-            camera = Camera.look_at(
-                (shift, 0, 0), (shift, 0, -1), width=width, height=48
-            )
+            camera = Camera.look_at((shift, 0, 0), (shift, 0, -1), width=width, height=48)
             depth = depth_of(gbuffer(scene, camera, runtime=runtime))
             of_wall = np.abs(depth - 6.0) < 1e-5
             assert (of_wall | ((depth >= 2.0 - 1e-5) & (depth <= 4.0 + 1e-5))).all()
@@ -499,9 +453,7 @@ def test_a_surface_seen_edge_on_has_a_depth_within_its_own(runtime: Runtime) -> 
 
 
 @pytest.mark.parametrize("backend_side", [1.0, -1.0], ids=["front", "back"])
-def test_both_sides_are_drawn_with_the_normal_of_the_mesh(
-    runtime: Runtime, backend_side: float
-) -> None:
+def test_both_sides_are_drawn_with_the_normal_of_the_mesh(runtime: Runtime, backend_side: float) -> None:
     normal = np.array([0.6, 0.0, 0.8]) * backend_side
     corners = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
     result = gbuffer(quad(corners, normals=np.tile(normal, (4, 1))), ahead(), runtime=runtime)
@@ -548,9 +500,7 @@ def test_a_texture_lies_where_its_coordinates_say(runtime: Runtime) -> None:
     texels = np.repeat(np.repeat(cells, 16, axis=0), 16, axis=1).astype(np.uint8)
     texture = np.stack([texels, 255 - texels, texels, np.full_like(texels, 255)], axis=-1)
     uvs = np.array([(-0.5, 0.0), (1.5, 0.0), (1.5, 2.0), (-0.5, 2.0)])  # repeated twice
-    scene = slanted(
-        uvs=uvs, materials=(Material(albedo=(1.0, 1.0, 0.25), texture=0),), textures=(texture,)
-    )
+    scene = slanted(uvs=uvs, materials=(Material(albedo=(1.0, 1.0, 0.25), texture=0),), textures=(texture,))
     result = gbuffer(scene, ahead(yfov=1.2), runtime=runtime)
     points, seen = floor_points(result.camera)
     u = (points[..., 0] + 6.0) / 6.0 - 0.5
@@ -566,20 +516,20 @@ def test_a_texture_lies_where_its_coordinates_say(runtime: Runtime) -> None:
 
 
 @pytest.mark.parametrize("depth", [1.0, 30.0], ids=["magnified", "minified"])
-def test_a_cut_out_keeps_its_shape_and_shows_what_lies_behind(
-    runtime: Runtime, depth: float
-) -> None:
+def test_a_cut_out_keeps_its_shape_and_shows_what_lies_behind(runtime: Runtime, depth: float) -> None:
     alpha = np.zeros((64, 64), np.uint8)
     alpha[:, 32:] = 255
     texture = np.dstack([np.full((64, 64, 3), 255, np.uint8), alpha])
     half = depth
-    corners = [(-half, -half, -depth), (half, -half, -depth), (half, half, -depth),
-               (-half, half, -depth)]
+    corners = [(-half, -half, -depth), (half, -half, -depth), (half, half, -depth), (-half, half, -depth)]
     behind = [(-99, -99, -50), (99, -99, -50), (99, 99, -50), (-99, 99, -50)]
     uvs = [(0, 0), (1, 0), (1, 1), (0, 1)]
     scene = scene_of(
-        [*corners, *behind], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], uvs=[*uvs, *uvs],
-        materials=(Material(texture=0, alpha_cutoff=0.5), Material()), material_ids=[0, 0, 1, 1],
+        [*corners, *behind],
+        [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)],
+        uvs=[*uvs, *uvs],
+        materials=(Material(texture=0, alpha_cutoff=0.5), Material()),
+        material_ids=[0, 0, 1, 1],
         textures=(texture,),
     )
     camera = ahead(120, 120, yfov=1.2)
@@ -614,9 +564,7 @@ def many_squares(rng: np.random.Generator) -> tuple[Scene, float]:
     return scene_of(points, triangles.reshape(-1, 3)), float(depth.min())
 
 
-def test_triangles_left_out_by_boxes_are_not_missed(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_triangles_left_out_by_boxes_are_not_missed(runtime: Runtime, rng: np.random.Generator) -> None:
     # Specks all around the camera; shuffled, each run of triangles is seen in part.
     centres = rng.uniform(-4.0, 4.0, (4000, 3))
     corners = centres[:, None] + rng.uniform(-0.2, 0.2, (4000, 3, 3))
@@ -645,9 +593,7 @@ def test_lists_that_are_too_short_grow(runtime: Runtime, rng: np.random.Generato
     np.testing.assert_allclose(pictures[0][0], nearest, rtol=3e-7)  # two roundings
 
 
-def test_the_front_layer_does_not_depend_on_attributes_of_others(
-    runtime: Runtime, view: View
-) -> None:
+def test_the_front_layer_does_not_depend_on_attributes_of_others(runtime: Runtime, view: View) -> None:
     camera = perspective(view)
     first, all_of_them = (
         gbuffer(view[0], camera, layers=2, overscan=0.05, attributes=which, runtime=runtime)
@@ -673,8 +619,7 @@ def test_every_build_of_the_kernels_draws_the_same(other_variant: Runtime, view:
     reference = Runtime.open()
     camera = perspective(view)
     one, other = (
-        gbuffer(view[0], camera, layers=2, attributes="all", runtime=runtime)
-        for runtime in (other_variant, reference)
+        gbuffer(view[0], camera, layers=2, attributes="all", runtime=runtime) for runtime in (other_variant, reference)
     )
     assert (there(one) == there(other)).all()
     both = there(one)
@@ -684,14 +629,11 @@ def test_every_build_of_the_kernels_draws_the_same(other_variant: Runtime, view:
     np.testing.assert_allclose(one.albedo, other.albedo, atol=1e-4)
 
 
-def test_small_rectangles_as_on_a_gpu_give_bit_identical_results(
-    variant_runtime: Runtime, hall: View
-) -> None:
+def test_small_rectangles_as_on_a_gpu_give_bit_identical_results(variant_runtime: Runtime, hall: View) -> None:
     kept = DeviceScene(variant_runtime, hall[0])
     camera = perspective(hall)
     pictures = []
-    for rectangle, group in (((32, 32), (1, 1)),
-        ((1, min(variant_runtime.variant.lanes, 8)), (8, 8))):
+    for rectangle, group in (((32, 32), (1, 1)), ((1, min(variant_runtime.variant.lanes, 8)), (8, 8))):
         rasterizer = Rasterizer(variant_runtime, camera.size, layers=2)
         rasterizer._rectangle, rasterizer._group = rectangle, group
         with variant_runtime.frame():
@@ -725,9 +667,7 @@ def test_a_rasterizer_draws_one_scene_after_another(runtime: Runtime, hall: View
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 7), (33, 31), (17, 1)])
-def test_odd_sizes_agree_with_a_part_of_a_larger_image(
-    runtime: Runtime, width: int, height: int
-) -> None:
+def test_odd_sizes_agree_with_a_part_of_a_larger_image(runtime: Runtime, width: int, height: int) -> None:
     capacity = BUILTIN_SCENES["cornell_box"]()
     view = capacity.camera(4, 4).view
     small, large = (
@@ -751,16 +691,13 @@ def test_a_camera_that_sees_nothing_gives_an_empty_image(runtime: Runtime) -> No
 
 
 @pytest.mark.parametrize("eye", [(0.0, 0.0, -3.0), (0.0, 0.0, -3.0000002), (9.0, 9.0, -3.0)])
-def test_a_camera_inside_a_wall_gives_numbers(
-    runtime: Runtime, eye: tuple[float, float, float]
-) -> None:
+def test_a_camera_inside_a_wall_gives_numbers(runtime: Runtime, eye: tuple[float, float, float]) -> None:
     wall = [(-9, -9, -3), (9, -9, -3), (9, 9, -3), (-9, 9, -3)]
     behind = [(-9, -9, -8), (9, -9, -8), (0, 9, -8)]
     scene = scene_of([*wall, *behind], [(0, 1, 2), (0, 2, 3), (4, 5, 6)])
     for way in ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.3, 0.2, -0.1), (0.0, -1.0, 1e-7)):
         camera = Camera.look_at(
-            eye, np.add(eye, way), (0.1, 0.3, 1.0) if way[2] > -0.5 else (0, 1, 0),
-            width=64, height=48,
+            eye, np.add(eye, way), (0.1, 0.3, 1.0) if way[2] > -0.5 else (0, 1, 0), width=64, height=48
         )
         result = gbuffer(scene, camera, layers=2, runtime=runtime)
         assert not np.isnan(depth_of(result)).any()

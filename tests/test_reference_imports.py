@@ -56,8 +56,7 @@ def is_allowed(module: str, name: str, *, annotation: bool) -> bool:
     if name in ALLOWED.get(module, ()):
         return True
     return annotation and (
-        name in ANNOTATED.get(module, ())
-        or (module.startswith("ssgi_cl.techniques.") and name.endswith("Params"))
+        name in ANNOTATED.get(module, ()) or (module.startswith("ssgi_cl.techniques.") and name.endswith("Params"))
     )
 
 

@@ -42,8 +42,13 @@ def test_bayers_matrix_is_the_one_that_textbooks_print() -> None:
 @pytest.mark.parametrize(
     "params",
     [
-        SliceParams(), SliceParams(slices=1, taps=1), SliceParams(slices=5, taps=7, tap_power=2.0),
-        GtaoParams(), HbaoParams(slices=3), BitmaskParams(), BitmaskParams(joined=False, taps=5),
+        SliceParams(),
+        SliceParams(slices=1, taps=1),
+        SliceParams(slices=5, taps=7, tap_power=2.0),
+        GtaoParams(),
+        HbaoParams(slices=3),
+        BitmaskParams(),
+        BitmaskParams(joined=False, taps=5),
     ],
 )
 def test_slices_turn_and_taps_shift_as_hammersleys_points_say(params: SliceParams) -> None:
@@ -70,14 +75,9 @@ def test_lights_are_sampled_along_a_spiral() -> None:
 def test_samples_of_maps_lie_where_the_paper_has_them(count: int) -> None:
     assert_equal(rsm_samples.square_points(count), patterns.square_points(count))
     for weights in ("unbiased", "paper"):
-        assert_equal(
-            rsm_samples.disk_pattern(count, weights), patterns.disk_pattern(count, weights)
-        )
+        assert_equal(rsm_samples.disk_pattern(count, weights), patterns.disk_pattern(count, weights))
         for reach in (0.3, np.pi):
-            assert_equal(
-                rsm_samples.cap_pattern(count, weights, reach),
-                patterns.cap_pattern(count, weights, reach),
-            )
+            assert_equal(rsm_samples.cap_pattern(count, weights, reach), patterns.cap_pattern(count, weights, reach))
     assert_equal(rsm_samples.tile_turns(), patterns.tile_turns())
     assert_equal(rsm_samples.cube_turns(), rsm.face_rotations())
 
@@ -117,7 +117,9 @@ def test_bounds_of_levels_are_a_power_of_the_step() -> None:
 @pytest.mark.parametrize(
     "fields",
     [
-        {}, {"resolution": "half"}, {"resolution": "quarter", "blur_resolution": "full"},
+        {},
+        {"resolution": "half"},
+        {"resolution": "quarter", "blur_resolution": "full"},
         {"blur_radius": 4, "blur_passes": 2},
     ],
 )

@@ -34,8 +34,14 @@ LIGHTS: tuple[Light, ...] = (SUN, SKY, LAMP, SPOT)
 def small() -> Scene:
     """A floor with a wall on it, of which the wall glows a little."""
     positions = [
-        [-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1],
-        [-0.5, 0, -0.2], [0.5, 0, -0.2], [0.5, 0.6, -0.2], [-0.5, 0.6, -0.2],
+        [-1, 0, -1],
+        [-1, 0, 1],
+        [1, 0, 1],
+        [1, 0, -1],
+        [-0.5, 0, -0.2],
+        [0.5, 0, -0.2],
+        [0.5, 0.6, -0.2],
+        [-0.5, 0.6, -0.2],
     ]
     return Scene(
         positions=np.array(positions, np.float32),
@@ -65,21 +71,14 @@ def names(frame: Frame) -> list[str]:
 
 def skipped(frame: Frame) -> dict[str, str]:
     """Return the passes that did not run, and why; not those of which a part was left out."""
-    return {
-        p.name: p.skipped for p in frame.passes
-        if p.skipped and not p.name.endswith((" tiles", " layers"))
-    }
+    return {p.name: p.skipped for p in frame.passes if p.skipped and not p.name.endswith((" tiles", " layers"))}
 
 
 # ---- what a frame holds
 
 
-def test_frame_holds_arrays_of_the_documented_shape_and_type(
-    runtime: Runtime, small: Scene
-) -> None:
-    frame = render(
-        small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime
-    )
+def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
     assert (frame.image.shape, frame.image.dtype) == ((48, 64, 3), np.uint8)
     assert (frame.radiance.shape, frame.radiance.dtype) == ((48, 64, 3), np.float32)
     assert frame.ao is not None
@@ -99,10 +98,7 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(
 def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     ran = names(frame)
-    wanted = [
-        "view normals", "gtao", "light directional", "light point", "light spot", "combine",
-        "tonemap",
-    ]
+    wanted = ["view normals", "gtao", "light directional", "light point", "light spot", "combine", "tonemap"]
     first = [ran.index(name) for name in wanted]
     assert first == sorted(first)
     assert all(p.ms >= 0.0 for p in frame.passes)
@@ -114,8 +110,13 @@ def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, smal
 def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> None:
     built = BUILTIN_SCENES[name]()
     frame = render(
-        built.scene, built.camera(80, 60), built.lights, bounces=0, ao_radius=built.ao_radius,
-        shadow_size=256, runtime=runtime,
+        built.scene,
+        built.camera(80, 60),
+        built.lights,
+        bounces=0,
+        ao_radius=built.ao_radius,
+        shadow_size=256,
+        runtime=runtime,
     )
     assert np.isfinite(frame.radiance).all()
     assert frame.radiance.min() >= 0.0
@@ -125,18 +126,13 @@ def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> Non
     assert frame.image.std() > 10.0
 
 
-def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(
-    runtime: Runtime, small: Scene
-) -> None:
+def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(runtime: Runtime, small: Scene) -> None:
     camera = viewer()
-    frame = render(
-        small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime
-    )
+    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime)
     assert frame.gbuffer is not None
     assert frame.ao is not None
     rsms = [
-        None if isinstance(light, Environment)
-        else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
+        None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
         for light in LIGHTS
     ]
     expected = shade_reference(frame.gbuffer, LIGHTS, rsms=rsms, ao=frame.ao)
@@ -149,9 +145,7 @@ def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(
 
 
 def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> None:
-    frame = render(
-        small, viewer(), [SKY], bounces=0, gbuffer=True, layers=2, overscan=0.1, runtime=runtime
-    )
+    frame = render(small, viewer(), [SKY], bounces=0, gbuffer=True, layers=2, overscan=0.1, runtime=runtime)
     expected = gi.rasterize.gbuffer(small, viewer(), layers=2, overscan=0.1, runtime=runtime)
     assert frame.gbuffer is not None
     assert frame.gbuffer.layers == 2
@@ -160,14 +154,9 @@ def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> No
         np.testing.assert_array_equal(getattr(frame.gbuffer, name), getattr(expected, name))
 
 
-def test_layers_and_overscan_do_not_change_what_they_do_not_concern(
-    runtime: Runtime, small: Scene
-) -> None:
+def test_layers_and_overscan_do_not_change_what_they_do_not_concern(runtime: Runtime, small: Scene) -> None:
     plain = render(small, viewer(), [SUN, LAMP], bounces=0, shadow_size=128, runtime=runtime)
-    more = render(
-        small, viewer(), [SUN, LAMP],
-        bounces=0, shadow_size=128, layers=2, overscan=0.2, runtime=runtime
-    )
+    more = render(small, viewer(), [SUN, LAMP], bounces=0, shadow_size=128, layers=2, overscan=0.2, runtime=runtime)
     # The margin moves the origin of pixel positions, which round by 2^-24.
     wrong = np.abs(plain.radiance - more.radiance) > 1e-5 * plain.radiance.max()
     assert wrong.mean() < 2e-3  # edges of triangles and shadows
@@ -176,9 +165,7 @@ def test_layers_and_overscan_do_not_change_what_they_do_not_concern(
 # ---- what a frame leaves out
 
 
-def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(
-    runtime: Runtime, small: Scene
-) -> None:
+def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(runtime: Runtime, small: Scene) -> None:
     for lights in ([SUN], [SUN, Environment(0.0)], []):
         frame = render(small, viewer(), lights, bounces=0, shadow_size=64, runtime=runtime)
         assert frame.ao is None
@@ -224,9 +211,7 @@ def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
     runtime: Runtime, small: Scene, name: str
 ) -> None:
     frame = render(
-        small, viewer(), [SKY],
-        bounces=0, ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True,
-        runtime=runtime,
+        small, viewer(), [SKY], bounces=0, ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True, runtime=runtime
     )
     assert frame.gbuffer is not None
     assert frame.ao is not None
@@ -246,8 +231,10 @@ def box(runtime: Runtime, **options: Any) -> Frame:
 @pytest.mark.parametrize(
     "options",
     [
-        {"indirect": True}, pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
-        {"indirect": "vpl", "layers": 2}, {"indirect": "gather"},
+        {"indirect": True},
+        pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
+        {"indirect": "vpl", "layers": 2},
+        {"indirect": "gather"},
     ],
     ids=str,
 )
@@ -264,9 +251,7 @@ def test_indirect_light_brightens_what_the_light_does_not_reach(
     assert (frame.radiance[dark].max(axis=-1) > 0.0).mean() > 0.9
     # What is added is albedo / pi times the irradiance, and nothing else; float32 roundings.
     added = np.asarray(frame.gbuffer.albedo) / math.pi * frame.indirect
-    np.testing.assert_allclose(
-        frame.radiance, direct.radiance + added, rtol=1e-5, atol=1e-6 * frame.radiance.max()
-    )
+    np.testing.assert_allclose(frame.radiance, direct.radiance + added, rtol=1e-5, atol=1e-6 * frame.radiance.max())
 
 
 @pytest.mark.parametrize("layers", [1, 2])
@@ -276,24 +261,34 @@ def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: i
     assert frame.indirect is not None
     assert frame.gbuffer is not None
     by_hand = gi.vpl_splat(
-        frame.gbuffer, gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
-        300, 0.0, interleave=True, visibility=True, scene=built.scene, runtime=runtime,
+        frame.gbuffer,
+        gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
+        300,
+        0.0,
+        interleave=True,
+        visibility=True,
+        scene=built.scene,
+        runtime=runtime,
     )
     # Maps drawn on the device and uploaded ones differ by roundings of float32.
     assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("layers", "overscan"), [pytest.param(1, 0.0, marks=pytest.mark.slow), (2, 0.1)]
-)
-def test_near_light_is_that_of_ssdo_by_hand(
-    runtime: Runtime, layers: int, overscan: float
-) -> None:
+@pytest.mark.parametrize(("layers", "overscan"), [pytest.param(1, 0.0, marks=pytest.mark.slow), (2, 0.1)])
+def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overscan: float) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
     lights = [*built.lights, SKY]
     frame = render(
-        built.scene, built.camera(64, 48), lights, indirect="ssdo", ao_radius=0.1, layers=layers,
-        overscan=overscan, shadow_size=128, gbuffer=True, runtime=runtime,
+        built.scene,
+        built.camera(64, 48),
+        lights,
+        indirect="ssdo",
+        ao_radius=0.1,
+        layers=layers,
+        overscan=overscan,
+        shadow_size=128,
+        gbuffer=True,
+        runtime=runtime,
     )
     assert frame.gbuffer is not None
     assert frame.indirect is not None
@@ -301,8 +296,7 @@ def test_near_light_is_that_of_ssdo_by_hand(
     assert skipped(frame)["ambient occlusion"] == "ssdo hides ambient light by itself"
     rsm = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
     direct, bounce = gi.ssdo(
-        frame.gbuffer, lights, 0.1, rsms=[rsm, None], resolution="half", emission=False,
-        runtime=runtime,
+        frame.gbuffer, lights, 0.1, rsms=[rsm, None], resolution="half", emission=False, runtime=runtime
     )
     # Maps drawn on the device and uploaded ones differ by roundings of float32.
     assert frame.indirect.mean(dtype=float) == pytest.approx(bounce.mean(dtype=float), rel=1e-4)
@@ -317,9 +311,7 @@ def test_near_light_is_that_of_ssdo_by_hand(
 
 
 def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
-    few, more = (
-        box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2)
-    )
+    few, more = (box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2))
     assert few.indirect is not None
     assert more.indirect is not None
     assert more.indirect.mean() > 1.005 * few.indirect.mean()
@@ -328,13 +320,9 @@ def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> 
     np.testing.assert_array_equal(more.radiance, again.radiance)
 
 
-def test_indirect_light_of_several_lights_is_the_sum_of_theirs(
-    runtime: Runtime, small: Scene
-) -> None:
+def test_indirect_light_of_several_lights_is_the_sum_of_theirs(runtime: Runtime, small: Scene) -> None:
     def bounced(lights: list[Light], way: str) -> float:
-        frame = render(
-            small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime
-        )
+        frame = render(small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime)
         assert frame.indirect is not None
         return float(frame.indirect.mean(dtype=float))
 
@@ -357,12 +345,8 @@ def test_no_light_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -
 
 
 @pytest.mark.parametrize("way", ["multires", "vpl"])
-def test_all_triangles_block_reflected_light_whatever_layers_there_are(
-    runtime: Runtime, way: str
-) -> None:
-    one, two = (
-        box(runtime, indirect=way, layers=layers, gbuffer=True) for layers in (1, 2)
-    )
+def test_all_triangles_block_reflected_light_whatever_layers_there_are(runtime: Runtime, way: str) -> None:
+    one, two = (box(runtime, indirect=way, layers=layers, gbuffer=True) for layers in (1, 2))
     built = BUILTIN_SCENES["cornell_box"]()
     seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
     free = gi.vpl_splat(one.gbuffer, seen, 1024, 0.0, runtime=runtime)
@@ -379,9 +363,7 @@ def test_all_triangles_block_reflected_light_whatever_layers_there_are(
 
 
 @pytest.mark.parametrize("way", ["multires", "vpl", "gather"])
-def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(
-    runtime: Runtime, small: Scene, way: str
-) -> None:
+def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(runtime: Runtime, small: Scene, way: str) -> None:
     away = SpotLight((0.2, 1.5, 0.3), (0.0, 1.0, 0.0), 0.3, 1.0)
     options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "runtime": runtime}
     alone = render(small, viewer(), [LAMP], bounces=0, **options)
@@ -396,8 +378,7 @@ def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(
 
 
 @pytest.mark.parametrize(
-    "options", [{"indirect": "multires"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}],
-    ids=str,
+    "options", [{"indirect": "multires"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
 )
 def test_frames_with_indirect_light_repeat_and_allocate_nothing(
     runtime: Runtime, small: Scene, options: dict[str, Any]
@@ -418,8 +399,7 @@ def test_frames_with_indirect_light_repeat_and_allocate_nothing(
 
 def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -> None:
     a, b = (
-        render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
-        for _ in range(2)
+        render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime) for _ in range(2)
     )
     assert a.ao is not None
     assert b.ao is not None
@@ -429,12 +409,8 @@ def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -
     assert a.exposure == b.exposure
 
 
-def test_steady_frames_allocate_no_device_memory_and_compile_nothing(
-    runtime: Runtime, small: Scene
-) -> None:
-    renderer = Renderer(
-        runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, margin=(3, 4)
-    )
+def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, margin=(3, 4))
     first = renderer(small, viewer(), LIGHTS)
     before = runtime.allocated_bytes, runtime.builds
     for step in range(3):
@@ -445,9 +421,7 @@ def test_steady_frames_allocate_no_device_memory_and_compile_nothing(
     assert (runtime.allocated_bytes, runtime.builds) == before
 
 
-def test_render_prepares_once_for_the_same_size_and_settings(
-    runtime: Runtime, small: Scene
-) -> None:
+def test_render_prepares_once_for_the_same_size_and_settings(runtime: Runtime, small: Scene) -> None:
     render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     before = runtime.allocated_bytes, runtime.builds
     render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
@@ -467,17 +441,14 @@ def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: S
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
 def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
     frame = render(
-        small, viewer(size[1], size[0]), LIGHTS, bounces=0, shadow_size=64, overscan=0.3,
-        runtime=variant_runtime,
+        small, viewer(size[1], size[0]), LIGHTS, bounces=0, shadow_size=64, overscan=0.3, runtime=variant_runtime
     )
     assert frame.image.shape == (*size, 3)
     assert np.isfinite(frame.radiance).all()
     assert frame.exposure == auto_exposure(frame.radiance)
 
 
-def test_every_kernel_variant_draws_the_same_picture(
-    runtime: Runtime, variant_runtime: Runtime, small: Scene
-) -> None:
+def test_every_kernel_variant_draws_the_same_picture(runtime: Runtime, variant_runtime: Runtime, small: Scene) -> None:
     a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     b = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=variant_runtime)
     off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
@@ -488,17 +459,22 @@ def test_every_kernel_variant_draws_the_same_picture(
 def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
     shift = np.array([1e6, -2e6, 5e5])
     moved = Scene(
-        origin=shift, positions=small.positions, normals=small.normals, uvs=small.uvs,
-        colors=small.colors, triangles=small.triangles, material_ids=small.material_ids,
+        origin=shift,
+        positions=small.positions,
+        normals=small.normals,
+        uvs=small.uvs,
+        colors=small.colors,
+        triangles=small.triangles,
+        material_ids=small.material_ids,
         materials=small.materials,
     )
     lights: list[Light] = [
-        SUN, SKY, PointLight(np.asarray(LAMP.position) + shift, LAMP.intensity),
+        SUN,
+        SKY,
+        PointLight(np.asarray(LAMP.position) + shift, LAMP.intensity),
         SpotLight(np.asarray(SPOT.position) + shift, SPOT.direction, 0.8, SPOT.intensity),
     ]
-    camera = Camera.look_at(
-        np.add(shift, (1.2, 1.0, 1.8)), np.add(shift, (0, 0.3, 0)), width=64, height=48
-    )
+    camera = Camera.look_at(np.add(shift, (1.2, 1.0, 1.8)), np.add(shift, (0, 0.3, 0)), width=64, height=48)
     a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     b = render(moved, camera, lights, bounces=0, shadow_size=128, runtime=runtime)
     # Positions of 1e6 in float64 round by 1e-10: edges may fall to the next pixel or texel.
@@ -510,27 +486,24 @@ def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Sc
 
 def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> None:
     for curve in ("clip", "filmic"):
-        frame = render(
-            small, viewer(), [SUN],
-            bounces=0, exposure=0.5, curve=curve, shadow_size=64, runtime=runtime
-        )
+        frame = render(small, viewer(), [SUN], bounces=0, exposure=0.5, curve=curve, shadow_size=64, runtime=runtime)
         assert frame.exposure == 0.5
         expected = encoded_reference(frame.radiance, 0.5, curve)
         assert np.abs(frame.image - expected).max() <= 0.5 + 1e-3  # rounded to whole values
 
 
 @pytest.mark.parametrize("power", [1e-6, 1e6])
-def test_automatic_exposure_undoes_the_brightness_of_the_light(
-    runtime: Runtime, small: Scene, power: float
-) -> None:
+def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime, small: Scene, power: float) -> None:
     dull = Scene(
-        positions=small.positions, normals=small.normals, uvs=small.uvs, colors=small.colors,
-        triangles=small.triangles, material_ids=np.zeros(4, np.int32),
+        positions=small.positions,
+        normals=small.normals,
+        uvs=small.uvs,
+        colors=small.colors,
+        triangles=small.triangles,
+        material_ids=np.zeros(4, np.int32),
     )
     a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
-    b = render(
-        dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime
-    )
+    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime)
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
 
 
@@ -568,7 +541,8 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
         ({"indirect": "vpl", "vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
         ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
         (
-            {"indirect": "ssdo", "multi_bounce": True}, ValueError,
+            {"indirect": "ssdo", "multi_bounce": True},
+            ValueError,
             r"multi_bounce is True: expected False with indirect='ssdo'",
         ),
     ],
@@ -577,9 +551,7 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(
 def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
     runtime: Runtime, small: Scene, arguments: dict[str, Any], error: type[Exception], message: str
 ) -> None:
-    given: dict[str, Any] = {
-        "scene": small, "camera": viewer(8, 6), "lights": [SKY], "runtime": runtime, **arguments
-    }
+    given: dict[str, Any] = {"scene": small, "camera": viewer(8, 6), "lights": [SKY], "runtime": runtime, **arguments}
     with pytest.raises(error, match=message):
         render(given.pop("scene"), given.pop("camera"), given.pop("lights"), bounces=0, **given)
 

@@ -25,9 +25,16 @@ MAP = {"shadow_size": 64, "rsm_size": 64}
 def rendered(runtime: Runtime, **options: Any) -> gi.Frame:
     made = BUILTIN_SCENES["cornell_box"]()
     return gi.render(
-        made.scene, made.camera(48, 36), made.lights,
-        bounces=0, runtime=runtime, ao=False, skips=False,
-        outputs=("image", "indirect", "gbuffer"), **MAP, **options,
+        made.scene,
+        made.camera(48, 36),
+        made.lights,
+        bounces=0,
+        runtime=runtime,
+        ao=False,
+        skips=False,
+        outputs=("image", "indirect", "gbuffer"),
+        **MAP,
+        **options,
     )
 
 
@@ -40,14 +47,13 @@ def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indire
     assert frame.gbuffer is not None
     made = BUILTIN_SCENES["cornell_box"]()
     punctual_lights = [light for light in made.lights if not isinstance(light, gi.Environment)]
-    maps = [gi.rasterize.rsm(made.scene, punctual_light, size=64,
-        runtime=runtime) for punctual_light in punctual_lights]
+    maps = [
+        gi.rasterize.rsm(made.scene, punctual_light, size=64, runtime=runtime) for punctual_light in punctual_lights
+    ]
     function: Any = gi.multires_splat if indirect == "multires" else gi.rsm_gather
     wanted = function(frame.gbuffer, maps, method="published", runtime=runtime)
     # Positions of the maps' texels round differently on their way through host memory.
-    np.testing.assert_allclose(
-        frame.indirect, wanted, rtol=1e-3, atol=1e-3 * float(wanted.mean())
-    )
+    np.testing.assert_allclose(frame.indirect, wanted, rtol=1e-3, atol=1e-3 * float(wanted.mean()))
     assert np.abs(frame.indirect - own.indirect).mean() > 1e-3 * wanted.mean()
 
 
@@ -72,17 +78,15 @@ def test_the_default_method_is_the_first() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"indirect": "multires", "method": "points"},
-         r"method is 'points': expected one of 'adaptive', 'published'"),
+        ({"indirect": "multires", "method": "points"}, r"method is 'points': expected one of 'adaptive', 'published'"),
         ({"indirect": True, "method": 3}, r"method is 3: expected one of 'adaptive', 'published'"),
-        ({"indirect": "gather", "method": "flux"},
-         r"method is 'flux': expected one of 'unbiased', 'published'"),
-        ({"indirect": "ssdo", "method": "slices"},
-         r"method is 'slices': expected one of 'bitmask', 'points'"),
-        ({"indirect": "vpl", "method": "published"},
-         r"method is 'published': expected None with indirect='vpl', which has no methods"),
-        ({"method": "published"},
-         r"method is 'published': expected None with indirect=None, which has no methods"),
+        ({"indirect": "gather", "method": "flux"}, r"method is 'flux': expected one of 'unbiased', 'published'"),
+        ({"indirect": "ssdo", "method": "slices"}, r"method is 'slices': expected one of 'bitmask', 'points'"),
+        (
+            {"indirect": "vpl", "method": "published"},
+            r"method is 'published': expected None with indirect='vpl', which has no methods",
+        ),
+        ({"method": "published"}, r"method is 'published': expected None with indirect=None, which has no methods"),
     ],
     ids=str,
 )
@@ -101,15 +105,20 @@ def test_ssgi_render_has_the_method(tmp_path: Path) -> None:
     size = ("--width", 48, "--height", 36, "--shadow-size", 64, "--rsm-size", 64)
     for indirect, name in (("multires", "subsplat mip"), ("gather", "rsm interpolate")):
         result = ssgi(
-            "render", "cornell_box", *size, "--indirect", indirect, "--method", "published",
-            "-o", tmp_path / "a.png", "--json",
+            "render",
+            "cornell_box",
+            *size,
+            "--indirect",
+            indirect,
+            "--method",
+            "published",
+            "-o",
+            tmp_path / "a.png",
+            "--json",
         )
         assert result.exit_code == 0, result.output
         assert name in {p["name"] for p in json.loads(result.stdout)["passes"]}
-    failed = ssgi(
-        "render", "cornell_box", *size, "--indirect", "gather", "--method", "paper", "-o",
-        tmp_path / "b.png",
-    )
+    failed = ssgi("render", "cornell_box", *size, "--indirect", "gather", "--method", "paper", "-o", tmp_path / "b.png")
     assert failed.exit_code == 1
     assert "method is 'paper': expected one of 'unbiased', 'published'" in failed.stderr
 
@@ -118,15 +127,11 @@ def test_ssgi_apply_has_the_method(tmp_path: Path, rng: np.random.Generator) -> 
     depth = np.kron(rng.uniform(2.0, 2.4, (3, 4)), np.ones((8, 8))).astype(np.float32)
     exr.write(tmp_path / "in.exr", {"depth": depth})
     for options in (["--method", "points"], ["--set", "method=points"]):
-        done = ssgi(
-            "apply", "ssdo", tmp_path / "in.exr", *options, "-o", tmp_path / f"{options[0]}.exr"
-        )
+        done = ssgi("apply", "ssdo", tmp_path / "in.exr", *options, "-o", tmp_path / f"{options[0]}.exr")
         assert done.exit_code == 0, done.output
     one, other = (exr.read(tmp_path / f"{name}.exr") for name in ("--method", "--set"))
     for channel, values in one.items():
         np.testing.assert_array_equal(values, other[channel])
-    failed = ssgi(
-        "apply", "gtao", tmp_path / "in.exr", "--method", "published", "-o", tmp_path / "b.exr"
-    )
+    failed = ssgi("apply", "gtao", tmp_path / "in.exr", "--method", "published", "-o", tmp_path / "b.exr")
     assert failed.exit_code == 2
     assert "gtao has no parameter 'method'" in failed.stderr

@@ -65,11 +65,14 @@ def test_a_variant_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
         Runtime.open(lanes=8, storage="image")
 
 
-def test_a_variant_that_the_device_cannot_run_is_refused(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variant_that_the_device_cannot_run_is_refused(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = drivers.DeviceInfo(
-        driver="none.icd", platform=0, device=0, label="Broken", kind="cpu", units=1,
+        driver="none.icd",
+        platform=0,
+        device=0,
+        label="Broken",
+        kind="cpu",
+        units=1,
         speeds={"1 lane, buffer": 1.0, "16 lanes, buffer": "it crashes"},
     )
     monkeypatch.setattr(drivers, "choose", lambda name: broken)
@@ -111,9 +114,7 @@ def test_kernels_of_one_program_have_arguments_of_their_own(fresh: Runtime) -> N
     assert first._kernel is not second._kernel
 
 
-def test_a_build_error_names_the_file_and_the_line(
-    fresh: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_build_error_names_the_file_and_the_line(fresh: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     flatten = sources.flatten
 
     def damaged(path: str, prelude: str = "") -> str:
@@ -145,9 +146,7 @@ def test_a_text_without_the_kernel_is_a_build_error(fresh: Runtime) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("shared", [True, False])
-def test_planes_come_back_to_the_bit(
-    fresh: Runtime, size: Size, shared: bool, rng: np.random.Generator
-) -> None:
+def test_planes_come_back_to_the_bit(fresh: Runtime, size: Size, shared: bool, rng: np.random.Generator) -> None:
     if shared and not fresh.shares_memory:
         pytest.skip("the device has memory of its own")
     fresh.shares_memory = shared
@@ -295,8 +294,7 @@ def test_what_is_prepared_is_made_once_and_the_oldest_goes(fresh: Runtime) -> No
     made: list[int] = []
 
     def make(n: int) -> object:
-        return fresh.prepared(n,
-            lambda: made.append(n) or object())  # type: ignore[func-returns-value]
+        return fresh.prepared(n, lambda: made.append(n) or object())  # type: ignore[func-returns-value]
 
     first = make(0)
     assert make(0) is first
@@ -375,8 +373,7 @@ def test_keep_is_an_argument_of_open(runtime: Runtime, monkeypatch: pytest.Monke
     before = runtime.memory.keep
     monkeypatch.setattr(runtime.memory, "keep", before)
     variant = {"lanes": runtime.variant.lanes, "storage": runtime.variant.storage}
-    assert Runtime.open(runtime.info.label,
-        **variant).memory.keep == before  # type: ignore[arg-type]
+    assert Runtime.open(runtime.info.label, **variant).memory.keep == before  # type: ignore[arg-type]
     kept = Runtime.open(runtime.info.label, keep=1 << 20, **variant)  # type: ignore[arg-type]
     assert kept is runtime
     assert runtime.memory.keep == 1 << 20

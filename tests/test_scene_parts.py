@@ -24,9 +24,13 @@ def scene_of(*materials: Material) -> Scene:
     count = len(materials)
     points = np.arange(9 * count + 3, dtype=np.float32).reshape(-1, 3) ** 1.5
     return Scene(
-        positions=points, normals=np.zeros_like(points), uvs=points[:, :2] / 100,
-        colors=points / points.max(), triangles=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
-        material_ids=np.arange(count, dtype=np.int32), materials=materials,
+        positions=points,
+        normals=np.zeros_like(points),
+        uvs=points[:, :2] / 100,
+        colors=points / points.max(),
+        triangles=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        material_ids=np.arange(count, dtype=np.int32),
+        materials=materials,
         textures=(np.full((2, 2, 4), 200, np.uint8),),
     )
 

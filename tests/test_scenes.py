@@ -11,13 +11,7 @@ import pytest
 
 from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 from ssgi_cl.rasterize.parts import complete
-from ssgi_cl.rasterize.scenes import (
-    BUILTIN_SCENES,
-    REPORTED,
-    TUNED_ON,
-    BuiltinScene,
-    make_scene,
-)
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, BuiltinScene, make_scene
 from ssgi_cl.rasterize.scenes.scatter import copies, noise, rotation, shares
 from ssgi_cl.rasterize.scenes.shapes import ball, box, pole
 
@@ -96,9 +90,7 @@ def test_cornell_box_has_the_measured_size() -> None:
     box = made("cornell_box")
     assert len(box.scene.triangles) == 32
     # float32 metres.
-    np.testing.assert_allclose(
-        box.scene.bounds, [[0, 0, 0], [0.556, 0.5488, 0.5592]], rtol=0, atol=1e-7
-    )
+    np.testing.assert_allclose(box.scene.bounds, [[0, 0, 0], [0.556, 0.5488, 0.5592]], rtol=0, atol=1e-7)
 
 
 def test_cornell_box_has_red_on_the_left_and_green_on_the_right() -> None:
@@ -210,9 +202,7 @@ def test_workshop_is_a_room_with_wires_of_millimetres() -> None:
     built = made("workshop")
     scene = built.scene
     rubber = scene.triangles[material_of(built, "rubber")]
-    edges = np.linalg.norm(
-        scene.positions[rubber] - np.roll(scene.positions[rubber], 1, axis=1), axis=-1
-    )
+    edges = np.linalg.norm(scene.positions[rubber] - np.roll(scene.positions[rubber], 1, axis=1), axis=-1)
     # The shortest edges are sides of an octagon round a wire 3 mm across.
     assert edges.min() < 0.002
     assert built.scene.bounds[1, 1] - built.scene.bounds[0, 1] < 4.0
@@ -246,9 +236,7 @@ def test_terrace_has_sky_above_and_solid_leaves() -> None:
 
 def test_shares_depend_on_the_seed_alone() -> None:
     # The bits of PCG64 for a seed are fixed for good; these are its first three for 7.
-    np.testing.assert_allclose(
-        shares(7, 3), [0.625095467, 0.897213801, 0.77568569], rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose(shares(7, 3), [0.625095467, 0.897213801, 0.77568569], rtol=0, atol=1e-9)
     assert (shares(7, 100) != shares(8, 100)).all()
     values = shares(1, 10000)
     assert values.min() >= 0.0

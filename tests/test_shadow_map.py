@@ -21,9 +21,7 @@ Doubles = NDArray[np.float64]
 WHITE = (1.0, 1.0, 1.0)
 
 
-def scene_of(
-    corners: ArrayLike, quads: ArrayLike, normals: ArrayLike, albedo: tuple[float, float, float]
-) -> Scene:
+def scene_of(corners: ArrayLike, quads: ArrayLike, normals: ArrayLike, albedo: tuple[float, float, float]) -> Scene:
     """Make a scene of quadrangles [count, 4] with a normal each."""
     corners, quads = np.asarray(corners, np.float32), np.asarray(quads, np.int32)
     count = 4 * len(quads)
@@ -66,7 +64,8 @@ def total(result: ReflectiveShadowMap) -> Doubles:
     ("cone", "size"),
     [
         pytest.param(cone, size, marks=[pytest.mark.slow] * ((i + k) % 3 != 2))
-        for i, cone in enumerate((0.2, 0.7, 1.2)) for k, size in enumerate((128, 512, 1024))
+        for i, cone in enumerate((0.2, 0.7, 1.2))
+        for k, size in enumerate((128, 512, 1024))
     ],
 )
 def test_a_spot_light_reflects_intensity_times_solid_angle_times_albedo(
@@ -91,9 +90,7 @@ def test_a_narrow_spot_on_a_slanted_plane_loses_nothing_to_distance(runtime: Run
 
 
 @pytest.mark.parametrize("size", [32, 128, 512])
-def test_a_point_light_in_a_closed_room_reflects_all_it_sends_out(
-    runtime: Runtime, size: int
-) -> None:
+def test_a_point_light_in_a_closed_room_reflects_all_it_sends_out(runtime: Runtime, size: int) -> None:
     light = PointLight((0.3, -0.2, 0.6), (1.0, 2.0, 3.0))
     albedo = (0.8, 0.6, 0.4)
     result = rsm(room(albedo), light, size=size, runtime=runtime)
@@ -170,10 +167,7 @@ def assert_on_the_room(result: ReflectiveShadowMap) -> None:
 
 
 def test_positions_and_normals_lie_on_the_surfaces(runtime: Runtime) -> None:
-    for light in (
-        PointLight((0.3, -0.2, 0.6), 1.0),
-        SpotLight((1.5, 0.5, 0.0), (-1.0, -0.3, 0.8), 0.9, 1.0),
-    ):
+    for light in (PointLight((0.3, -0.2, 0.6), 1.0), SpotLight((1.5, 0.5, 0.0), (-1.0, -0.3, 0.8), 0.9, 1.0)):
         assert_on_the_room(rsm(room(), light, size=64, runtime=runtime))
 
 
@@ -201,9 +195,7 @@ def test_a_spot_lights_camera_holds_its_cone(runtime: Runtime) -> None:
 
 def test_six_faces_cover_every_direction_once(rng: np.random.Generator) -> None:
     position = np.array([0.3, -0.2, 0.6])
-    cameras = light_cameras(
-        PointLight(position, 1.0), np.array([(-1.0, -1, -1), (2, 1, 3)]), 16
-    )
+    cameras = light_cameras(PointLight(position, 1.0), np.array([(-1.0, -1, -1), (2, 1, 3)]), 16)
     assert len(cameras) == 6
     way = rng.normal(size=(20000, 3))
     seen = np.zeros(len(way), np.int64)
@@ -220,8 +212,7 @@ def test_faces_are_stacked_in_the_order_of_the_axes(runtime: Runtime) -> None:
     result = rsm(room(), PointLight((0.3, -0.2, 0.6), 1.0), size=9, runtime=runtime)
     assert np.asarray(result.depth).shape == (54, 9)
     middle = np.asarray(result.position)[4::9, 4]
-    expected = [(2, -0.2, 0.6), (-1, -0.2, 0.6), (0.3, 1, 0.6), (0.3, -1, 0.6), (0.3, -0.2, 3),
-                (0.3, -0.2, -1)]
+    expected = [(2, -0.2, 0.6), (-1, -0.2, 0.6), (0.3, 1, 0.6), (0.3, -1, 0.6), (0.3, -0.2, 3), (0.3, -0.2, -1)]
     np.testing.assert_allclose(middle, expected, atol=1e-6)
 
 
@@ -230,13 +221,15 @@ def test_flux_does_not_depend_on_the_unit_of_length(runtime: Runtime, scale: flo
     scene = BUILTIN_SCENES["cornell_box"]()
     (light,) = scene.lights
     assert isinstance(light, SpotLight)
-    moved = SpotLight(
-        np.multiply(light.position, scale), light.direction, light.cone_angle, light.intensity
-    )
+    moved = SpotLight(np.multiply(light.position, scale), light.direction, light.cone_angle, light.intensity)
     small = Scene(
-        positions=scene.scene.positions * np.float32(scale), origin=scene.scene.origin * scale,
-        normals=scene.scene.normals, uvs=scene.scene.uvs, colors=scene.scene.colors,
-        triangles=scene.scene.triangles, material_ids=scene.scene.material_ids,
+        positions=scene.scene.positions * np.float32(scale),
+        origin=scene.scene.origin * scale,
+        normals=scene.scene.normals,
+        uvs=scene.scene.uvs,
+        colors=scene.scene.colors,
+        triangles=scene.scene.triangles,
+        material_ids=scene.scene.material_ids,
         materials=scene.scene.materials,
     )
     one = rsm(scene.scene, light, size=128, runtime=runtime)
@@ -361,9 +354,7 @@ def test_wrong_arguments_are_refused(
     [SpotLight((0.3, 0.2, 1.0), (0.2, -1.0, 0.3), 0.6, 1.0), PointLight((0.4, 0.1, 1.2), 1.0)],
     ids=["spot", "point"],
 )
-def test_a_mesh_without_normals_has_those_of_its_faces(
-    variant_runtime: Runtime, light: SpotLight | PointLight
-) -> None:
+def test_a_mesh_without_normals_has_those_of_its_faces(variant_runtime: Runtime, light: SpotLight | PointLight) -> None:
     scene = room()
     bare = replace(scene, normals=np.zeros_like(scene.normals))
     given, found = (rsm(s, light, size=33, runtime=variant_runtime) for s in (scene, bare))

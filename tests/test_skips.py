@@ -27,16 +27,17 @@ MOVING = frozenset(SKIPS) - {"unchanged"}
 
 
 def drawn(
-    runtime: Runtime, built: BuiltinScene, skips: Any, lights: tuple[Light, ...] | None = None,
-    **options: Any,
+    runtime: Runtime, built: BuiltinScene, skips: Any, lights: tuple[Light, ...] | None = None, **options: Any
 ) -> Frame:
-    given: dict[str, Any] = {
-        "ao_radius": built.ao_radius, "layers": 2, "shadow_size": 64, "gbuffer": True, **options
-    }
+    given: dict[str, Any] = {"ao_radius": built.ao_radius, "layers": 2, "shadow_size": 64, "gbuffer": True, **options}
     return render(
-        built.scene, built.camera(*SIZE), (*built.lights, GLOW) if lights is None else lights,
+        built.scene,
+        built.camera(*SIZE),
+        (*built.lights, GLOW) if lights is None else lights,
         bounces=0,
-        skips=skips, runtime=runtime, **given,
+        skips=skips,
+        runtime=runtime,
+        **given,
     )
 
 
@@ -89,9 +90,7 @@ def test_each_skip_leaves_the_bits_of_every_scene(runtime: Runtime, make: Any) -
     ],
     ids=str,
 )
-def test_skips_leave_the_bits_of_every_technique(
-    runtime: Runtime, options: dict[str, Any]
-) -> None:
+def test_skips_leave_the_bits_of_every_technique(runtime: Runtime, options: dict[str, Any]) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
     expected = drawn(runtime, built, False, **options)
     same(drawn(runtime, built, True, **options), expected)
@@ -180,9 +179,7 @@ def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtim
     ],
     ids=str,
 )
-def test_outputs_pull_in_only_what_they_need(
-    runtime: Runtime, outputs: list[str], absent: tuple[str, ...]
-) -> None:
+def test_outputs_pull_in_only_what_they_need(runtime: Runtime, outputs: list[str], absent: tuple[str, ...]) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
     options: dict[str, Any] = {"gbuffer": False, "indirect": "vpl", "vpls": 64}
     frame = drawn(runtime, built, MOVING, outputs=outputs, **options)
@@ -201,9 +198,7 @@ def test_outputs_pull_in_only_what_they_need(
                 getattr(frame, name)
 
 
-def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(
-    tmp_path: Path,
-) -> None:
+def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(tmp_path: Path) -> None:
     small = ("--width", "128", "--height", "96", "--shadow-size", "64", "--ambient", "0.3")
     arguments = ["render", "cornell_box", *small, "--bounces", "0", "-o", str(tmp_path / "a.exr")]
     result = CliRunner().invoke(main, [*arguments, "--explain"], env={"COLUMNS": "150"})
@@ -211,8 +206,7 @@ def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(
     assert "tiles are open" in result.stdout
     assert "saves ms, by estimate" in result.stdout
     reports = [
-        json.loads(CliRunner().invoke(main, [*arguments, "--json", *more]).stdout)
-        for more in ([], ["--no-skips"])
+        json.loads(CliRunner().invoke(main, [*arguments, "--json", *more]).stdout) for more in ([], ["--no-skips"])
     ]
     left_out = [[p["name"] for p in r["passes"] if p["skipped"]] for r in reports]
     assert left_out == [["gtao tiles", "map spot"], []]

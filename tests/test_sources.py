@@ -41,9 +41,7 @@ def test_line_directives_name_the_place_of_every_line() -> None:
 
 def test_generated_definitions_come_first() -> None:
     lines = sources.flatten("probe/probe_gather.cl", "typedef int A;\ntypedef int B;").splitlines()
-    assert lines[:4] == [
-        '#line 1 "generated"', "#define SSGI_GUARD 16", "typedef int A;", "typedef int B;"
-    ]
+    assert lines[:4] == ['#line 1 "generated"', "#define SSGI_GUARD 16", "typedef int A;", "typedef int B;"]
     # Constants that the text does not name are not defined.
     assert lines[4] == '#line 1 "probe/probe_gather.cl"'
 

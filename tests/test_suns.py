@@ -23,17 +23,13 @@ WAY = np.array([0.45, 0.75, 0.35]) / np.linalg.norm([0.45, 0.75, 0.35])
 RED = np.array([1.0, 0.9, 0.6])
 
 
-def sky(
-    radius: float, share: float, way: Doubles = WAY, rows: int = 256, ground: float = 0.2
-) -> Environment:
+def sky(radius: float, share: float, way: Doubles = WAY, rows: int = 256, ground: float = 0.2) -> Environment:
     """Return a sky of 1 over a ground, with a sun of `radius` radians and a share of all flux."""
     towards, omega = texels(rows, 2 * rows)
     image = np.where(towards[..., 1:2] > 0.0, 1.0, ground) * np.ones(3)
     disc = towards @ way >= np.cos(radius)
     lights = luminous(image, omega)
-    image += disc[..., None] * RED * (
-        share / (1.0 - share) * lights / luminous(disc[..., None] * RED, omega)
-    )
+    image += disc[..., None] * RED * (share / (1.0 - share) * lights / luminous(disc[..., None] * RED, omega))
     return Environment(image)
 
 
@@ -75,7 +71,9 @@ def test_several_suns_and_what_is_none(rng: np.random.Generator) -> None:
     assert len(split_suns(Environment(many))[0]) == MOST_SUNS
     even = rng.uniform(0.5, 1.0, (64, 128, 3))
     for none in (
-        Environment(1.0), Environment(even), Environment(np.ones((1, 1, 3))),
+        Environment(1.0),
+        Environment(even),
+        Environment(np.ones((1, 1, 3))),
         Environment(np.zeros((64, 128, 3))),
         sky(0.02, 0.05),  # too little of the light
         sky(0.14, 0.9),  # no small source
@@ -141,7 +139,5 @@ def test_the_background_shows_the_sun(runtime: Runtime) -> None:
     sunny = sky(0.02, 0.8, up)
     above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
     camera = gi.Camera.look_at(above, above + up, (0, 0, 1), yfov=0.1, width=16, height=12)
-    seen = gi.render(
-        built.scene, camera, [sunny], preset="low", exposure=1.0, runtime=runtime
-    ).radiance
+    seen = gi.render(built.scene, camera, [sunny], preset="low", exposure=1.0, runtime=runtime).radiance
     assert seen.max() == pytest.approx(np.asarray(sunny.radiance).max(), rel=1e-3)

@@ -34,8 +34,11 @@ SIDES = {
 
 
 def box(
-    *, without: str = "", inward: bool = False,
-    size: tuple[float, float, float] = (2.0, 1.0, 1.5), centre: NDArray[np.float64] | None = None,
+    *,
+    without: str = "",
+    inward: bool = False,
+    size: tuple[float, float, float] = (2.0, 1.0, 1.5),
+    centre: NDArray[np.float64] | None = None,
 ) -> Scene:
     """A box of the given size, seen from outside or (inward) a room, perhaps without a side."""
     positions, normals, triangles = [], [], []
@@ -51,9 +54,12 @@ def box(
     count = len(positions)
     return Scene(
         origin=np.zeros(3) if centre is None else centre,
-        positions=np.array(positions, np.float32), normals=np.array(normals, np.float32),
-        uvs=np.zeros((count, 2), np.float32), colors=np.ones((count, 3), np.float32),
-        triangles=np.array(triangles, np.int32), material_ids=np.zeros(len(triangles), np.int32),
+        positions=np.array(positions, np.float32),
+        normals=np.array(normals, np.float32),
+        uvs=np.zeros((count, 2), np.float32),
+        colors=np.ones((count, 3), np.float32),
+        triangles=np.array(triangles, np.int32),
+        material_ids=np.zeros(len(triangles), np.int32),
     )
 
 
@@ -62,9 +68,12 @@ def one_triangle(points: ArrayLike) -> Scene:
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
     return Scene(
-        positions=corners.astype(np.float32), normals=np.tile(normal, (3, 1)).astype(np.float32),
-        uvs=np.zeros((3, 2), np.float32), colors=np.ones((3, 3), np.float32),
-        triangles=np.array([[0, 1, 2]], np.int32), material_ids=np.zeros(1, np.int32),
+        positions=corners.astype(np.float32),
+        normals=np.tile(normal, (3, 1)).astype(np.float32),
+        uvs=np.zeros((3, 2), np.float32),
+        colors=np.ones((3, 3), np.float32),
+        triangles=np.array([[0, 1, 2]], np.int32),
+        material_ids=np.zeros(1, np.int32),
     )
 
 
@@ -84,9 +93,7 @@ def is_inside(camera: Camera, scene: Scene) -> bool:
 
 
 @pytest.mark.parametrize("size", [(80, 60), (60, 80), (160, 20), (33, 33)])
-def test_an_object_fills_the_picture_and_is_not_cut(
-    runtime: Runtime, size: tuple[int, int]
-) -> None:
+def test_an_object_fills_the_picture_and_is_not_cut(runtime: Runtime, size: tuple[int, int]) -> None:
     scene = box()
     camera = view_of(scene, runtime, size)
     covered = np.isfinite(seen_depth(scene, camera, runtime))
@@ -255,9 +262,7 @@ def test_camera_from_json_takes_the_size_of_the_file_unless_it_is_given(tmp_path
         ({**CAMERA, "height": 2.5}, "height is 2.5"),
     ],
 )
-def test_camera_from_json_names_what_is_wrong(
-    tmp_path: Path, content: object, message: str
-) -> None:
+def test_camera_from_json_names_what_is_wrong(tmp_path: Path, content: object, message: str) -> None:
     with pytest.raises((ValueError, TypeError), match=message):
         camera_from_json(written(tmp_path, content), None, None)
 

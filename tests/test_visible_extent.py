@@ -92,9 +92,7 @@ def test_a_wall_that_fills_the_picture_has_the_picture_s_diagonal(runtime: Runti
 def test_an_orthographic_picture_has_its_own_diagonal(runtime: Runtime) -> None:
     scene = joined(trimesh.creation.box((100.0, 100.0, 2.0)))
     for eye in (8.0, 80.0):
-        camera = Camera.orthographic(
-            (0, 0, eye), (0, 0, 0), view_height=3.0, width=160, height=120
-        )
+        camera = Camera.orthographic((0, 0, eye), (0, 0, 0), view_height=3.0, width=160, height=120)
         assert visible_extent(scene, camera, runtime=runtime) == pytest.approx(5.0)
 
 
@@ -116,11 +114,8 @@ def test_it_scales_with_the_scene(runtime: Runtime, scale: float) -> None:
     assert extent(scale) == pytest.approx(scale * extent(1.0), rel=1e-4)  # of float32 positions
 
 
-@pytest.mark.parametrize("around", [
-    [quad(1000.0)], [quad(126.0, 60)], [dome(60.0)], [quad(126.0), dome(62.0)]])
-def test_what_is_around_an_object_hardly_changes_its_radius(
-    runtime: Runtime, around: list[trimesh.Trimesh]
-) -> None:
+@pytest.mark.parametrize("around", [[quad(1000.0)], [quad(126.0, 60)], [dome(60.0)], [quad(126.0), dome(62.0)]])
+def test_what_is_around_an_object_hardly_changes_its_radius(runtime: Runtime, around: list[trimesh.Trimesh]) -> None:
     camera = seen_from((1.5, 1.5, 4.0))
     alone = default_ao_radius(joined(ship()), camera, runtime)
     radius = default_ao_radius(joined(ship(), *around), camera, runtime)
@@ -139,9 +134,7 @@ def test_a_street_has_the_radius_of_its_houses_whatever_its_length(runtime: Runt
 
 
 @pytest.mark.parametrize("name", ["hall", "terrace", "room-7", "colonnade-2", "street-1"])
-def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(
-    runtime: Runtime, name: str
-) -> None:
+def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: Runtime, name: str) -> None:
     built = make_scene(name)
     radius = default_ao_radius(built.scene, built.camera(160, 120), runtime)
     assert 0.6 < radius / built.ao_radius < 1.6
@@ -150,17 +143,13 @@ def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(
 
 
 @pytest.mark.parametrize("name", ["hall", "street-1", "foliage-3"])
-def test_small_motion_of_the_camera_changes_the_radius_as_little(
-    runtime: Runtime, name: str
-) -> None:
+def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtime, name: str) -> None:
     built = make_scene(name)
     eye, target = np.array(built.eye), np.array(built.target)
     step = 0.002 * (target - eye)  # 0.2 % of the distance, for 20 frames
     radii = [
         default_ao_radius(
-            built.scene,
-            Camera.look_at(eye + k * step, target, built.up, yfov=built.yfov, width=80, height=60),
-            runtime,
+            built.scene, Camera.look_at(eye + k * step, target, built.up, yfov=built.yfov, width=80, height=60), runtime
         )
         for k in range(20)
     ]
@@ -172,10 +161,7 @@ def test_the_radius_depends_on_scene_and_camera_alone(runtime: Runtime) -> None:
     built = make_scene("cornell_box")
     first, second = built.camera(160, 120), built.camera(160, 120).cropped(40, 30, 60, 40)
     large = built.camera(1600, 1200)
-    values = [
-        default_ao_radius(built.scene, camera, runtime)
-        for camera in (first, second, first, large, second)
-    ]
+    values = [default_ao_radius(built.scene, camera, runtime) for camera in (first, second, first, large, second)]
     assert values[0] == values[2] == values[3]
     assert values[1] == values[4]
 
@@ -186,28 +172,21 @@ def test_render_takes_it_by_default(runtime: Runtime) -> None:
     radius = default_ao_radius(built.scene, camera, runtime)
 
     def ao(**options: Any) -> Any:
-        frame = gi.render(
-            built.scene, camera, built.lights, bounces=0, outputs=("ao",), runtime=runtime,
-            **options,
-        )
+        frame = gi.render(built.scene, camera, built.lights, bounces=0, outputs=("ao",), runtime=runtime, **options)
         return frame.ao
 
     np.testing.assert_array_equal(ao(), ao(ao_radius=radius))
     assert (ao() != ao(ao_radius=2.0 * radius)).any()
 
 
-def test_a_frame_without_occlusion_draws_no_depth_map_for_it(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_frame_without_occlusion_draws_no_depth_map_for_it(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*args: object, **more: object) -> float:
         raise AssertionError("it is not needed")
 
     monkeypatch.setattr("ssgi_cl.frame.render.visible_extent", refuse)
     built = make_scene("cornell_box")
     for options in ({"ao": False}, {"ao_radius": 0.1}):
-        gi.render(
-            built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options
-        )
+        gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options)
     with pytest.raises(AssertionError, match="not needed"):
         gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime)
 
@@ -216,18 +195,15 @@ def test_a_frame_without_occlusion_draws_no_depth_map_for_it(
 
 
 @pytest.mark.parametrize("around", [[], [quad(4.0)]])
-def test_an_object_and_what_is_hardly_larger_are_the_subject_together(
-    around: list[trimesh.Trimesh],
-) -> None:
+def test_an_object_and_what_is_hardly_larger_are_the_subject_together(around: list[trimesh.Trimesh]) -> None:
     scene = joined(ship(), *around)
     np.testing.assert_array_equal(Extent.of_subject(scene).bounds, Extent.of(scene).bounds)
 
 
-@pytest.mark.parametrize("around", [
-    [quad(20.0)], [quad(1000.0)], [quad(126.0, 20)], [dome(60.0)], [quad(126.0), dome(62.0)]])
-def test_a_ground_or_a_dome_is_not_part_of_the_subject(
-    around: list[trimesh.Trimesh],
-) -> None:
+@pytest.mark.parametrize(
+    "around", [[quad(20.0)], [quad(1000.0)], [quad(126.0, 20)], [dome(60.0)], [quad(126.0), dome(62.0)]]
+)
+def test_a_ground_or_a_dome_is_not_part_of_the_subject(around: list[trimesh.Trimesh]) -> None:
     subject = Extent.of_subject(joined(ship(), *around))
     np.testing.assert_allclose(subject.bounds, [[-1.5, 0, -0.5], [1.5, 1, 0.5]], atol=1e-5)
 
@@ -266,11 +242,8 @@ def wall(size: float, distance: float) -> trimesh.Trimesh:
     return mesh.apply_translation((0.0, 0.0, -distance))
 
 
-@pytest.mark.parametrize("around", [
-    [quad(1000.0)], [dome(60.0)], [quad(126.0), wall(126.0, 5.0)], [quad(126.0, 20)]])
-def test_an_object_before_a_backdrop_fills_the_picture(
-    runtime: Runtime, around: list[trimesh.Trimesh]
-) -> None:
+@pytest.mark.parametrize("around", [[quad(1000.0)], [dome(60.0)], [quad(126.0), wall(126.0, 5.0)], [quad(126.0, 20)]])
+def test_an_object_before_a_backdrop_fills_the_picture(runtime: Runtime, around: list[trimesh.Trimesh]) -> None:
     scene, body = joined(ship(), *around), joined(ship())
     camera = default_camera(scene, 160, 120, FOV, runtime)
     assert (camera.view[:3, :3] @ (0, 1, 0))[1] > 0.5
@@ -312,9 +285,17 @@ def test_a_room_on_a_large_ground_is_seen_through_its_gap(runtime: Runtime) -> N
     assert 4.0 < camera.position[2] < 10.0
 
 
-@pytest.mark.parametrize("name", [
-    "sponza/sponza.glb", "veach_ajar/veach-ajar.glb", "japanese_garden/japanese_garden.glb",
-    "bunny/stanford-bunny.obj", "spot/spot_triangulated.obj", "teapot/teapot.obj"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sponza/sponza.glb",
+        "veach_ajar/veach-ajar.glb",
+        "japanese_garden/japanese_garden.glb",
+        "bunny/stanford-bunny.obj",
+        "spot/spot_triangulated.obj",
+        "teapot/teapot.obj",
+    ],
+)
 def test_shared_scenes_fill_their_default_pictures(runtime: Runtime, name: str) -> None:
     path = SHARED / name
     if not path.is_file():

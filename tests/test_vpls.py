@@ -71,13 +71,10 @@ def assert_same_lights(a: Vpls, b: Vpls) -> None:
 
 @pytest.mark.parametrize("parts", [False, True])
 @pytest.mark.parametrize("count", [1, 37, 500])
-def test_every_kernel_variant_chooses_what_float64_chooses(
-    variant_runtime: Runtime, count: int, parts: bool
-) -> None:
+def test_every_kernel_variant_chooses_what_float64_chooses(variant_runtime: Runtime, count: int, parts: bool) -> None:
     runtime, box = variant_runtime, BUILTIN_SCENES["cornell_box"]()
     spots = [SpotLight((x, 0.5, 0.28), (0.0, -1.0, 0.0), 0.8, 0.2) for x in (0.15, 0.4)]
-    maps = [rsm(box.scene, spot, size=size, runtime=runtime)
-            for spot, size in zip(spots, (48, 61), strict=True)]
+    maps = [rsm(box.scene, spot, size=size, runtime=runtime) for spot, size in zip(spots, (48, 61), strict=True)]
     maps.append(rsm(box.scene, PointLight((0.278, 0.3, 0.1), 1.0), size=17, runtime=runtime))
     found = choose_vpls(maps, count, parts=parts, runtime=runtime)
     wanted = choose_vpls_reference(maps, count, parts=parts)
@@ -111,9 +108,7 @@ def test_parts_add_up_to_their_lights(runtime: Runtime) -> None:
         np.testing.assert_allclose(added, whole, rtol=1e-9)
 
 
-def test_one_texel_in_a_million_keeps_its_flux(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_one_texel_in_a_million_keeps_its_flux(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     made = rsm(FLOOR, SUN, size=256, runtime=variant_runtime)
     flux = np.asarray(made.flux) * 10.0 ** rng.uniform(-5, 0, (256, 256, 1))
     found = choose_vpls(with_flux(made, flux), 4096, runtime=variant_runtime)
@@ -136,9 +131,7 @@ def test_sums_are_made_again_only_when_a_map_changes(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("count", [1, 7, 100, 1000])
 @pytest.mark.parametrize("light", [SUN, SPOT], ids=["sun", "spot"])
-def test_flux_is_that_of_the_map(
-    runtime: Runtime, light: SpotLight | DirectionalLight, count: int
-) -> None:
+def test_flux_is_that_of_the_map(runtime: Runtime, light: SpotLight | DirectionalLight, count: int) -> None:
     made = rsm(FLOOR, light, size=64, runtime=runtime)
     lights = choose_vpls(made, count, runtime=runtime)
     assert len(lights) == count
@@ -198,9 +191,7 @@ def test_more_lights_than_lit_texels_are_the_texels(runtime: Runtime) -> None:
     order = np.lexsort(lights.position.T)
     wanted = np.asarray(made.position, np.float64)[lit]
     # Float32 positions on both sides, one of them from depth.
-    np.testing.assert_allclose(
-        lights.position[order], wanted[np.lexsort(wanted.T)], rtol=0, atol=1e-6
-    )
+    np.testing.assert_allclose(lights.position[order], wanted[np.lexsort(wanted.T)], rtol=0, atol=1e-6)
 
 
 def test_unlit_maps_give_no_light(runtime: Runtime) -> None:
@@ -221,8 +212,7 @@ def test_a_map_of_one_texel_gives_one_light(runtime: Runtime) -> None:
 def test_several_lights_share_by_their_flux(runtime: Runtime) -> None:
     one = rsm(FLOOR, SPOT, size=64, runtime=runtime)
     flux = np.asarray(one.flux)
-    lights = choose_vpls([one, with_flux(one, flux * 3), with_flux(one, flux * 0)], 400,
-                         runtime=runtime)
+    lights = choose_vpls([one, with_flux(one, flux * 3), with_flux(one, flux * 0)], 400, runtime=runtime)
     np.testing.assert_allclose(lights.flux.sum(axis=0), 4.0 * total(one), rtol=1e-6)
     # Equal flux each: a quarter of the lights comes first, from the first map.
     np.testing.assert_allclose(lights.flux[:100].sum(axis=0), total(one), rtol=1e-6)
@@ -248,8 +238,7 @@ def test_a_point_light_s_six_faces_count(runtime: Runtime) -> None:
 def test_a_small_turn_of_the_light_moves_lights_little(runtime: Runtime) -> None:
     first, second = (
         choose_vpls(
-            rsm(FLOOR, replace(SPOT, position=(shift, 1.0, 0.0)), size=128, runtime=runtime), 256,
-            runtime=runtime,
+            rsm(FLOOR, replace(SPOT, position=(shift, 1.0, 0.0)), size=128, runtime=runtime), 256, runtime=runtime
         )
         for shift in (0.0, 0.01)
     )
@@ -276,10 +265,7 @@ def test_two_calls_give_the_same_lights(runtime: Runtime) -> None:
 
 
 def test_merged_lights_keep_flux_and_area(rng: np.random.Generator) -> None:
-    many = Vpls(
-        rng.random((1000, 3)), np.tile([0.0, 1.0, 0.0], (1000, 1)), rng.random((1000, 3)),
-        rng.random(1000),
-    )
+    many = Vpls(rng.random((1000, 3)), np.tile([0.0, 1.0, 0.0], (1000, 1)), rng.random((1000, 3)), rng.random(1000))
     few = many.merged(13)
     assert len(few) == 13
     np.testing.assert_allclose(few.flux.sum(axis=0), many.flux.sum(axis=0), rtol=1e-12)
@@ -296,9 +282,7 @@ def test_merged_lights_keep_flux_and_area(rng: np.random.Generator) -> None:
         (2.5, TypeError, r"vpls is 2.5: expected an integer"),
     ],
 )
-def test_a_bad_count_is_refused(
-    runtime: Runtime, count: int, error: type[Exception], message: str
-) -> None:
+def test_a_bad_count_is_refused(runtime: Runtime, count: int, error: type[Exception], message: str) -> None:
     made = rsm(FLOOR, SPOT, size=4, runtime=runtime)
     with pytest.raises(error, match=message):
         choose_vpls(made, count, runtime=runtime)

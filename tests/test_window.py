@@ -24,14 +24,10 @@ SIZE = (600, 200)
 """Columns and rows: two widths of a window's work-groups, six of its tiles."""
 
 
-def looking(
-    built: BuiltinScene, aside: float, up: float = 0.0, size: tuple[int, int] = SIZE
-) -> Camera:
+def looking(built: BuiltinScene, aside: float, up: float = 0.0, size: tuple[int, int] = SIZE) -> Camera:
     """Return a camera that sees the object `aside` of the middle, as a tangent, and higher."""
     target = (-6.0 * aside, -6.0 * up, 0.0)
-    return Camera.look_at(
-        (0.0, 0.0, 6.0), target, yfov=built.yfov, width=size[0], height=size[1]
-    )
+    return Camera.look_at((0.0, 0.0, 6.0), target, yfov=built.yfov, width=size[0], height=size[1])
 
 
 VIEWS = ((0.0, 0.0), (0.7, 0.2), (-0.7, -0.1), (-0.7, -0.1), (5.0, 0.0), (0.2, 0.3))
@@ -116,10 +112,7 @@ def test_a_rasteriser_with_windows_draws_bit_identical_results(runtime: Runtime)
     built = lone_object()
     scene = device_scene(built.scene, runtime)
     margin = (10, 30)
-    cut, whole = (
-        Rasterizer(runtime, SIZE[::-1], margin=margin, regions=regions)
-        for regions in (True, False)
-    )
+    cut, whole = (Rasterizer(runtime, SIZE[::-1], margin=margin, regions=regions) for regions in (True, False))
     found = []
     for view in VIEWS:
         camera = looking(built, *view)
@@ -157,7 +150,11 @@ def test_every_frame_of_a_moving_camera_has_bit_identical_results(
 ) -> None:
     built = lone_object()
     given: dict[str, Any] = {
-        "ao_radius": 0.2, "shadow_size": 64, "gbuffer": True, "runtime": variant_runtime, **options
+        "ao_radius": 0.2,
+        "shadow_size": 64,
+        "gbuffer": True,
+        "runtime": variant_runtime,
+        **options,
     }
     lights = [*built.lights, Environment((0.1, 0.2, 0.3))]
     for number, view in enumerate(VIEWS):
@@ -186,8 +183,16 @@ def test_a_sky_that_is_an_image_is_drawn_everywhere(runtime: Runtime, rng: Any) 
     for view in VIEWS:
         for lights in ([*built.lights[:1], sky], built.lights):
             cut, whole = (
-                render(built.scene, looking(built, *view), lights, bounces=0, ao=False, skips=skips,
-                       shadow_size=64, runtime=runtime)
+                render(
+                    built.scene,
+                    looking(built, *view),
+                    lights,
+                    bounces=0,
+                    ao=False,
+                    skips=skips,
+                    shadow_size=64,
+                    runtime=runtime,
+                )
                 for skips in (("region",), ())
             )
             np.testing.assert_array_equal(cut.radiance, whole.radiance)
@@ -206,10 +211,7 @@ def test_occlusion_at_a_lower_resolution_has_bit_identical_results(
     cut, whole = (
         (
             Rasterizer(runtime, SIZE[::-1], margin=margin, regions=regions),
-            Gtao(
-                runtime, SIZE[::-1],
-                GtaoParams(radius=0.3, resolution=resolution, blur_resolution=late), margin,
-            ),
+            Gtao(runtime, SIZE[::-1], GtaoParams(radius=0.3, resolution=resolution, blur_resolution=late), margin),
         )
         for regions in (True, False)
     )

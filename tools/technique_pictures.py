@@ -37,8 +37,7 @@ def _scene(name: str) -> tuple[BuiltinScene, gi.Camera, gi.GBuffer]:
 def _rsms(name: str) -> tuple[Any, ...]:
     built, _, _ = _scene(name)
     return tuple(
-        None if isinstance(light, gi.Environment)
-        else gi.rasterize.rsm(built.scene, light, size=256)
+        None if isinstance(light, gi.Environment) else gi.rasterize.rsm(built.scene, light, size=256)
         for light in built.lights
     )
 
@@ -55,18 +54,13 @@ def _light(*panels: NDArray[Any]) -> tuple[Picture, ...]:
     """Return panels of light with one exposure, that of the last."""
     level = panels[-1].mean(axis=-1)
     mean = np.exp(np.mean(np.log(level[level > 0])))
-    return tuple(
-        gi.tonemap(np.float32(np.maximum(panel, 0)), exposure=float(0.18 / mean))
-        for panel in panels
-    )
+    return tuple(gi.tonemap(np.float32(np.maximum(panel, 0)), exposure=float(0.18 / mean)) for panel in panels)
 
 
 @cache
 def _rays(name: str) -> NDArray[Any]:
     built, camera, gbuffer = _scene(name)
-    found: Any = gi.ray_ao(
-        built.scene, camera, radius=built.ao_radius, rays=RAYS, gbuffer=gbuffer
-    )
+    found: Any = gi.ray_ao(built.scene, camera, radius=built.ao_radius, rays=RAYS, gbuffer=gbuffer)
     return found
 
 
@@ -118,9 +112,7 @@ def _upsample() -> tuple[Picture, ...]:
 def _shade() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
-    without, shaded = (
-        gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=share) for share in (None, ao)
-    )
+    without, shaded = (gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=share) for share in (None, ao))
     return gi.tonemap(without), gi.tonemap(shaded)
 
 
@@ -141,10 +133,7 @@ def _tonemap() -> tuple[Picture, ...]:
 def _ssdo() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("cornell_box")
     lights = [light for light in built.lights if not isinstance(light, gi.Environment)]
-    _, bounce = gi.ssdo(
-        gbuffer, lights, radius=2.0, rsms=_maps("cornell_box"), slices=4,
-        emission=False,
-    )
+    _, bounce = gi.ssdo(gbuffer, lights, radius=2.0, rsms=_maps("cornell_box"), slices=4, emission=False)
     return _light(bounce, _paths("cornell_box"))
 
 
@@ -165,9 +154,7 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "vpl_splat": lambda: _reflected(
         gi.vpl_splat, visibility=True, interleave=True, scene=_scene("cornell_box")[0].scene
     ),
-    "multires_splat": lambda: _reflected(
-        gi.multires_splat, visibility=True, scene=_scene("cornell_box")[0].scene
-    ),
+    "multires_splat": lambda: _reflected(gi.multires_splat, visibility=True, scene=_scene("cornell_box")[0].scene),
 }
 """Name of a technique -> makes its two panels, left and right."""
 

@@ -8,8 +8,16 @@ from ..discover import declared
 from .inputs import Call
 
 ORDER = (
-    "drawing", "bilateral", "upsample", "ao", "ssdo", "rsm_gather", "vpl_splat", "multires_splat",
-    "shade", "tonemap",
+    "drawing",
+    "bilateral",
+    "upsample",
+    "ao",
+    "ssdo",
+    "rsm_gather",
+    "vpl_splat",
+    "multires_splat",
+    "shade",
+    "tonemap",
 )
 """Of the modules; others come after these."""
 

@@ -29,9 +29,7 @@ def occluded(technique: Technique) -> Call:
 
 def bent(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield A and bent normals."""
-    yield from gtao(
-        given.gbuffer, taps=4, falloff=0.6, bent_normals=True, runtime=runtime
-    )
+    yield from gtao(given.gbuffer, taps=4, falloff=0.6, bent_normals=True, runtime=runtime)
 
 
 def brightened(given: Inputs, runtime: Runtime) -> Iterator[Array]:

@@ -42,6 +42,4 @@ def view_normals(given: Inputs, runtime: Runtime) -> Iterator[Array]:
         yield on_device(gbuffer, runtime).normal.download()
 
 
-CALLS: Mapping[str, Call] = {
-    "drawing": drawing, "light maps": light_maps, "view normals": view_normals,
-}
+CALLS: Mapping[str, Call] = {"drawing": drawing, "light maps": light_maps, "view normals": view_normals}

@@ -58,21 +58,20 @@ def inputs(runtime: Runtime, size: Size, texels: int) -> Inputs:
     punctual_light = PointLight(camera.position + np.array([0.0, 0.3, 0.1]), (1.0, 2.0, 3.0))
     spot = next(light for light in made.lights if isinstance(light, SpotLight))
     spot_map, light_map = (
-        drawn_map(made.scene, light, size=texels, runtime=runtime) for light in (spot,
-        punctual_light)
+        drawn_map(made.scene, light, size=texels, runtime=runtime) for light in (spot, punctual_light)
     )
     rng = np.random.default_rng(5)
     single = drawn(made.scene, camera, runtime=runtime)
     return Inputs(
         scene=made.scene,
-        gbuffer=drawn(
-            made.scene, camera, layers=2, overscan=0.1, attributes="all", runtime=runtime
-        ),
+        gbuffer=drawn(made.scene, camera, layers=2, overscan=0.1, attributes="all", runtime=runtime),
         single=GBuffer(camera=camera, depth=single.depth),
         view=drawn(made.scene, made.camera(-(-columns // 2), -(-rows // 2)), runtime=runtime),
         maps=(spot_map, light_map),
         lights=(
-            spot, punctual_light, DirectionalLight((0.3, -1.0, -0.5), (3.0, 2.0, 1.0), angle=0.05),
+            spot,
+            punctual_light,
+            DirectionalLight((0.3, -1.0, -0.5), (3.0, 2.0, 1.0), angle=0.05),
             Environment(rng.random((4, 8, 3))),
         ),
         image=(10.0 ** rng.uniform(-4.0, 4.0, (*size, 3))).astype(np.float32),

@@ -17,9 +17,7 @@ def gathered(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield rsm_gather(given.gbuffer, spot, pattern="all", resolution="adaptive", runtime=runtime)
     for own in given.maps:
         yield rsm_gather(given.gbuffer, own, 50, pattern="rotated", runtime=runtime)
-    yield rsm_gather(
-        given.single, punctual_light, 50, pattern="fixed", resolution="adaptive", runtime=runtime
-    )
+    yield rsm_gather(given.single, punctual_light, 50, pattern="fixed", resolution="adaptive", runtime=runtime)
     yield rsm_gather(given.single, given.maps, 50, method="published", runtime=runtime)
 
 

@@ -18,8 +18,13 @@ def shaded(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     lights = given.lights
     yield shade(given.gbuffer, lights, runtime=runtime)
     yield shade(
-        given.gbuffer, lights, rsms=(*given.maps, None, None), ao=ao, indirect=given.image,
-        multi_bounce=True, runtime=runtime,
+        given.gbuffer,
+        lights,
+        rsms=(*given.maps, None, None),
+        ao=ao,
+        indirect=given.image,
+        multi_bounce=True,
+        runtime=runtime,
     )
 
 

@@ -14,9 +14,7 @@ def splatted(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield irradiance by all of some lights, by some for each pixel, and with walls."""
     yield vpl_splat(given.gbuffer, given.maps, 256, runtime=runtime)
     yield vpl_splat(given.gbuffer, given.maps, 256, cutoff=0.0, cull=False, runtime=runtime)
-    yield vpl_splat(
-        given.gbuffer, given.maps, 256, interleave=True, visibility=True, runtime=runtime
-    )
+    yield vpl_splat(given.gbuffer, given.maps, 256, interleave=True, visibility=True, runtime=runtime)
 
 
 CALLS: Mapping[str, Call] = {"vpl splatting": splatted}

@@ -13,9 +13,24 @@ from ..discover import declared
 from ..peers import PEERS
 
 ORDER = (
-    "ssao", "slices", "converged", "bent_normals", "lecture", "floor", "bilateral", "upsample",
-    "shade", "rsm_gather", "rsm_published", "ssdo", "rasterize", "skips", "vpl_splat", "vpl_lobes",
-    "multires_splat", "multires_published",
+    "ssao",
+    "slices",
+    "converged",
+    "bent_normals",
+    "lecture",
+    "floor",
+    "bilateral",
+    "upsample",
+    "shade",
+    "rsm_gather",
+    "rsm_published",
+    "ssdo",
+    "rasterize",
+    "skips",
+    "vpl_splat",
+    "vpl_lobes",
+    "multires_splat",
+    "multires_published",
 )
 """Of the modules in lists of cases; others come after these."""
 

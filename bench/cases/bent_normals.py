@@ -53,7 +53,8 @@ class BentNormals(Own):
             samples=2.0 * slices * taps * np.count_nonzero(context.seen) if match else 0.0,
             truths={"world": lambda: exact(np.zeros(context.size))},
             note="A included; RMSE and bias are of the angle to the bent normal of rays"
-            if match else "the surface's normal: how far normals bend, so no time",
+            if match
+            else "the surface's normal: how far normals bend, so no time",
             timed=bool(match),
         )
 

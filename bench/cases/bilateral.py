@@ -23,9 +23,7 @@ class Blur(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make the blur ready."""
         params = BilateralParams(radius=count_of(setting, "a radius in pixels", 1, 16))
-        noisy = Ssao(
-            context.runtime, context.size, SsaoParams(radius=context.radius, blur_radius=0)
-        )
+        noisy = Ssao(context.runtime, context.size, SsaoParams(radius=context.radius, blur_radius=0))
         blur = Bilateral(context.runtime, context.size, params)
         with context.runtime.frame():
             value = noisy.run(context.gbuffer)

@@ -44,13 +44,9 @@ class Converged(Own):
         """Make the technique ready."""
         match = _SETTING.fullmatch(setting)
         if match is None:
-            raise ValueError(
-                f"setting is {setting!r}: expected SLICESxTAPS or SLICESxTAPS-blur, such as 2x9"
-            )
+            raise ValueError(f"setting is {setting!r}: expected SLICESxTAPS or SLICESxTAPS-blur, such as 2x9")
         blur: dict[str, Any] = {} if match[3] else {"blur_radius": 0}
-        params = self.params(
-            radius=context.radius, slices=int(match[1]), taps=int(match[2]), **self.options, **blur
-        )
+        params = self.params(radius=context.radius, slices=int(match[1]), taps=int(match[2]), **self.options, **blur)
         technique = self.make(context.runtime, context.size, params)
         gbuffer = context.gbuffer
         return Subject(

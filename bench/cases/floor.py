@@ -1,5 +1,4 @@
-"""The floor: how wrong ambient occlusion is that knows what depth layers hold, and does not guess.
-"""
+"""The floor: how wrong ambient occlusion is that knows what depth layers hold, and does not guess."""
 
 from __future__ import annotations
 
@@ -46,8 +45,11 @@ class Floor:
             return context.truth(
                 f"rays against {setting} of {context.view.name}",
                 lambda progress: truth.layered_occlusion(
-                    gbuffer, context.radius, context.truths.rays,
-                    attenuation=context.truths.attenuation, rebuild=context.truths.rebuild,
+                    gbuffer,
+                    context.radius,
+                    context.truths.rays,
+                    attenuation=context.truths.attenuation,
+                    rebuild=context.truths.rebuild,
                     progress=progress,
                 ),
             )

@@ -30,8 +30,13 @@ class Lecture(Own):
         if setting != SETTING:
             raise ValueError(f"setting is {setting!r}: expected {SETTING!r}")
         params = HbaoParams(
-            radius=context.radius, slices=3, taps=6, resolution="half", blur_radius=BLUR_RADIUS,
-            blur_resolution="full", attenuation=1.0,
+            radius=context.radius,
+            slices=3,
+            taps=6,
+            resolution="half",
+            blur_radius=BLUR_RADIUS,
+            blur_resolution="full",
+            attenuation=1.0,
         )
         technique = Hbao(context.runtime, context.size, params)
         gbuffer = context.gbuffer
@@ -43,8 +48,7 @@ class Lecture(Own):
             samples=36.0 / 4.0 * np.count_nonzero(context.seen),
             moved=rows * columns * 4 * (1 + 3 + 1),
             truths={"world": context.occlusion},
-            note="AO at half size, 15 x 15 blur at full size; at 1600 x 1200 a GTX 280 took 3.5 + "
-            "2.5 ms in 2008",
+            note="AO at half size, 15 x 15 blur at full size; at 1600 x 1200 a GTX 280 took 3.5 + 2.5 ms in 2008",
         )
 
 

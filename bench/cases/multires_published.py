@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ssgi_cl.techniques.indirect.multires_published import (
-    MultiresPublished,
-    MultiresPublishedParams,
-)
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
@@ -23,12 +20,13 @@ class MultiresPublishedByNumber(Own):
 
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make lights and multiresolution splatting ready."""
-        params = MultiresPublishedParams(
-            vpls=count_of(setting, "a number of lights", 1, 1 << 20)
-        )
+        params = MultiresPublishedParams(vpls=count_of(setting, "a number of lights", 1, 1 << 20))
         technique = MultiresPublished(context.runtime, context.size, params)
         return few_pixels_subject(
-            context, technique, params.vpls, 0.0,
+            context,
+            technique,
+            params.vpls,
+            0.0,
             lambda: f"subsplats for {share_of(context, technique.counts())} of the pixels",
         )
 

@@ -41,16 +41,19 @@ class MultiresByError(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make lights and multiresolution splatting ready."""
         wanted = "N-permille, N a number, or geometry"
-        few = 0.01 if setting == GEOMETRY else 1e-3 * count_of(
-            setting.removesuffix("-permille"), wanted, 1, 10_000
-        )
+        few = 0.01 if setting == GEOMETRY else 1e-3 * count_of(setting.removesuffix("-permille"), wanted, 1, 10_000)
         params = MultiresSplatParams(
-            vpls=self.lights, error=1e6 if setting == GEOMETRY else few,
-            light_error=self.light_share * few, coarsest=self.coarsest,
+            vpls=self.lights,
+            error=1e6 if setting == GEOMETRY else few,
+            light_error=self.light_share * few,
+            coarsest=self.coarsest,
         )
         technique = MultiresSplat(context.runtime, context.size, params)
         return few_pixels_subject(
-            context, technique, params.vpls, params.refine,
+            context,
+            technique,
+            params.vpls,
+            params.refine,
             lambda: f"{share_of(context, technique.grid.counts().values())} of the pixels computed",
         )
 
@@ -71,8 +74,10 @@ class MultiresVisibility(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and multiresolution splatting ready."""
         params = MultiresSplatParams(
-            vpls=count_of(setting, "a number of lights", 1, 1 << 20), error=self.error,
-            light_error=self.error, visibility=True,
+            vpls=count_of(setting, "a number of lights", 1, 1 << 20),
+            error=self.error,
+            light_error=self.error,
+            visibility=True,
         )
         maps = DrawnMaps(context, MAP_SIZE)
         view = DrawnView(context, *((1, 0.0) if self.solid else WALLS))
@@ -81,9 +86,7 @@ class MultiresVisibility(Own):
         pixels = context.size[0] * context.size[1]
 
         def image() -> NDArray[np.float32]:
-            return lit(
-                context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene)
-            )
+            return lit(context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene))
 
         image()
         return Subject(
@@ -98,7 +101,10 @@ class MultiresVisibility(Own):
 
 
 def few_pixels_subject(
-    context: Context, technique: MultiresSplat | MultiresPublished, lights: int, refine: float,
+    context: Context,
+    technique: MultiresSplat | MultiresPublished,
+    lights: int,
+    refine: float,
     computed: Callable[[], str],
 ) -> Subject:
     """Return a technique without visibility that computes few pixels as a subject.
@@ -117,10 +123,7 @@ def few_pixels_subject(
 
     found = image()
     off = relative_rmse(found - all_lights(context, maps, lights, refine), found)
-    truths: dict[str, Callable[[], Truth]] = {
-        "world": context.bounce,
-        "assumption": context.unblocked_bounce,
-    }
+    truths: dict[str, Callable[[], Truth]] = {"world": context.bounce, "assumption": context.unblocked_bounce}
     return Subject(
         run=image,
         image=image,
@@ -128,8 +131,7 @@ def few_pixels_subject(
         moved=context.size[0] * context.size[1] * PIXEL_BYTES,
         truths=truths,
         counted=counted(view),
-        note=f"{lights} lights; {computed()}; off all lights at all pixels by {off:.2f} % of the "
-        "mean (RMSE)",
+        note=f"{lights} lights; {computed()}; off all lights at all pixels by {off:.2f} % of the mean (RMSE)",
     )
 
 
@@ -138,9 +140,7 @@ def share_of(context: Context, counts: Iterable[int]) -> str:
     return f"{100 * sum(counts) / (context.size[0] * context.size[1]):.1f} %"
 
 
-def all_lights(
-    context: Context, maps: DrawnMaps, count: int, refine: float
-) -> NDArray[np.float32]:
+def all_lights(context: Context, maps: DrawnMaps, count: int, refine: float) -> NDArray[np.float32]:
     """Return the irradiance of all lights, each pixel computed."""
     params = VplSplatParams(vpls=count, cutoff=0.0, refine=refine)
     technique = VplSplat(context.runtime, context.size, params)

@@ -34,9 +34,7 @@ class RsmGatherFamily(Own):
         """Draw the maps and make gathering ready."""
         samples = count_of(setting, "a number of samples", 1, 65536)
         gbuffer, drawn = context.gbuffer, punctual_maps(context)
-        params = RsmGatherParams(
-            samples=samples, pattern=self.pattern, resolution=self.resolution
-        )
+        params = RsmGatherParams(samples=samples, pattern=self.pattern, resolution=self.resolution)
         technique = RsmGather(context.runtime, context.size, params)
 
         def image() -> NDArray[np.float32]:
@@ -55,10 +53,7 @@ class RsmGatherFamily(Own):
             image=image,
             quantity="bounce",
             samples=reads,
-            truths={
-                "world": context.bounce,
-                "assumption": context.unblocked_bounce,
-            },
+            truths={"world": context.bounce, "assumption": context.unblocked_bounce},
             counted=f"{DrawnMaps.counted}, samples drawn",
             note=note,
         )
@@ -72,8 +67,9 @@ def punctual_maps(context: Context) -> list[DrawnMaps]:
     """
     if not context.punctual_lights:
         raise ValueError(f"{context.view.name} has no light: expected at least one")
-    return [DrawnMaps(context, MAP_SIZE,
-        punctual_lights=[punctual_light]) for punctual_light in context.punctual_lights]
+    return [
+        DrawnMaps(context, MAP_SIZE, punctual_lights=[punctual_light]) for punctual_light in context.punctual_lights
+    ]
 
 
 FAMILIES: Mapping[str, Family] = {

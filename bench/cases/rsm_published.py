@@ -40,10 +40,7 @@ class RsmPublishedFamily(Own):
             image=image,
             quantity="bounce",
             samples=10.0 * pixels * samples * len(drawn),
-            truths={
-                "world": context.bounce,
-                "assumption": context.unblocked_bounce,
-            },
+            truths={"world": context.bounce, "assumption": context.unblocked_bounce},
             counted=DrawnMaps.counted,
             note=f"{100 * share:.1f} % of the pixels gathered for",
         )

@@ -38,15 +38,16 @@ class Direct(Own):
         white = DeviceGBuffer(context.runtime, context.size)
         white.upload(
             GBuffer(
-                camera=context.camera, depth=seen.depth, normal=seen.normal,
+                camera=context.camera,
+                depth=seen.depth,
+                normal=seen.normal,
                 albedo=np.ones((*context.size, 3), np.float32),
             )
         )
 
         def image() -> NDArray[np.float32]:
             # A white surface of irradiance E has the radiance E / pi.
-            radiance = technique.run(white, context.punctual_lights,
-                shadows=maps.shadows()).download()
+            radiance = technique.run(white, context.punctual_lights, shadows=maps.shadows()).download()
             return np.ascontiguousarray(np.float32(math.pi) * np.moveaxis(radiance, 0, -1))
 
         return Subject(
@@ -70,9 +71,15 @@ class WholeFrame(Own):
         view = context.view
         return Subject(
             run=lambda: render(
-                view.scene, context.camera, view.lights,
-                bounces=0, ao="ssao", ao_radius=context.radius,
-                ao_samples=samples, skips=DRAWN, runtime=context.runtime,
+                view.scene,
+                context.camera,
+                view.lights,
+                bounces=0,
+                ao="ssao",
+                ao_radius=context.radius,
+                ao_samples=samples,
+                skips=DRAWN,
+                runtime=context.runtime,
             ),
             counted="the whole frame, light maps drawn",
         )

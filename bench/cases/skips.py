@@ -31,8 +31,13 @@ class Skips(Own):
         view = context.view
         return Subject(
             run=lambda: render(
-                view.scene, context.camera, view.lights, bounces=0, ao_radius=context.radius,
-                skips=CHOICES[setting], runtime=context.runtime,
+                view.scene,
+                context.camera,
+                view.lights,
+                bounces=0,
+                ao_radius=context.radius,
+                skips=CHOICES[setting],
+                runtime=context.runtime,
             ),
             note="with shadow maps drawn in each frame" if setting == "none" else "",
         )

@@ -50,9 +50,7 @@ class Slices(Own):
         """Make the technique and its G-buffer ready."""
         match = _SETTING.fullmatch(setting)
         if match is None:
-            raise ValueError(
-                f"setting is {setting!r}: expected SLICESxTAPS or SLICESxTAPS-LAYERS, such as 2x9-4"
-            )
+            raise ValueError(f"setting is {setting!r}: expected SLICESxTAPS or SLICESxTAPS-LAYERS, such as 2x9-4")
         slices, taps, layers = int(match[1]), int(match[2]), int(match[3] or 1)
         params = self.params(slices=slices, taps=taps, radius=context.radius)
         return _layered(context, self.make, params, layers)
@@ -65,9 +63,7 @@ def _layered(context: Context, make: Any, params: SliceParams, layers: int) -> S
     return _subject(context, technique, view)
 
 
-def _subject(
-    context: Context, technique: SliceTechnique[Any], view: DrawnView, note: str = ""
-) -> Subject:
+def _subject(context: Context, technique: SliceTechnique[Any], view: DrawnView, note: str = "") -> Subject:
     params, layers, gbuffer = technique.params, technique.layers, view.gbuffer
     truths: dict[str, Any] = {"world": context.occlusion}
     if not getattr(params, "joined", False):
@@ -84,20 +80,26 @@ def _subject(
     )
 
 
-def converged(
-    context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer
-) -> Truth:
+def converged(context: Context, technique: SliceTechnique[Any], gbuffer: DeviceGBuffer) -> Truth:
     """Return what a technique converges to, the same for all numbers of slices and taps."""
     model = replace(
-        technique.params, slices=1, taps=1, tap_power=1.0, resolution="full", blur_radius=0,
-        blur_passes=1, blur_resolution="own",
+        technique.params,
+        slices=1,
+        taps=1,
+        tap_power=1.0,
+        resolution="full",
+        blur_radius=0,
+        blur_passes=1,
+        blur_resolution="own",
     )
     return context.truth(
-        f"slices of {technique.name} with {technique.layers} layers on {context.view.name}: "
-        f"{model}",
+        f"slices of {technique.name} with {technique.layers} layers on {context.view.name}: {model}",
         lambda progress: assumption.converged(
-            downloaded(gbuffer), model, pixels=CONVERGED_PIXELS // technique.layers,
-            rebuild=context.truths.rebuild, progress=progress,
+            downloaded(gbuffer),
+            model,
+            pixels=CONVERGED_PIXELS // technique.layers,
+            rebuild=context.truths.rebuild,
+            progress=progress,
         ),
     )
 
@@ -117,9 +119,7 @@ class Presets(Own):
         """Make the technique and its G-buffer ready."""
         name, _, number = setting.partition("-")
         layers = count_of(number or "1", "NAME-LAYERS, layers", 1, MOST_LAYERS)
-        chosen = choose(
-            self.make.name, context.size, preset=name, layers=layers, radius=context.radius
-        )
+        chosen = choose(self.make.name, context.size, preset=name, layers=layers, radius=context.radius)
         # Tuned for the world: what each of them would converge to says nothing.
         subject = _layered(context, self.make, chosen.params, layers)
         return replace(subject, truths={"world": context.occlusion})
@@ -149,10 +149,8 @@ class XegtaoHigh(Own):
         factor = XEGTAO_FACTOR
         if setting == "best":
             factor = context.shared("XeGTAO's factor", lambda: _best_factor(context))
-        note = (
-            f"3 slices, 3 taps a side, radius times {factor:g}, falloff .615, contrast 2.2"
-            + (f", the best of {', '.join(f'{f:g}' for f in XEGTAO_FACTORS)} on this scene"
-               if setting == "best" else "")
+        note = f"3 slices, 3 taps a side, radius times {factor:g}, falloff .615, contrast 2.2" + (
+            f", the best of {', '.join(f'{f:g}' for f in XEGTAO_FACTORS)} on this scene" if setting == "best" else ""
         )
         return _subject(context, _xegtao(context, factor), DrawnView(context, 1, 0.0), note)
 
@@ -173,14 +171,10 @@ def _best_factor(context: Context) -> float:
     return min(XEGTAO_FACTORS, key=error)
 
 
-SCANNED = [
-    each for each in of_kind("ao").values() if issubclass(each.technique, SliceTechnique)
-]
+SCANNED = [each for each in of_kind("ao").values() if issubclass(each.technique, SliceTechnique)]
 FAMILIES: Mapping[str, Family] = {
     **{
-        each.name: Slices(
-            each.technique, each.technique.defaults, each.bench.settings or Slices.SETTINGS
-        )
+        each.name: Slices(each.technique, each.technique.defaults, each.bench.settings or Slices.SETTINGS)
         for each in SCANNED
     },
     **{f"{each.name.removesuffix('_ao')}-preset": Presets(each.technique) for each in SCANNED},

@@ -37,8 +37,7 @@ class SsaoFamily(Own):
         return ssao_subject(
             context,
             SsaoParams(
-                radius=context.radius, samples=samples, blur_radius=self.blur_radius,
-                resolution=self.resolution,
+                radius=context.radius, samples=samples, blur_radius=self.blur_radius, resolution=self.resolution
             ),
         )
 
@@ -71,8 +70,11 @@ def ssao_subject(context: Context, params: SsaoParams) -> Subject:
             "assumption": lambda: context.truth(
                 f"points of SSAO's model on {context.view.name}: {model}",
                 lambda progress: assumption.ssao(
-                    context.host_gbuffer, model, context.truths.points,
-                    rebuild=context.truths.rebuild, progress=progress,
+                    context.host_gbuffer,
+                    model,
+                    context.truths.points,
+                    rebuild=context.truths.rebuild,
+                    progress=progress,
                 ),
             ),
         },

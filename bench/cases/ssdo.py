@@ -85,13 +85,12 @@ class SsdoFamily(Own):
         runtime = context.runtime
         view = DrawnView(context, self.layers, self.overscan, attributes=self.layers)
         counted: dict[str, Any] = {
-            **(FAR if self.far else {}), "slices" if self.method == "bitmask" else "samples": number
+            **(FAR if self.far else {}),
+            "slices" if self.method == "bitmask" else "samples": number,
         }
         bounds = context.view.scene.bounds
         radius = float(np.linalg.norm(bounds[1] - bounds[0])) if self.far else context.radius
-        params = SsdoParams(
-            radius=radius, method=self.method, resolution=self.resolution, **counted
-        )
+        params = SsdoParams(radius=radius, method=self.method, resolution=self.resolution, **counted)
         margin = view.gbuffer.margin
         technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
         punctual_lights = context.punctual_lights
@@ -102,8 +101,7 @@ class SsdoFamily(Own):
             gbuffer = _dark(view.draw())
             views = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
             return technique.run(
-                gbuffer, punctual_lights, shadows=maps.shadows(),
-                views=map(_dark, views) if self.views else (),
+                gbuffer, punctual_lights, shadows=maps.shadows(), views=map(_dark, views) if self.views else ()
             )
 
         def image() -> NDArray[np.float32]:
@@ -146,8 +144,7 @@ class Frames(Own):
     """
 
     SETTINGS = (
-        *(f"{kind}-{samples}" for samples in (8, 16)
-          for kind in ("ssao", "direct", "bounce", "layers")),
+        *(f"{kind}-{samples}" for samples in (8, 16) for kind in ("ssao", "direct", "bounce", "layers")),
         "points-16",
         "bitmask-1",
         "bitmask-2",
@@ -167,21 +164,19 @@ class Frames(Own):
         if kind in ("drawn", "cameras"):
             return _drawn(context, kind, number)
         if kind == "ssao":
-            renderer = Renderer(
-                runtime, context.size, ao=SsaoParams(radius=radius, samples=number)
-            )
+            renderer = Renderer(runtime, context.size, ao=SsaoParams(radius=radius, samples=number))
         elif kind in ("direct", "bounce", "layers", "points"):
             params = SsdoParams(
-                radius=radius, method="points" if kind == "points" else "published",
-                samples=number, bounce=kind != "direct",
+                radius=radius,
+                method="points" if kind == "points" else "published",
+                samples=number,
+                bounce=kind != "direct",
             )
             renderer = Renderer(runtime, context.size, indirect=params, layers=layers)
         elif kind in ("bitmask", "bitmask-layers", "views"):
             params = SsdoParams(radius=radius, slices=number, resolution="half")
             views = EXTRA_CAMERAS if kind == "views" else 0
-            renderer = Renderer(
-                runtime, context.size, indirect=params, layers=layers, views=views
-            )
+            renderer = Renderer(runtime, context.size, indirect=params, layers=layers, views=views)
         else:
             raise ValueError(
                 f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "
@@ -231,9 +226,7 @@ FAMILIES: Mapping[str, Family] = {
     "ssdo-points-layers": SsdoFamily("points", layers=2, overscan=0.1),
     "ssdo-bitmask": SsdoFamily("bitmask", SETTINGS=("1", "2", "4")),
     "ssdo-bitmask-half": SsdoFamily("bitmask", "half", SETTINGS=("1", "2", "4")),
-    "ssdo-bitmask-layers": SsdoFamily(
-        "bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")
-    ),
+    "ssdo-bitmask-layers": SsdoFamily("bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")),
     **{
         f"ssdo-far{name}": SsdoFamily("bitmask", far=True, SETTINGS=("2", "8"), **corrections)
         for name, corrections in CORRECTIONS.items()

@@ -8,12 +8,7 @@ import numpy as np
 
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
-from ssgi_cl.techniques.filters.upsample import (
-    ReducedGBuffer,
-    Upsample,
-    UpsampleBlur,
-    UpsampleParams,
-)
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Own, Subject
 from ssgi_cl.tuning.context import Context, exact
@@ -64,12 +59,10 @@ class Upsampling(Own):
             image=lambda: upsample.run(context.gbuffer, coarse, reduced=reduced).download()[0],
             moved=pixels * PIXEL_BYTES,
             truths={"assumption": numpy_reference},
-            note="upsampling and a 15 x 15 blur in one, of a ramp" if self._blurred
+            note="upsampling and a 15 x 15 blur in one, of a ramp"
+            if self._blurred
             else "the upsampling alone, of a ramp",
         )
 
 
-FAMILIES: Mapping[str, Family] = {
-    "upsample": Upsampling(),
-    "upsample-blur": Upsampling(blurred=True),
-}
+FAMILIES: Mapping[str, Family] = {"upsample": Upsampling(), "upsample-blur": Upsampling(blurred=True)}

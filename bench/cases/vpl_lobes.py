@@ -43,18 +43,18 @@ class LobesByNumber(Own):
         """Make reflective shadow maps of the glossy scene and splatting ready."""
         diagonal = float(np.linalg.norm(np.ptp(context.view.scene.bounds, axis=0)))
         params = VplSplatParams(
-            vpls=1, glossy_vpls=count_of(setting, "a number of lights", 1, 1 << 20),
-            cutoff=self.cutoff, unit_distance=0.1 * diagonal, cull=self.cull,
+            vpls=1,
+            glossy_vpls=count_of(setting, "a number of lights", 1, 1 << 20),
+            cutoff=self.cutoff,
+            unit_distance=0.1 * diagonal,
+            cull=self.cull,
         )
-        maps = DrawnMaps(
-            context, MAP_SIZE, glossy=True, scene=polished(context.view.scene)
-        )
+        maps = DrawnMaps(context, MAP_SIZE, glossy=True, scene=polished(context.view.scene))
         technique = VplSplat(context.runtime, context.size, params)
 
         def every_texel() -> Truth:
             whole = replace(
-                params, cutoff=0.0, cull=True,
-                glossy_vpls=sum(rsm.size[0] * rsm.size[1] for rsm in maps.reflective()),
+                params, cutoff=0.0, cull=True, glossy_vpls=sum(rsm.size[0] * rsm.size[1] for rsm in maps.reflective())
             )
             return exact(_mirrored(VplSplat(context.runtime, context.size, whole), context, maps))
 
@@ -63,24 +63,18 @@ class LobesByNumber(Own):
             image=lambda: _mirrored(technique, context, maps),
             quantity="mirrored",
             moved=context.size[0] * context.size[1] * PIXEL_BYTES,
-            truths={
-                "assumption": lambda: context.truth("all texels as lobes", lambda _: every_texel())
-            },
+            truths={"assumption": lambda: context.truth("all texels as lobes", lambda _: every_texel())},
             counted=f"{DrawnMaps.counted}, lights chosen",
         )
 
 
 def polished(scene: Scene) -> Scene:
     """Return a scene all of whose materials mirror half of the light in a lobe."""
-    materials = [
-        replace(material, specular=(SPECULAR,) * 3, gloss=GLOSS) for material in scene.materials
-    ]
+    materials = [replace(material, specular=(SPECULAR,) * 3, gloss=GLOSS) for material in scene.materials]
     return replace(scene, materials=tuple(materials))
 
 
-def _mirrored(
-    technique: VplSplat, context: Context, maps: DrawnMaps
-) -> NDArray[np.float32]:
+def _mirrored(technique: VplSplat, context: Context, maps: DrawnMaps) -> NDArray[np.float32]:
     """Return irradiance by lights with lobes alone."""
     return lit(context, maps, lambda rsms: technique.run(context.gbuffer, NO_LIGHTS, rsms=rsms))
 

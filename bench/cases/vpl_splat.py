@@ -48,8 +48,11 @@ class VplsByNumber(Own):
     def prepare(self, context: Context, setting: str) -> Subject:
         """Make reflective shadow maps and splatting ready."""
         params = VplSplatParams(
-            vpls=count_of(setting, "a number of lights", 1, 1 << 20), cutoff=0.0, cull=self.cull,
-            interleave=self.interleave, visibility=self.visibility,
+            vpls=count_of(setting, "a number of lights", 1, 1 << 20),
+            cutoff=0.0,
+            cull=self.cull,
+            interleave=self.interleave,
+            visibility=self.visibility,
         )
         return vpl_subject(context, params, solid=self.solid)
 
@@ -75,8 +78,7 @@ class VplsByCut(Own):
         percent = count_of(setting.removesuffix("-percent"), "N-percent, N a number", 1, 10_000)
         diagonal = float(np.linalg.norm(np.ptp(context.view.scene.bounds, axis=0)))
         params = VplSplatParams(
-            cutoff=0.01 * percent, unit_distance=0.1 * diagonal, cull=self.cull,
-            restore=self.restore, refine=0.0,
+            cutoff=0.01 * percent, unit_distance=0.1 * diagonal, cull=self.cull, restore=self.restore, refine=0.0
         )
         subject = vpl_subject(context, params)
 
@@ -99,26 +101,17 @@ def vpl_subject(context: Context, params: VplSplatParams, *, solid: bool = False
     pixels = context.size[0] * context.size[1]
 
     def image() -> NDArray[np.float32]:
-        return lit(
-            context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene)
-        )
+        return lit(context, maps, lambda rsms: technique.run(view.draw(), rsms=rsms, scene=scene))
 
     truths: dict[str, Callable[[], Truth]] = {"world": context.bounce}
     if not params.visibility:
         truths["assumption"] = context.unblocked_bounce
     return Subject(
-        run=image,
-        image=image,
-        quantity="bounce",
-        moved=pixels * PIXEL_BYTES,
-        truths=truths,
-        counted=counted(view),
+        run=image, image=image, quantity="bounce", moved=pixels * PIXEL_BYTES, truths=truths, counted=counted(view)
     )
 
 
-def lit(
-    context: Context, maps: DrawnMaps, shine: Callable[[Sequence[DeviceRsm]], Plane]
-) -> NDArray[np.float32]:
+def lit(context: Context, maps: DrawnMaps, shine: Callable[[Sequence[DeviceRsm]], Plane]) -> NDArray[np.float32]:
     """Draw a view's maps; return the irradiance [rows, columns, 3] that `shine` makes of them."""
     with context.runtime.frame():
         rsms = maps.reflective()

@@ -33,7 +33,11 @@ Terms = dict[str, NDArray[np.float64]]
 NOTHING, EDGES = "nothing", "edges (pixel filter)"
 NOISE = "all of it, noise of the reference aside"
 DIRECT, SKY, EMISSION, FIRST, LATER, GLOSSY = (
-    "direct light and its shadows", "sky", "emission", "bounce 1", "later bounces",
+    "direct light and its shadows",
+    "sky",
+    "emission",
+    "bounce 1",
+    "later bounces",
     "glossy surfaces",
 )
 
@@ -64,8 +68,7 @@ def ablation(
     paths: int = 256,
     progress: Progress = lambda text, share: None,
 ) -> list[Replaced]:
-    """Return the errors of a frame as it is, with each term replaced, and with none but the noise.
-    """
+    """Return the errors of a frame as it is, with each term replaced, and with none but the noise."""
     told = reference(view, size, paths, progress)
     expected = told.mean.astype(np.float64)
     seen = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime)
@@ -104,14 +107,14 @@ def _glossy(seen: GBuffer) -> NDArray[np.bool_]:
 
 
 def _apart(terms: Terms, glossy: NDArray[np.bool_]) -> Terms:
-    """Return the terms without these pixels, whose light is a term of its own, pixel filter aside.
-    """
+    """Return the terms without these pixels, whose light is a term of its own, pixel filter aside."""
     if not glossy.any():
         return terms
     light = {term: value for term, value in terms.items() if term != EDGES}
     return {
         **{term: np.where(glossy, 0.0, value) for term, value in light.items()},
-        GLOSSY: np.where(glossy, sum(light.values()), 0.0), EDGES: terms[EDGES],
+        GLOSSY: np.where(glossy, sum(light.values()), 0.0),
+        EDGES: terms[EDGES],
     }
 
 
@@ -127,16 +130,13 @@ def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
     return found
 
 
-def _true_terms(
-    view: BuiltinScene, size: Size, seen: GBuffer, paths: int, progress: Progress
-) -> Terms:
+def _true_terms(view: BuiltinScene, size: Size, seen: GBuffer, paths: int, progress: Progress) -> Terms:
     camera = view.camera(size[1], size[0])
 
     def made(scene: Scene, lights: tuple[Light, ...], bounces: Any) -> NDArray[np.float64]:
         title = f"{bounces} bounces of {len(lights)} lights, {view.name}"
         return truth.radiance(
-            scene, camera, lights, paths, bounces,
-            progress=lambda share: progress(title, share),
+            scene, camera, lights, paths, bounces, progress=lambda share: progress(title, share)
         ).mean.astype(np.float64)
 
     parts = _parts(view)
@@ -155,15 +155,12 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
     camera = view.camera(size[1], size[0])
 
     def made(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
-        found = render(
-            scene, camera, lights, outputs=("radiance",), runtime=runtime, **options
-        )
+        found = render(scene, camera, lights, outputs=("radiance",), runtime=runtime, **options)
         return found.radiance.astype(np.float64)
 
     def unreflected(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
         found = render(
-            scene, camera, lights, outputs=("radiance", "ao", "indirect", "gbuffer"),
-            runtime=runtime, **options,
+            scene, camera, lights, outputs=("radiance", "ao", "indirect", "gbuffer"), runtime=runtime, **options
         )
         seen = found.gbuffer
         if found.indirect is None or seen is None:
@@ -175,8 +172,7 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
 
     whole = dict(mode.options)
     direct = {
-        term: unreflected(*part, whole) if mode.direct is None
-        else made(*part, {**whole, **mode.direct})
+        term: unreflected(*part, whole) if mode.direct is None else made(*part, {**whole, **mode.direct})
         for term, part in _parts(view).items()
     }
     every = made(view.scene, view.lights, whole)
@@ -184,6 +180,4 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
     once = every
     if mode.one_bounce is not None:
         once = made(view.scene, view.lights, {**whole, **mode.one_bounce})
-    return {
-        **direct, FIRST: once - straight, LATER: every - once, EDGES: np.zeros_like(every),
-    }
+    return {**direct, FIRST: once - straight, LATER: every - once, EDGES: np.zeros_like(every)}

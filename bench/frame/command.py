@@ -32,33 +32,74 @@ from .modes import DEFAULT, MODES
 
 
 @click.command("frame")
-@click.option("--scene", "scenes", multiple=True, metavar="NAME|FILE",
-              help="A built-in scene, a mesh or a view, as of `ssgi bench`; several times. By "
-              "default all that are built in, and with --meshes each mesh of the folder.")
+@click.option(
+    "--scene",
+    "scenes",
+    multiple=True,
+    metavar="NAME|FILE",
+    help="A built-in scene, a mesh or a view, as of `ssgi bench`; several times. By "
+    "default all that are built in, and with --meshes each mesh of the folder.",
+)
 @meshes_option
-@click.option("--size", type=PixelSize(), default="800x600", show_default=True,
-              help="Of the image in pixels.")
+@click.option("--size", type=PixelSize(), default="800x600", show_default=True, help="Of the image in pixels.")
 @device_option
-@click.option("--mode", "modes", multiple=True, type=click.Choice(list(MODES)),
-              help="Of our frames; several times, by default all.")
-@click.option("--samples", multiple=True, type=click.IntRange(1, 4096),
-              default=mitsuba_frame.SAMPLES, show_default=True, help="Per pixel of the path "
-              "tracer that frames are compared with; several times.")
+@click.option(
+    "--mode",
+    "modes",
+    multiple=True,
+    type=click.Choice(list(MODES)),
+    help="Of our frames; several times, by default all.",
+)
+@click.option(
+    "--samples",
+    multiple=True,
+    type=click.IntRange(1, 4096),
+    default=mitsuba_frame.SAMPLES,
+    show_default=True,
+    help="Per pixel of the path tracer that frames are compared with; several times.",
+)
 @own_option
-@click.option("--frames", default=5, show_default=True, type=click.IntRange(1, 1000),
-              help="With a moving camera, whose median time is taken.")
-@click.option("--truth-paths", default=1024, show_default=True,
-              type=click.IntRange(2, 1 << 20), help="Paths per pixel of the reference.")
-@click.option("--ablation", "ablate", is_flag=True,
-              help="Replace the terms of our frames by those of the reference, one at a time.")
-@click.option("--strips", type=click.Path(path_type=Path, file_okay=False),
-              help="Write pictures there: frame, reference, error, path tracer, its error.")
+@click.option(
+    "--frames",
+    default=5,
+    show_default=True,
+    type=click.IntRange(1, 1000),
+    help="With a moving camera, whose median time is taken.",
+)
+@click.option(
+    "--truth-paths",
+    default=1024,
+    show_default=True,
+    type=click.IntRange(2, 1 << 20),
+    help="Paths per pixel of the reference.",
+)
+@click.option(
+    "--ablation",
+    "ablate",
+    is_flag=True,
+    help="Replace the terms of our frames by those of the reference, one at a time.",
+)
+@click.option(
+    "--strips",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write pictures there: frame, reference, error, path tracer, its error.",
+)
 @output_option
 @click.option("--markdown", type=click.Path(path_type=Path), help="Write the tables, .md.")
 def frame_command(
-    scenes: tuple[str, ...], meshes: Path | None, size: Size, device: str | None,
-    modes: tuple[str, ...], samples: tuple[int, ...], own: bool, frames: int, truth_paths: int,
-    ablate: bool, strips: Path | None, output: Path | None, markdown: Path | None,
+    scenes: tuple[str, ...],
+    meshes: Path | None,
+    size: Size,
+    device: str | None,
+    modes: tuple[str, ...],
+    samples: tuple[int, ...],
+    own: bool,
+    frames: int,
+    truth_paths: int,
+    ablate: bool,
+    strips: Path | None,
+    output: Path | None,
+    markdown: Path | None,
 ) -> None:
     """Measure whole frames: wall time against FLIP and relative MSE, beside a path tracer.
 
@@ -72,9 +113,7 @@ def frame_command(
     with human_errors():
         runtime = Runtime.open(device)
         names = scenes or [*BUILTIN_SCENES, *(mesh_names(meshes) if meshes else ())]
-        views = [
-            one for view in views_of(names, runtime, meshes).values() for one in variants(view)
-        ]
+        views = [one for view in views_of(names, runtime, meshes).values() for one in variants(view)]
         if strips is not None:
             strips.mkdir(parents=True, exist_ok=True)
         stamp = documents.stamp(runtime)
@@ -83,8 +122,14 @@ def frame_command(
             for view in views:
                 expected = reference(view, size, truth_paths, step)
                 rows, skipped = measure(
-                    view, size, runtime, expected.mean, frames=frames, modes=chosen,
-                    samples=() if own else samples, progress=step,
+                    view,
+                    size,
+                    runtime,
+                    expected.mean,
+                    frames=frames,
+                    modes=chosen,
+                    samples=() if own else samples,
+                    progress=step,
                 )
                 mean = float(expected.mean.mean())
                 noise = float(np.mean(expected.error)) / mean if mean > 0.0 else 0.0
@@ -111,9 +156,7 @@ def frame_command(
 def headline(stamp: dict[str, object]) -> str:
     """Return machine, device and revision in a line."""
     machine, device = (dict(stamp[name]) for name in ("machine", "device"))  # type: ignore[call-overload]
-    return (
-        f"{device['label']}; {machine['cpu']}, {machine['threads']} threads; {stamp['created']}"
-    )
+    return f"{device['label']}; {machine['cpu']}, {machine['threads']} threads; {stamp['created']}"
 
 
 def mesh_names(folder: Path) -> list[str]:

@@ -41,8 +41,7 @@ def frame_error(radiance: Floats, reference: Floats) -> FrameError:
     shown = [srgb_to_linear(encoded(image, exposure)) for image in (value, truth)]
     mean = float(truth.mean())
     return FrameError(
-        metrics.flip(*shown), metrics.mrse(value, truth),
-        float((value - truth).mean()) / mean if mean > 0.0 else 0.0,
+        metrics.flip(*shown), metrics.mrse(value, truth), float((value - truth).mean()) / mean if mean > 0.0 else 0.0
     )
 
 

@@ -73,12 +73,14 @@ def without_emission(scene: Scene) -> Scene:
     return replace(scene, materials=materials)
 
 
-def reference(
-    view: BuiltinScene, size: Size, paths: int, progress: Progress = lambda text, share: None
-) -> Truth:
+def reference(view: BuiltinScene, size: Size, paths: int, progress: Progress = lambda text, share: None) -> Truth:
     """Return the radiance that frames of a view are held to: pixels as boxes, all bounces."""
     return truth.radiance(
-        view.scene, view.camera(size[1], size[0]), view.lights, paths, box_filter=True,
+        view.scene,
+        view.camera(size[1], size[0]),
+        view.lights,
+        paths,
+        box_filter=True,
         progress=lambda share: progress(f"reference of {view.name}", share),
     )
 
@@ -149,8 +151,7 @@ class _Own:
 
     def frame(self, camera: Camera) -> Floats:
         found = render(
-            self._scene, camera, self._view.lights, outputs=("radiance",),
-            runtime=self._runtime, **self._mode.options,
+            self._scene, camera, self._view.lights, outputs=("radiance",), runtime=self._runtime, **self._mode.options
         )
         return found.radiance
 
@@ -168,15 +169,11 @@ class _Path:
 
     def frame(self, camera: Camera) -> Floats:
         if self._made is None:
-            self._made = PathFrames(
-                self._view.scene, self._view.lights, self._samples, denoised=self._denoised
-            )
+            self._made = PathFrames(self._view.scene, self._view.lights, self._samples, denoised=self._denoised)
         return self._made.frame(camera)
 
 
-def _row(
-    name: str, own: bool, maker: Any, view: BuiltinScene, size: Size, expected: Floats, frames: int
-) -> Row:
+def _row(name: str, own: bool, maker: Any, view: BuiltinScene, size: Size, expected: Floats, frames: int) -> Row:
     def timed(step: int) -> tuple[float, Floats]:
         camera = _moved(view, step).camera(size[1], size[0])
         start = time.perf_counter()

@@ -30,10 +30,7 @@ DEFAULT = "default"
 
 MODES: Mapping[str, Mode] = {
     DEFAULT: Mode(one_bounce={"bounces": 1}),
-    **{
-        name: Mode({"preset": name}, one_bounce={"bounces": 1})
-        for name in PRESETS if name != DEFAULT_PRESET
-    },
+    **{name: Mode({"preset": name}, one_bounce={"bounces": 1}) for name in PRESETS if name != DEFAULT_PRESET},
     "direct": Mode({"bounces": 0}, {}),
     "multires": Mode({"indirect": "multires", "layers": 2, "vpls": 4096}, {"indirect": False}),
 }

@@ -55,8 +55,12 @@ def markdown(found: Sequence[SceneResult], stamp: str) -> str:
     lines = [stamp, ""]
     for scene in found:
         rows, columns = scene.size
-        lines += [f"## {scene.scene}, {columns} x {rows}", "",
-                  f"Standard error of the reference: {100 * scene.noise:.1f} % of its mean.", ""]
+        lines += [
+            f"## {scene.scene}, {columns} x {rows}",
+            "",
+            f"Standard error of the reference: {100 * scene.noise:.1f} % of its mean.",
+            "",
+        ]
         if scene.rows:
             lines += _table(HEADINGS, [_cells(row) for row in scene.rows])
             lines += [f"**{verdict(scene.rows).text}**", ""]

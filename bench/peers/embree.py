@@ -48,15 +48,11 @@ class Rays:
         self._tree = context.shared("embreex's rays", lambda: Tree(context.view.scene))
         self._size = context.size
         self._rays = rays
-        self._curve = Settings.of(
-            context.radius, rays, "cosine", context.truths.attenuation, None, SEED, False
-        ).curve
+        self._curve = Settings.of(context.radius, rays, "cosine", context.truths.attenuation, None, SEED, False).curve
         every = slice(0, context.size[0])
         spots = self._tree.spots(context.camera, every, context.host_gbuffer)
         self._pixel = spots.pixel
-        number = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2) + np.arange(
-            2, dtype=np.uint64
-        )[:, None]
+        number = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2) + np.arange(2, dtype=np.uint64)[:, None]
         shift, point = hashed(number, SEED), r2_points(0, rays)
         u, v = (wrapped(point[:, axis, None, None] + shift[axis]) for axis in (0, 1))
         way = directions(u, v, basis(spots.axis), "cosine")[:, 0]

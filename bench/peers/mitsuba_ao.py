@@ -22,11 +22,7 @@ from .mitsuba_rays import VARIANT, Estimator
 
 Floats = NDArray[np.float32]
 
-BLURS = {
-    1: BilateralParams(radius=8, normal_sigma=0.7),
-    4: BilateralParams(radius=5),
-    16: BilateralParams(radius=2),
-}
+BLURS = {1: BilateralParams(radius=8, normal_sigma=0.7), 4: BilateralParams(radius=5), 16: BilateralParams(radius=2)}
 """The blur for as many rays a pixel and more: of radii 2 to 8 px and sigmas .3 to 1 those of the
 least mean error on `REPORTED`, though our own techniques are tuned on other scenes."""
 
@@ -109,9 +105,7 @@ class MitsubaAo:
         )
 
 
-def blurred(
-    context: Context, cast: Callable[[], Floats], params: BilateralParams
-) -> Callable[[], Floats]:
+def blurred(context: Context, cast: Callable[[], Floats], params: BilateralParams) -> Callable[[], Floats]:
     """Return what casts rays, blurs the result on the device and gives it as an image."""
     noisy = context.runtime.plane(1, context.size)
     blur = Bilateral(context.runtime, context.size, params)

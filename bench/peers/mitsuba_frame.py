@@ -42,9 +42,7 @@ class PathFrames:
         denoised: whether Intel's denoiser follows.
     """
 
-    def __init__(
-        self, scene: Scene, lights: Sequence[Light], samples: int, *, denoised: bool
-    ) -> None:
+    def __init__(self, scene: Scene, lights: Sequence[Light], samples: int, *, denoised: bool) -> None:
         self._samples, self._denoised = samples, denoised
         # `path` takes what is seen through for opaque on the way from a light.
         kind = "volpath" if scene.is_seen_through else "path"
@@ -82,8 +80,5 @@ class PathFrames:
         return clean
 
     def _rendered(self, mi: Any, integrator: Any, samples: int) -> Floats:
-        image = mi.render(
-            self._world.scene, sensor=self._sensor, integrator=integrator, spp=samples,
-            seed=self._seed,
-        )
+        image = mi.render(self._world.scene, sensor=self._sensor, integrator=integrator, spp=samples, seed=self._seed)
         return np.array(image, np.float32)

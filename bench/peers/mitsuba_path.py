@@ -38,9 +38,7 @@ class MitsubaPath:
         if not context.punctual_lights:
             raise ValueError(f"{view.name} has no light: expected at least one")
         with within(VARIANT):
-            tracer = context.shared(
-                "Mitsuba's paths", lambda: OneBounce(view.scene, context.punctual_lights, VARIANT)
-            )
+            tracer = context.shared("Mitsuba's paths", lambda: OneBounce(view.scene, context.punctual_lights, VARIANT))
             estimator = Estimator(context, tracer, paths)
         run = estimator.mean
         if self.denoised:

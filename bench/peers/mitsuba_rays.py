@@ -26,6 +26,7 @@ VARIANT = "llvm_ad_rgb"
 SEED = 1 << 33
 """Of random numbers: no pass of a reference has it, nor a pair that begins with it."""
 
+
 def missing(*, denoised: bool = False) -> str:
     """Return why Mitsuba can't run vectorised on the CPU here, or the denoiser; "" if they can."""
     why = missing_package("mitsuba", "truth")
@@ -44,9 +45,7 @@ class Estimator:
         scalar: whether an estimate is one number, not a colour.
     """
 
-    def __init__(
-        self, context: Context, tracer: PathTracer, paths: int, *, scalar: bool = False
-    ) -> None:
+    def __init__(self, context: Context, tracer: PathTracer, paths: int, *, scalar: bool = False) -> None:
         self._tracer = tracer
         self._scalar = scalar
         self._size = context.size
@@ -60,10 +59,7 @@ class Estimator:
             count = tracer.numbers + tracer.sky_numbers
             self._steps = [round(2**32 * step) for step in r_points(0, 1, count)[0]]
             random = np.random.default_rng(SEED)
-            shifts = [
-                mi.UInt32(random.integers(2**32, size=context.seen.size, dtype=np.uint32))
-                for _ in range(count)
-            ]
+            shifts = [mi.UInt32(random.integers(2**32, size=context.seen.size, dtype=np.uint32)) for _ in range(count)]
             # Not a constant of the code, which then serves any number.
             last = tracer.dr.opaque(mi.UInt32, paths)
             tracer.dr.eval(seen, shifts)

@@ -96,11 +96,7 @@ class PyrenderFamily:
         """Upload the scene and compile the shaders."""
         name = checks.choice("setting", setting, self.SETTINGS)
         frames = Frames(context.view.scene, context.camera, name)
-        return Subject(
-            run=frames.draw,
-            on_device=False,
-            note="four samples a pixel, read back",
-        )
+        return Subject(run=frames.draw, on_device=False, note="four samples a pixel, read back")
 
 
 def _closed(renderer: Any) -> None:

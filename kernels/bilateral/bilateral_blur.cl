@@ -57,8 +57,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         }
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int at_x = x + params.margin_columns;
     const int at_y = y + params.margin_rows;
 #if BLUR_SHAPE == 0
@@ -77,13 +76,11 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         const int row = min(y + r, size.y - 1);
         const int at_row = row + params.margin_rows;
         const vfloat own = ssgi_load(linear, whole, 0, at_x, at_row);
-        fit[r] = ssgi_fit_of(camera, v_to_float(v_iota() + at_x) + 0.5f,
-                             v_splat((float)at_row + 0.5f),
-                             v_select(v_splat(1.0f), own, v_lt(own, v_splat(INFINITY))),
-                             ssgi_load(normal, whole, 0, at_x, at_row),
-                             ssgi_load(normal, whole, 1, at_x, at_row),
-                             ssgi_load(normal, whole, 2, at_x, at_row), params.depth_scale,
-                             params.normal_scale);
+        fit[r] = ssgi_fit_of(
+            camera, v_to_float(v_iota() + at_x) + 0.5f, v_splat((float)at_row + 0.5f),
+            v_select(v_splat(1.0f), own, v_lt(own, v_splat(INFINITY))),
+            ssgi_load(normal, whole, 0, at_x, at_row), ssgi_load(normal, whole, 1, at_x, at_row),
+            ssgi_load(normal, whole, 2, at_x, at_row), params.depth_scale, params.normal_scale);
         off_left[r] = v_fma(v_splat((float)-reach), fit[r].off_x, fit[r].off);
         total[r] = v_splat(1.0f);
 #pragma unroll
@@ -92,8 +89,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         }
     }
     // Beside the image, linear is INFINITY unless there is a margin; value is nothing in any case.
-    const bool cut = params.margin_columns > 0 &&
-                     (x < reach || x + SSGI_LANES + reach > size.x);
+    const bool cut = params.margin_columns > 0 && (x < reach || x + SSGI_LANES + reach > size.x);
 
     for (int dy = first; dy <= last; ++dy) {
         vfloat off[BLUR_ROWS];
@@ -121,8 +117,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
                     near * ssgi_fit_weight(ssgi_fit(fit[r], off[r], u, mx, my, mz));
 #pragma unroll
                 for (int c = 0; c < BLUR_COUNT; ++c) {
-                    sum[r][c] =
-                        v_fma(weight, ssgi_load(value, size, c, x + dx, y + dy), sum[r][c]);
+                    sum[r][c] = v_fma(weight, ssgi_load(value, size, c, x + dx, y + dy), sum[r][c]);
                 }
                 total[r] = total[r] + weight;
                 off[r] = off[r] + fit[r].off_x;
@@ -134,8 +129,7 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         if (y + r >= size.y) {
             return;
         }
-        const vmask there =
-            v_lt(ssgi_load(linear, whole, 0, at_x, at_y + r), v_splat(INFINITY));
+        const vmask there = v_lt(ssgi_load(linear, whole, 0, at_x, at_y + r), v_splat(INFINITY));
 #pragma unroll
         for (int c = 0; c < BLUR_COUNT; ++c) {
             const vfloat own = ssgi_load(value, size, c, x, y + r);

@@ -36,8 +36,8 @@
 // Cover the sectors of a slice that surfaces of all layers hide, layer by layer on each side, from
 // near to far; layers behind the first are read at every so-many-th tap.
 SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
-                               const SsgiSlice *slice, const float centre,
-                               const SliceParams params, BitmaskSurfaces *surfaces)
+                               const SsgiSlice *slice, const float centre, const SliceParams params,
+                               BitmaskSurfaces *surfaces)
 {
     SsgiTaps taps;
     BitmaskPath path;
@@ -95,8 +95,8 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, const SsgiReceiver *receiv
 __kernel void bitmask_ao(ssgi_plane inv_depth, ssgi_plane normal,
                          __global const float *restrict table,
                          ssgi_optional __global const int *restrict tiles,
-                         __global float *restrict visibility,
-                         const int2 size, const SsgiCamera camera, const SliceParams params)
+                         __global float *restrict visibility, const int2 size,
+                         const SsgiCamera camera, const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
     if (!item.inside) {

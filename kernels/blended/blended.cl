@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // blended: layers that are seen through, nearest first, over what is behind them all.
 //
-// The share `opacity` of a layer sends its radiance to the eye, dimmed by all layers before it; each
-// dims what is behind by what it lets through (Porter and Duff 1984, "over", by colours).
+// The share `opacity` of a layer sends its radiance to the eye, dimmed by all layers before it;
+// each dims what is behind by what it lets through (Porter and Duff 1984, "over", by colours).
 //
 // Reads:   radiance     3 x [rows, columns] of the layer, or of what is behind all (BLENDED_STEP 2)
 //          opacity      [rows, columns] of the layer, in [0, 1] (BLENDED_STEP 0, 1)
@@ -21,10 +21,10 @@
 
 __kernel void blended(ssgi_plane radiance,
 #if BLENDED_STEP < 2
-                          ssgi_plane opacity, ssgi_plane transmitted,
+                      ssgi_plane opacity, ssgi_plane transmitted,
 #endif
-                          __global float *restrict over, __global float *restrict through,
-                          const int2 size)
+                      __global float *restrict over, __global float *restrict through,
+                      const int2 size)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

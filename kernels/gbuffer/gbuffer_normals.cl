@@ -25,7 +25,9 @@
 #error "GBUFFER_GIVEN must be defined by the host"
 #endif
 
-typedef struct { vfloat x, y, z; } Vector;
+typedef struct {
+    vfloat x, y, z;
+} Vector;
 
 static inline Vector view_position(const SsgiCamera camera, const vfloat x, const float y,
                                    const vfloat depth)
@@ -90,10 +92,9 @@ __kernel void gbuffer_normals(ssgi_plane depth,
 #if GBUFFER_GIVEN == 1
                               ssgi_plane normal,
 #endif
-                              __global float *restrict linear,
-                              __global float *restrict normal_view, const int2 size,
-                              const SsgiCamera camera, const GbufferRotation rotation,
-                              const int layer)
+                              __global float *restrict linear, __global float *restrict normal_view,
+                              const int2 size, const SsgiCamera camera,
+                              const GbufferRotation rotation, const int layer)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -135,8 +136,7 @@ __kernel void gbuffer_normals(ssgi_plane depth,
             const vfloat side = i == 0 ? right : i == 1 ? left : i == 2 ? down : up;
             const vmask has_side = v_lt(side, infinity);
             const vfloat depth_side = v_select(safe, side, has_side);
-            const Vector q =
-                view_position(camera, column + (float)dx, row + (float)dy, depth_side);
+            const Vector q = view_position(camera, column + (float)dx, row + (float)dy, depth_side);
             const int ax = dy != 0 ? 1 : 0;
             const int ay = dx != 0 ? 1 : 0;
             const vfloat ahead = neighbour(depth, size, layer, x + dx + ax, y + dy + ay);
@@ -145,8 +145,8 @@ __kernel void gbuffer_normals(ssgi_plane depth,
                                                row + (float)(dy + ay), ahead, depth_side, 1.0f);
             const Vector to_behind = difference(camera, q, column + (float)(dx - ax),
                                                 row + (float)(dy - ay), behind, depth_side, -1.0f);
-            const Vector d = smaller(to_ahead, v_lt(ahead, infinity), to_behind,
-                                     v_lt(behind, infinity));
+            const Vector d =
+                smaller(to_ahead, v_lt(ahead, infinity), to_behind, v_lt(behind, infinity));
             const vmask has_any = has_side & (v_lt(ahead, infinity) | v_lt(behind, infinity));
             if (i < 2) {
                 const vmask take = has_any & no_v;
@@ -170,8 +170,12 @@ __kernel void gbuffer_normals(ssgi_plane depth,
     const vfloat size_v = v_max(v_max(v_abs(dv.x), v_abs(dv.y)), v_abs(dv.z));
     const vfloat scale_u = 1.0f / v_max(size_u, v_splat(1e-37f));
     const vfloat scale_v = 1.0f / v_max(size_v, v_splat(1e-37f));
-    du.x = du.x * scale_u; du.y = du.y * scale_u; du.z = du.z * scale_u;
-    dv.x = dv.x * scale_v; dv.y = dv.y * scale_v; dv.z = dv.z * scale_v;
+    du.x = du.x * scale_u;
+    du.y = du.y * scale_u;
+    du.z = du.z * scale_u;
+    dv.x = dv.x * scale_v;
+    dv.y = dv.y * scale_v;
+    dv.z = dv.z * scale_v;
     Vector g = {dv.y * du.z - dv.z * du.y, dv.z * du.x - dv.x * du.z, dv.x * du.y - dv.y * du.x};
     const vfloat squared = g.x * g.x + g.y * g.y + g.z * g.z;
     const vmask flat = v_lt(squared, v_splat(1e-30f));

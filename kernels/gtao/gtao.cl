@@ -59,9 +59,8 @@ SSGI_INLINE vfloat gtao_rise(const SsgiReceiver *receiver, const SsgiSlice *slic
     const vfloat low = gtao_cosine(edge);
     const vfloat scale = ssgi_scale(receiver, tap->f);
     const vfloat depth = tap->f / (receiver->radius * scale);
-    const vfloat distance =
-        v_sqrt(v_fma(depth * depth, v_splat(params.thin),
-                     ssgi_squared_radii(receiver, tap->f, tap->outside)));
+    const vfloat distance = v_sqrt(v_fma(depth * depth, v_splat(params.thin),
+                                         ssgi_squared_radii(receiver, tap->f, tap->outside)));
     const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
     const vfloat rise = v_max(tap->rise, v_splat(0.0f)) * slice->steepness;
     return (gtao_cosine(edge + v_min(rise, v_splat(SLICES_STEEPEST))) - low) * weight;
@@ -86,8 +85,8 @@ SSGI_INLINE void gtao_hide(const SsgiSlice *slice, const int side, const vfloat 
     const vfloat cubes = v_fma(cosine * cosine, cosine, -(low * low * low));
     const vfloat across = v_fma(high * high, high, -(sine * sine * sine));
     const vfloat up = v_fma(slice->cos_normal, cubes, sin_normal * across);
-    const vfloat along = v_fma(slice->cos_normal, across,
-                               sin_normal * v_fma(cosine - low, v_splat(3.0f), -cubes));
+    const vfloat along =
+        v_fma(slice->cos_normal, across, sin_normal * v_fma(cosine - low, v_splat(3.0f), -cubes));
     const vfloat zero = v_splat(0.0f);
     found->up = found->up + v_select(zero, up, rises);
     found->along = found->along + v_select(zero, side == 0 ? along : -along, rises);
@@ -137,8 +136,8 @@ SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const 
 // Find the fraction that slices of this radius (a length) find occluded, and with GTAO_BENT the
 // bend.
 SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
-                           const SsgiPattern *pattern, const float radius,
-                           const SliceParams params, vfloat images[GTAO_IMAGES])
+                           const SsgiPattern *pattern, const float radius, const SliceParams params,
+                           vfloat images[GTAO_IMAGES])
 {
     vfloat whole = v_splat(SLICES_TINY);
 #pragma unroll
@@ -193,8 +192,8 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 
 __kernel void gtao(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict visibility,
-                   const int2 size, const SsgiCamera camera, const SliceParams params)
+                   __global float *restrict visibility, const int2 size, const SsgiCamera camera,
+                   const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
     if (!item.inside) {

@@ -3,7 +3,8 @@
 //
 // The mean unoccluded direction lies above the surface: where so little is open that noise puts it
 // below, it is raised until its cosine to the normal is `least` times its length before.
-// Reads:   scanned  4 x [rows, columns] A and the bend in view space, from gtao or ssdo_bitmask, perhaps
+// Reads:   scanned  4 x [rows, columns] A and the bend in view space, from gtao or ssdo_bitmask,
+// perhaps
 //                   blurred; further images are not read
 //          normal   3 x [rows, columns] with margin, view space, unit length; 0 where nothing is
 // Writes:  bent     4 x [rows, columns] A and the bent normal in world space; 0 where nothing is

@@ -35,7 +35,7 @@ typedef struct {
     vfloat horizon[2]; // sine of its elevation
     vfloat hidden;     // by this slice
     vfloat could_hide;
-    vfloat fade;       // change of W per SsgiPairTap.outside over scale^2
+    vfloat fade; // change of W per SsgiPairTap.outside over scale^2
 } HbaoHorizons;
 
 // Both at the tangent plane plus the bias.
@@ -61,8 +61,7 @@ SSGI_INLINE HbaoHorizons hbao_begin(const SsgiReceiver *receiver, const SsgiSlic
             const vmask upright = v_gt(tangent, v_splat(params.bias_cos));
             at.horizon[side] = v_select(raised, one, upright);
             // sin bias / (cos tangent cos raised) is how much the cotangent grows by the bias.
-            const vfloat grown =
-                params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
+            const vfloat grown = params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
             at.rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
         }
         at.could_hide = at.could_hide + (one - at.horizon[side]);
@@ -145,8 +144,8 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 
 __kernel void hbao(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
                    ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict visibility,
-                   const int2 size, const SsgiCamera camera, const SliceParams params)
+                   __global float *restrict visibility, const int2 size, const SsgiCamera camera,
+                   const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
     if (!item.inside) {

@@ -22,32 +22,32 @@
 #include "raster/quads.clh"
 #include "shade/ambient.clh"
 
-#if !defined(LAYERS_LIGHTS) || !defined(LAYERS_AMBIENT) || !defined(LAYERS_VISIBILITY) ||                      \
-    !defined(LAYERS_EMISSION) || !defined(LAYERS_RECORDS) || !defined(LAYERS_STEP) ||                       \
+#if !defined(LAYERS_LIGHTS) || !defined(LAYERS_AMBIENT) || !defined(LAYERS_VISIBILITY) ||          \
+    !defined(LAYERS_EMISSION) || !defined(LAYERS_RECORDS) || !defined(LAYERS_STEP) ||              \
     !defined(AMBIENT_SIZE)
 #error "LAYERS_LIGHTS, _AMBIENT, _VISIBILITY, _EMISSION, _RECORDS, _STEP,
-AMBIENT_SIZE must be defined"
+AMBIENT_SIZE must be defined "
 #endif
 
-__kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
+    __kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albedo,
 #if LAYERS_EMISSION
-                         ssgi_plane emission,
+                                ssgi_plane emission,
 #endif
 #if LAYERS_LIGHTS
-                         ssgi_plane punctual_lights,
+                                ssgi_plane punctual_lights,
 #endif
 #if LAYERS_VISIBILITY
-                         ssgi_plane visibility,
+                                ssgi_plane visibility,
 #endif
 #if LAYERS_AMBIENT
-                         __global const float *restrict ambient,
+                                __global const float *restrict ambient,
 #endif
 #if LAYERS_RECORDS
-                         __global int *restrict records,
+                                __global int *restrict records,
 #else
-                         __global float *restrict radiance,
+                            __global float *restrict radiance,
 #endif
-                         const int2 size, const LitParams params)
+                                const int2 size, const LitParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -77,14 +77,16 @@ __kernel void layer_shading(ssgi_plane depth, ssgi_plane normal, ssgi_plane albe
 #if LAYERS_VISIBILITY
     // The nearest pixel that has one; the margin takes the border's.
     const int2 open_size = (int2)(params.open_columns, params.open_rows);
-    const vint column = (v_iclamp(v_iota() + (x - params.margin_columns), 0,
-                                  open_size.x * LAYERS_STEP - 1) + (LAYERS_STEP / 2)) / LAYERS_STEP;
-    const int row = (clamp(y - params.margin_rows, 0,
-                           open_size.y * LAYERS_STEP - 1) + LAYERS_STEP / 2) /
-                    LAYERS_STEP;
-    const vfloat a = ssgi_gather(visibility, open_size, 0,
-                                 v_imin(column, v_splat_int(open_size.x - 1)),
-                                 v_splat_int(min(row, open_size.y - 1)));
+    const vint column =
+        (v_iclamp(v_iota() + (x - params.margin_columns), 0, open_size.x * LAYERS_STEP - 1) +
+         (LAYERS_STEP / 2)) /
+        LAYERS_STEP;
+    const int row =
+        (clamp(y - params.margin_rows, 0, open_size.y * LAYERS_STEP - 1) + LAYERS_STEP / 2) /
+        LAYERS_STEP;
+    const vfloat a =
+        ssgi_gather(visibility, open_size, 0, v_imin(column, v_splat_int(open_size.x - 1)),
+                    v_splat_int(min(row, open_size.y - 1)));
 #endif
 #endif
     vfloat sent[3];

@@ -20,12 +20,12 @@
 
 #include "shade/light.clh"
 
-#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LIGHT_TAPS) ||                          \
+#if !defined(SHADE_KIND) || !defined(SHADE_ADD) || !defined(LIGHT_TAPS) ||                         \
     !defined(LIGHT_LAYERS) || !defined(LIGHT_THICKNESS)
 #error "SHADE_KIND, SHADE_ADD, LIGHT_TAPS, _LAYERS and _THICKNESS must be defined by the host"
 #endif
 
-#define LIGHT_ONSET 50.0f     // per radius
+#define LIGHT_ONSET 50.0f      // per radius
 #define LIGHT_NEAREST_TAP 1.3f // px: at any angle it lies in another pixel than the receiver
 
 // Part of the way's image up to the border of the arrays, from c with a change of d.
@@ -38,12 +38,12 @@ static inline vfloat light_inside(const vfloat c, const vfloat d, const int size
 
 __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
 #if LIGHT_THICKNESS
-                           ssgi_plane thickness,
+                            ssgi_plane thickness,
 #endif
-                           __global const float *restrict tile,
-                           __global float *restrict irradiance, const int2 size,
-                           const SsgiCamera camera, const LightParams light,
-                           const LightShadowParams params)
+                            __global const float *restrict tile,
+                            __global float *restrict irradiance, const int2 size,
+                            const SsgiCamera camera, const LightParams light,
+                            const LightShadowParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -72,12 +72,12 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
         const vfloat b = punctual_light.x * punctual_light.y * a;
         const vfloat reach = v_min(v_splat(params.radius), punctual_light.distance);
         const vfloat far = SHADE_KIND == 2 ? reach : reach / punctual_light.distance;
-        const vfloat length = v_max(SHADE_KIND == 2 ? one : punctual_light.distance,
-                                    v_splat(1e-18f));
-        const vfloat ux = v_fma(u, v_fma(sign * punctual_light.x, punctual_light.x * a, one),
-                                v * b);
-        const vfloat uy = v_fma(u, sign * b, v * v_fma(punctual_light.y, punctual_light.y * a,
-                                                       sign));
+        const vfloat length =
+            v_max(SHADE_KIND == 2 ? one : punctual_light.distance, v_splat(1e-18f));
+        const vfloat ux =
+            v_fma(u, v_fma(sign * punctual_light.x, punctual_light.x * a, one), v * b);
+        const vfloat uy =
+            v_fma(u, sign * b, v * v_fma(punctual_light.y, punctual_light.y * a, sign));
         const vfloat uz = -v_fma(u, sign * punctual_light.x, v * punctual_light.y);
         const vfloat wx = v_fma(punctual_light.x, length, ux) * far;
         const vfloat wy = v_fma(punctual_light.y, length, uy) * far;
@@ -91,8 +91,8 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
         const vfloat dy = ssgi_row(camera, v_fma(wy, kept, py) * end_k) - own_row;
         const vfloat square = v_max(v_fma(dx, dx, dy * dy), v_splat(1e-12f));
         const vfloat nearest = LIGHT_NEAREST_TAP * v_rsqrt(square);
-        const vfloat most = v_min(one, v_min(light_inside(own_column, dx, whole.x),
-                                             light_inside(own_row, dy, whole.y)));
+        const vfloat most = v_min(
+            one, v_min(light_inside(own_column, dx, whole.x), light_inside(own_row, dy, whole.y)));
         const vfloat span = (most - nearest) * (1.0f / (float)LIGHT_TAPS);
         const vmask marched = lit & v_gt(span, zero);
         // linear runs straight along the way's image.
@@ -133,9 +133,9 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
                 const vmask within = v_gt(qz, seen) & v_lt(qz, back);
                 const vfloat front = v_select(z, seen, within);
                 const vfloat front_k = ssgi_k(camera, front);
-                const vfloat above = v_fma(nx * slope_x, front_k,
-                                           v_fma(ny * slope_y, front_k, -(nz * front))) -
-                                     floor_height;
+                const vfloat above =
+                    v_fma(nx * slope_x, front_k, v_fma(ny * slope_y, front_k, -(nz * front))) -
+                    floor_height;
                 // Both tests set in over a fiftieth of a radius: a rounding changes little.
                 const vfloat share = v_min(v_min(qz - front, above) * onset, one);
                 shadow = v_max(shadow, v_select(zero, share, within & marched));

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // cluster_means: what stands for the lights of each cluster of 4, 16 and 64.
 //
-// Method:  Walter et al. 2005, "Lightcuts", with the mean of position, normal and area in place of a
+// Method:  Walter et al. 2005, "Lightcuts", with the mean of position, normal and area in place of
+// a
 //          representative light's: then errors of first order cancel. The mean normal isn't
 //          scaled to unit length, so that the light towards any far point where no light of the
 //          cluster is seen from behind is that of its lights.
@@ -15,7 +16,7 @@
 #include "multires/cluster.clh"
 
 __kernel void cluster_means(__global float *restrict records, __global float *restrict bounds,
-                           const int2 size, const VplParams params, const int total)
+                            const int2 size, const VplParams params, const int total)
 {
     const int stride = params.stride;
     const int segment = (int)get_global_id(1);
@@ -42,8 +43,7 @@ __kernel void cluster_means(__global float *restrict records, __global float *re
     for (int i = first; i < end; ++i) {
         __global const float *light = records + i * TREE_RECORD;
         // A light without flux has a little weight, so that there is some.
-        const float own =
-            0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
+        const float own = 0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
         weight += own;
         for (int j = 0; j < 7; ++j) {
             mean[j] += own * light[j];
@@ -72,8 +72,7 @@ __kernel void cluster_means(__global float *restrict records, __global float *re
     int target = -1;
     for (int i = first; i < end; ++i) {
         __global const float *light = records + i * TREE_RECORD;
-        const float own =
-            0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
+        const float own = 0.2126f * light[8] + 0.7152f * light[9] + 0.0722f * light[10] + 1e-20f;
         for (int j = 0; j < 3; ++j) {
             const float off = light[j] - mean[j];
             const float bent = light[4 + j] - mean[4 + j];

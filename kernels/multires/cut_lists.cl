@@ -176,9 +176,9 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
                     count = cut_append(bounds, stride, run, parts + 4 * (run - first), &group,
                                        params.count, shared[run], to, count);
                 } else if (states[run] != CUT_DARK) {
-                    to[count] = shared[run] | (states[run] == CUT_FITS
-                                                   ? tree_first(stride, 2) + run
-                                                   : tree_first(stride, 3) + run / 4);
+                    to[count] =
+                        shared[run] | (states[run] == CUT_FITS ? tree_first(stride, 2) + run
+                                                               : tree_first(stride, 3) + run / 4);
                     count += 1;
                 }
             }

@@ -21,8 +21,8 @@
 #endif
 
 typedef struct {
-    vfloat slope; // MULTIRES_UNKNOWN: neither neighbour fits
-    vfloat second_difference;  // -1: not both fit; 0 where the line ends
+    vfloat slope;             // MULTIRES_UNKNOWN: neither neighbour fits
+    vfloat second_difference; // -1: not both fit; 0 where the line ends
 } MultiresChange;
 
 // Along the line of `before`, `p` and `after`, which ends at p where `ends` is.
@@ -37,15 +37,15 @@ MULTIRES_INLINE MultiresChange multires_change(const MultiresPoint *before, cons
 #pragma unroll
     for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
         const vfloat both = before->value[i] + after->value[i];
-        second_difference = v_max(second_difference, v_abs(v_fma(p->value[i], v_splat(-2.0f),
-                                                                 both)));
+        second_difference =
+            v_max(second_difference, v_abs(v_fma(p->value[i], v_splat(-2.0f), both)));
     }
     const vfloat slope = v_max(v_select(zero, multires_apart(before, p), fits),
                                v_select(zero, multires_apart(p, after), fits_after));
     MultiresChange change;
     change.slope = v_select(v_splat(MULTIRES_UNKNOWN), slope, fits | fits_after);
-    change.second_difference = v_select(v_select(v_splat(-1.0f), zero, ends), second_difference,
-                                        fits & fits_after);
+    change.second_difference =
+        v_select(v_select(v_splat(-1.0f), zero, ends), second_difference, fits & fits_after);
     return change;
 }
 
@@ -82,15 +82,13 @@ __kernel void multires_gradient(ssgi_plane linear, ssgi_plane normal, ssgi_plane
         multires_surface(linear, normal, size, x + beside[i][0], y + beside[i][1], &points[i]);
     }
     const vmask there = v_lt(p->u, v_splat(INFINITY));
-    const SsgiFit fit = ssgi_fit_of(
-        camera, v_to_float(v_iota() + x) + 0.5f, v_splat((float)y + 0.5f),
-        v_select(v_splat(1.0f), p->u, there), p->nx, p->ny, p->nz, params.depth_scale,
-        params.normal_scale);
+    const SsgiFit fit = ssgi_fit_of(camera, v_to_float(v_iota() + x) + 0.5f,
+                                    v_splat((float)y + 0.5f), v_select(v_splat(1.0f), p->u, there),
+                                    p->nx, p->ny, p->nz, params.depth_scale, params.normal_scale);
     vfloat weight[5];
 #pragma unroll
     for (int i = 1; i < 5; ++i) {
-        weight[i] =
-            multires_weight(fit, &points[i], (float)beside[i][0], (float)beside[i][1]);
+        weight[i] = multires_weight(fit, &points[i], (float)beside[i][0], (float)beside[i][1]);
     }
     const vint column = v_iota() + x;
     const vmask ends = v_ieq(column, v_splat_int(0)) | v_ieq(column, v_splat_int(size.x - 1));
@@ -102,9 +100,9 @@ __kernel void multires_gradient(ssgi_plane linear, ssgi_plane normal, ssgi_plane
     ssgi_store(v_select(v_max(right.slope, down.slope), spread, even), gradient, size, 0, x, y,
                0.0f);
     const vmask known =
-        v_ge(v_min(right.second_difference, down.second_difference),
-             v_splat(0.0f)) & ~(ends & ends_down) & ~even;
-    ssgi_store(v_select(v_splat(-1.0f), v_max(right.second_difference, down.second_difference),
-                        known), gradient, size, 1, x, y,
-               0.0f);
+        v_ge(v_min(right.second_difference, down.second_difference), v_splat(0.0f)) &
+        ~(ends & ends_down) & ~even;
+    ssgi_store(
+        v_select(v_splat(-1.0f), v_max(right.second_difference, down.second_difference), known),
+        gradient, size, 1, x, y, 0.0f);
 }

@@ -23,9 +23,9 @@
 //          begins, ends: of the bound, errors at which a point begins to be computed, and at which
 //          nothing else counts
 //          no_second_difference: of the largest difference between corners, the error where no
-//          second difference is known; beyond: of half the slope beyond those that fit, where others don't. Measured
-//          in the hall and the Cornell box: each kind of point then errs as much at an equal
-//          estimate
+//          second difference is known; beyond: of half the slope beyond those that fit, where
+//          others don't. Measured in the hall and the Cornell box: each kind of point then errs as
+//          much at an equal estimate
 // Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item
 // Cost:    7 reads and 3 writes per point of 3 channels
 
@@ -55,8 +55,7 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
                                       ssgi_plane gradient, const int2 coarse, const int x,
                                       const int y, const int odd, const int odd_row,
                                       const vfloat own[4], const int column, const int row,
-                                      const float begins, const float rate,
-                                      const SsgiCamera camera,
+                                      const float begins, const float rate, const SsgiCamera camera,
                                       const MultiresParams params, vfloat *result)
 {
     const vfloat zero = v_splat(0.0f);
@@ -111,16 +110,15 @@ MULTIRES_INLINE vfloat multires_phase(const MultiresPoint corner[4], const vfloa
             const int near = min(y + r, coarse.y - 1);
             const vmask fits = v_gt(weight[i], zero);
             slope = v_max(slope, v_select(zero, ssgi_load(gradient, coarse, 0, x + c, near), fits));
-            second_difference = v_max(second_difference, v_select(v_splat(-1.0f),
-                                                                  ssgi_load(gradient, coarse, 1,
-                                                                            x + c, near),
-                                        fits));
+            second_difference =
+                v_max(second_difference,
+                      v_select(v_splat(-1.0f), ssgi_load(gradient, coarse, 1, x + c, near), fits));
         }
         // Of the straight line between two points, of each line: an eighth of the second difference
         // between neighbours twice as close, thus a sixteenth of theirs where both have the same.
         const vfloat curved = v_min(second_difference * (0.0625f * (float)lines), range * 0.5f);
-        const vfloat straight = v_select(range * params.no_second_difference, curved,
-                                         v_ge(second_difference, zero));
+        const vfloat straight =
+            v_select(range * params.no_second_difference, curved, v_ge(second_difference, zero));
         const vfloat error =
             v_fma(weight_imbalance * 0.5f, v_select(slope * params.beyond, range, all),
                   v_select(zero, straight, all));
@@ -154,8 +152,7 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
     const float most = min(bound[0], MULTIRES_NO_BOUND) * params.scale;
     const float begins = most > 0.0f ? most * params.begins : -1.0f;
     const float rate = 1.0f / max(most * (params.ends - params.begins), FLT_MIN);
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     masks += multires_mask(size, 2 * first, 2 * coarse_y);
 #if SSGI_LANES < 16
     int marks[2] = {0, 0}; // of the one tile
@@ -196,10 +193,9 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                 own[1][i] = phases[1];
             }
             if (odd_row) {
-                share[0] =
-                    multires_phase(corner, below, coarse_gradient, coarse, coarse_x, coarse_y, 0,
-                                   odd_row, own[0], left, top, begins, rate, camera, params,
-                                   result[0]);
+                share[0] = multires_phase(corner, below, coarse_gradient, coarse, coarse_x,
+                                          coarse_y, 0, odd_row, own[0], left, top, begins, rate,
+                                          camera, params, result[0]);
             } else {
                 share[0] = v_splat(0.0f);
 #pragma unroll
@@ -208,9 +204,8 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                 }
             }
             share[1] = multires_phase(corner, odd_row ? all : right, coarse_gradient, coarse,
-                                      coarse_x,
-                                      coarse_y, 1, odd_row, own[1], left + 1, top, begins, rate,
-                                      camera, params, result[1]);
+                                      coarse_x, coarse_y, 1, odd_row, own[1], left + 1, top, begins,
+                                      rate, camera, params, result[1]);
 #pragma unroll
             for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
                 const vfloat phases[2] = {result[0][i], result[1][i]};

@@ -27,7 +27,7 @@
 #include "vpl/grid.clh"
 #include "vpl/light.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_VISIBILITY) ||     \
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_VISIBILITY) || \
     !defined(VPL_GRID) || !defined(SHADE_LINE) || !defined(SHADE_PARTS)
 #error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS, _LINE and _PARTS must be defined"
 #endif
@@ -37,8 +37,8 @@
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
 
 #if VPL_VISIBILITY
-// Record whose target a record's shadow ray goes to: the run of 4^line lights that it belongs to, or
-// itself where it is a longer one.
+// Record whose target a record's shadow ray goes to: the run of 4^line lights that it belongs to,
+// or itself where it is a longer one.
 static inline int shade_run(const int record, const int stride, const int line)
 {
     int level = 0;
@@ -68,8 +68,8 @@ static inline VplCell shade_end(__global const float *restrict records, const in
 {
     __global const float *restrict light =
         records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
-    return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
-                    v_splat(-light[4]), v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
+    return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]), v_splat(-light[4]),
+                    v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
 }
 #endif
 
@@ -90,8 +90,8 @@ static inline void shade_parts(__global const float *restrict parts, const vfloa
 #endif
 
 __kernel void shade_list(__global const int *restrict list, __global const float *restrict samples,
-                         __global const float *restrict records,
-                         __global const int *restrict lists, __global const int *restrict counts,
+                         __global const float *restrict records, __global const int *restrict lists,
+                         __global const int *restrict counts,
 #if SHADE_PARTS
                          __global const float *restrict lights,
 #endif
@@ -113,8 +113,8 @@ __kernel void shade_list(__global const int *restrict list, __global const float
     for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
         const int group = own / SHADE_PIECES;
         const int start = cut.first * CUT_GROUP + own * SHADE_PIECE;
-        __global const float *restrict kept = samples + group * (CUT_SAMPLE * CUT_GROUP) +
-                                              own % SHADE_PIECES * SHADE_PIECE;
+        __global const float *restrict kept =
+            samples + group * (CUT_SAMPLE * CUT_GROUP) + own % SHADE_PIECES * SHADE_PIECE;
         VplReceiver at[SHADE_ROWS];
         vfloat sum[SHADE_ROWS][3];
 #pragma unroll
@@ -127,8 +127,8 @@ __kernel void shade_list(__global const int *restrict list, __global const float
         vmask open[SHADE_ROWS];
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
-            eye[r] = vpl_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box,
-                              params);
+            eye[r] =
+                vpl_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box, params);
             eye[r] = shade_towards(occupancy, eye[r], at[r], camera);
             open[r] = v_splat_int(-1);
         }

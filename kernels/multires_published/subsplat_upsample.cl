@@ -39,11 +39,11 @@ static inline void subsplat_row(ssgi_plane coarse, ssgi_plane fine, const int2 c
     const vfloat f = ssgi_load(fine, size, image, x, row);
     const vfloat f_left = ssgi_load(fine, size, image, x - 1, row);
     const vfloat f_right = ssgi_load(fine, size, image, x + 1, row);
-    taps[0] = v_fma(open[0], v_select(f_left, f, border.first),
-                    v_select(c_left, c, border.parent_first));
+    taps[0] =
+        v_fma(open[0], v_select(f_left, f, border.first), v_select(c_left, c, border.parent_first));
     taps[1] = v_fma(open[1], f, c);
-    taps[2] = v_fma(open[2], v_select(f_right, f, border.last),
-                    v_select(c_right, c, border.parent_last));
+    taps[2] =
+        v_fma(open[2], v_select(f_right, f, border.last), v_select(c_right, c, border.parent_last));
 }
 
 __kernel void subsplat_upsample(ssgi_plane coarse_values, ssgi_plane coarse_fractions,

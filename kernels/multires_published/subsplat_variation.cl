@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// subsplat_variation: the finest level of the min-max mipmap, how depth and normals vary over 3 x 3.
+// subsplat_variation: the finest level of the min-max mipmap, how depth and normals vary over 3
+// x 3.
 //
 // Method:  Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination": depth
-//          variation (largest - least) / own linear depth, least and largest x and y of the normals.
-//          3 x 3 pixels, so that discontinuities between two texels of a coarser level are found.
+//          variation (largest - least) / own linear depth, least and largest x and y of the
+//          normals. 3 x 3 pixels, so that discontinuities between two texels of a coarser level are
+//          found.
 // Departs: the published depth variation has the distance of the far plane as a factor, which here
 //          is part of the threshold.
 // Reads:   depth, normal  the front layer, with margin; scene units, view space
@@ -18,8 +20,7 @@
 // The lanes of a row from column x on and their neighbours left and right, at the image's border
 // the lanes themselves.
 static inline void subsplat_beside(ssgi_plane plane, const int2 whole, const int image, const int x,
-                                   const int y, const vmask first, const vmask last,
-                                   vfloat *beside)
+                                   const int y, const vmask first, const vmask last, vfloat *beside)
 {
     beside[1] = ssgi_load(plane, whole, image, x, y);
     beside[0] = v_select(ssgi_load(plane, whole, image, x - 1, y), beside[1], first);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// probe_gather: a small occlusion-like scan, by which the host times the builds that a device takes.
+// probe_gather: a small occlusion-like scan, by which the host times the builds that a device
+// takes.
 //
 // Reads:   depth  a plane of positive depths, scene units
 // Writes:  result [rows, columns] a sum without meaning

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-// radiosity_first: irradiance of surfels by virtual point lights, a visibility ray for each pair that
-// is listed.
+// radiosity_first: irradiance of surfels by virtual point lights, a visibility ray for each pair
+// that is listed.
 //
-// Rays that several lights share, as in shade_list, err by more than the light indoors where most of
-// the lights are outside in the sun.
-// Reads:   surfels    see surfel.clh
+// Rays that several lights share, as in shade_list, err by more than the light indoors where most
+// of the lights are outside in the sun. Reads:   surfels    see surfel.clh
 //          lights     [lights][SURFEL_RECORD] as in vpl/light.clh, in the space of the surfels
 //          numbers    [groups of FIRST_GROUP surfels][size.y] lights, -1 past the last of a group
 //          weights    [groups][size.y] what each of them counts
@@ -38,23 +37,21 @@ static inline VplCell first_end(__global const float *restrict light,
     end.nx = v_splat(-light[4]);
     end.ny = v_splat(-light[5]);
     end.nz = v_splat(-light[6]);
-    end.x = v_splat(
-        clamp(fma(-light[4], lift, (light[0] - grid_box[0]) * grid_box[3]), 0.0f, most));
-    end.y = v_splat(
-        clamp(fma(-light[5], lift, (light[1] - grid_box[1]) * grid_box[3]), 0.0f, most));
-    end.z = v_splat(
-        clamp(fma(-light[6], lift, (light[2] - grid_box[2]) * grid_box[3]), 0.0f, most));
+    end.x =
+        v_splat(clamp(fma(-light[4], lift, (light[0] - grid_box[0]) * grid_box[3]), 0.0f, most));
+    end.y =
+        v_splat(clamp(fma(-light[5], lift, (light[1] - grid_box[1]) * grid_box[3]), 0.0f, most));
+    end.z =
+        v_splat(clamp(fma(-light[6], lift, (light[2] - grid_box[2]) * grid_box[3]), 0.0f, most));
     return end;
 }
 
-__kernel void radiosity_first(__global const float *restrict surfels,
-                              __global const float *restrict lights,
-                              __global const int *restrict numbers,
-                              __global const float *restrict weights,
-                              __global const int *restrict occupancy,
-                              __global const float *restrict grid_box,
-                              __global float *restrict values, const int2 size, const float lift,
-                              const float gain)
+__kernel void
+radiosity_first(__global const float *restrict surfels, __global const float *restrict lights,
+                __global const int *restrict numbers, __global const float *restrict weights,
+                __global const int *restrict occupancy, __global const float *restrict grid_box,
+                __global float *restrict values, const int2 size, const float lift,
+                const float gain)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // radiosity_gather: light that surfels receive from one another, and send on.
 //
-// Method:  E_i = (1 - s_i) sum_j V_ij F_ij M_j / sum_j V_ij F_ij, F_ij = A_j cos cos / (pi d^2 + A_j)
+// Method:  E_i = (1 - s_i) sum_j V_ij F_ij M_j / sum_j V_ij F_ij, F_ij = A_j cos cos / (pi d^2 +
+// A_j)
 //          with the open part s_i of the hemisphere: form factors to all that a surfel sees sum to
 //          what is not sky, however coarse the surfels are, so that no light is lost in corners.
 //          M = M_e + albedo (E + E_source).
@@ -24,13 +25,11 @@
 #error "VPL_GRID must be defined"
 #endif
 
-__kernel void radiosity_gather(__global const float *restrict surfels,
-                               __global const float *restrict before,
-                               __global const int *restrict visible,
-                               __global const float *restrict sky,
-                               __global const float *restrict source,
-                               __global float *restrict after, __global float *restrict received,
-                               const int2 size, const float most)
+__kernel void
+radiosity_gather(__global const float *restrict surfels, __global const float *restrict before,
+                 __global const int *restrict visible, __global const float *restrict sky,
+                 __global const float *restrict source, __global float *restrict after,
+                 __global float *restrict received, const int2 size, const float most)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;

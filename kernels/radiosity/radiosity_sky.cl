@@ -27,8 +27,8 @@ static inline vfloat sky_leave(const vfloat at, const float way)
 
 __kernel void radiosity_sky(__global const float *restrict surfels,
                             __global const float *restrict directions,
-                            __global const int *restrict occupancy,
-                            __global float *restrict sky, const int2 size)
+                            __global const int *restrict occupancy, __global float *restrict sky,
+                            const int2 size)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -41,8 +41,8 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
     vfloat open = zero, all = zero;
     for (int n = 0; n < size.y; ++n) {
         __global const float *restrict way = directions + n * 8;
-        const vfloat n_dot_l = v_fma(start.nx, v_splat(way[0]),
-                                     v_fma(start.ny, v_splat(way[1]), start.nz * way[2]));
+        const vfloat n_dot_l =
+            v_fma(start.nx, v_splat(way[0]), v_fma(start.ny, v_splat(way[1]), start.nz * way[2]));
         const vmask wanted = v_gt(n_dot_l, zero);
         if (!v_any(wanted)) {
             continue;

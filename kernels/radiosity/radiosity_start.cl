@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // radiosity_start: where the visibility rays of surfels begin: above a part with nothing in front.
 //
-// Rays begin some cells above their surface. Where another surface is closer than that, or in the cell
-// that they begin in, they would begin behind it, or leave through it. So a part is taken that has
-// no triangle in front (exactly: each batch whose box is near is tried) and whose lifted point is in
-// an empty cell, the nearest to the surfel's middle of the first few.
-// Reads:   parts      6 x [16 size.x] positions and normals, nearest to the surfel's middle first
+// Rays begin some cells above their surface. Where another surface is closer than that, or in the
+// cell that they begin in, they would begin behind it, or leave through it. So a part is taken that
+// has no triangle in front (exactly: each batch whose box is near is tried) and whose lifted point
+// is in an empty cell, the nearest to the surfel's middle of the first few. Reads:   parts      6 x
+// [16 size.x] positions and normals, nearest to the surfel's middle first
 //          corners    3 x [size.y triangles, rounded up to 16] vertices
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
 //          boxes      [batches of START_BATCH triangles][6] middle and half size, likewise
@@ -15,9 +15,9 @@
 // Writes:  surfels    SURFEL_START
 //          part       [size.x] number of the part, or -1 where there is none
 // Macros:  VPL_GRID
-// Params:  lift       cells above the surface; shift: of the scene's origin; per_unit: of the surfels
-// Launch:  SSGI_LANES surfels per work-item, one row
-// Cost:    20 operations per surfel and batch, and box of a batch nearby; 50 per surfel and triangle
+// Params:  lift       cells above the surface; shift: of the scene's origin; per_unit: of the
+// surfels Launch:  SSGI_LANES surfels per work-item, one row Cost:    20 operations per surfel and
+// batch, and box of a batch nearby; 50 per surfel and triangle
 //          of a box nearby
 
 #include "common/gbuffer.clh"
@@ -30,8 +30,8 @@
 #error "ssgi_cl/device/constants.py defines START_BATCH, START_FEW"
 #endif
 
-#define START_TRIES 6     // parts
-#define START_NEAR 0.02f  // of the ray, within which a triangle is the surfel's own
+#define START_TRIES 6    // parts
+#define START_NEAR 0.02f // of the ray, within which a triangle is the surfel's own
 
 typedef struct {
     float x, y, z;
@@ -87,17 +87,14 @@ static inline vmask start_near(const vfloat p[3], const vfloat d[3],
     return near;
 }
 
-__kernel void radiosity_start(__global const float *restrict parts,
-                              __global const int *restrict corners,
-                              __global const float *restrict positions,
-                              __global const float *restrict boxes,
-                              __global const float *restrict few,
-                              __global const int *restrict cutouts,
-                              __global const int *restrict occupancy,
-                              __global const float *restrict grid_box,
-                              __global float *restrict surfels, __global int *restrict part,
-                              const int2 size, // (surfels, triangles)
-                              const StartParams params)
+__kernel void
+radiosity_start(__global const float *restrict parts, __global const int *restrict corners,
+                __global const float *restrict positions, __global const float *restrict boxes,
+                __global const float *restrict few, __global const int *restrict cutouts,
+                __global const int *restrict occupancy, __global const float *restrict grid_box,
+                __global float *restrict surfels, __global int *restrict part,
+                const int2 size, // (surfels, triangles)
+                const StartParams params)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -140,8 +137,8 @@ __kernel void radiosity_start(__global const float *restrict parts,
                 if (cutouts[i] >= 0) {
                     continue;
                 }
-                const StartCorner a = start_corner(positions, params.vertex_stride, corners[i],
-                                                   params);
+                const StartCorner a =
+                    start_corner(positions, params.vertex_stride, corners[i], params);
                 const StartCorner b = start_corner(positions, params.vertex_stride,
                                                    corners[triangle_stride + i], params);
                 const StartCorner c = start_corner(positions, params.vertex_stride,

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // radiosity_visibility: which surfels see which, a ray through the occupancy grid for each pair.
 //
-// Pairs of which one does not face the other have no ray. A pair has one ray: words of surfels before
-// the receiver's own word are left to radiosity_mirror.
-// Reads:   surfels    see surfel.clh
+// Pairs of which one does not face the other have no ray. A pair has one ray: words of surfels
+// before the receiver's own word are left to radiosity_mirror. Reads:   surfels    see surfel.clh
 //          records    [size.x][SURFEL_RECORD] position, area, minus the normal, 0, flux, 0
 //          occupancy  see vpl/grid.clh
 // Writes:  visible    [size.y][size.x]: bit n of word w is 1 where surfel 32 w + n is visible

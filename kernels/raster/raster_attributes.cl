@@ -25,14 +25,14 @@
 #endif
 
 // Write what the lanes see of their triangles, one or several.
-RASTER_INLINE void raster_write(
-    const vint triangle, const vmask there, const bool same, __global const int *restrict faces,
-    __global const float *restrict vertices, __global const float *restrict materials,
-    __global const int *restrict textures, __global const int *restrict texels,
-    __global const float *restrict decode, __global float *restrict depth,
-    __global float *restrict normal, __global float *restrict albedo,
-    __global float *restrict emission, const int2 size, const int x, const int y,
-    const SsgiCamera camera, const RasterView view)
+RASTER_INLINE void
+raster_write(const vint triangle, const vmask there, const bool same,
+             __global const int *restrict faces, __global const float *restrict vertices,
+             __global const float *restrict materials, __global const int *restrict textures,
+             __global const int *restrict texels, __global const float *restrict decode,
+             __global float *restrict depth, __global float *restrict normal,
+             __global float *restrict albedo, __global float *restrict emission, const int2 size,
+             const int x, const int y, const SsgiCamera camera, const RasterView view)
 {
 #if RASTER_SHADED
     const vfloat zero = v_splat(0.0f);
@@ -76,8 +76,8 @@ RASTER_INLINE void raster_write(
     const vmask textured = there & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
-        const RasterColor color = raster_look_up(from, texture, camera, view, &t, hit, slope_x,
-                                                 slope_y, turned.w, own.w);
+        const RasterColor color =
+            raster_look_up(from, texture, camera, view, &t, hit, slope_x, slope_y, turned.w, own.w);
         const vfloat one = v_splat(1.0f);
         r = r * v_select(one, color.r, textured);
         g = g * v_select(one, color.g, textured);
@@ -100,14 +100,14 @@ RASTER_INLINE void raster_write(
 #endif
 }
 
-__kernel void raster_attributes(
-    __global const int *restrict triangles, __global const int *restrict faces,
-    __global const float *restrict vertices, __global const float *restrict materials,
-    __global const int *restrict textures, __global const int *restrict texels,
-    __global const float *restrict decode, __global float *restrict depth,
-    __global float *restrict normal, __global float *restrict albedo,
-    __global float *restrict emission, const int2 size, const SsgiCamera camera,
-    const RasterView view)
+__kernel void
+raster_attributes(__global const int *restrict triangles, __global const int *restrict faces,
+                  __global const float *restrict vertices, __global const float *restrict materials,
+                  __global const int *restrict textures, __global const int *restrict texels,
+                  __global const float *restrict decode, __global float *restrict depth,
+                  __global float *restrict normal, __global float *restrict albedo,
+                  __global float *restrict emission, const int2 size, const SsgiCamera camera,
+                  const RasterView view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // raster_flux: the light that each texel of a reflective shadow map reflects, in watts.
 //
-// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 3.1. A texel's flux is
+// Method:  Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 3.1. A texel's flux
+// is
 //          intensity times its solid angle (spot and point light), or irradiance times its area
 //          (directional light), times albedo; distance and the receiver's cosine don't enter.
 // Reads:   depth   [rows, columns] INFINITY where nothing is
@@ -28,9 +29,9 @@ __kernel void raster_flux(ssgi_plane depth, ssgi_plane albedo, __global float *r
     const vfloat inverse = v_rsqrt(v_fma(sx, sx, v_fma(sy, sy, v_splat(1.0f))));
     const float area = fabs(camera.to_x * camera.to_y);
     const vfloat angle = inverse * inverse * inverse * area;
-    const vfloat cosine =
-        v_fma(sx, v_splat(params.axis_x), v_fma(sy, v_splat(params.axis_y),
-                                                v_splat(-params.axis_z))) * inverse;
+    const vfloat cosine = v_fma(sx, v_splat(params.axis_x),
+                                v_fma(sy, v_splat(params.axis_y), v_splat(-params.axis_z))) *
+                          inverse;
     const vmask lit = v_lt(ssgi_load(depth, size, 0, x, y), v_splat(INFINITY)) &
                       v_ge(cosine, v_splat(params.least_cosine));
     const vfloat share = v_select(v_splat(0.0f), angle, lit);

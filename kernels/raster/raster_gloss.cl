@@ -17,10 +17,9 @@
 #endif
 
 __kernel void raster_gloss(__global const int *restrict triangles,
-                           __global const int *restrict faces,
-                           __global const float *restrict lobes, __global float *restrict specular,
-                           __global float *restrict gloss, const int2 size,
-                           const int2 tiles)
+                           __global const int *restrict faces, __global const float *restrict lobes,
+                           __global float *restrict specular, __global float *restrict gloss,
+                           const int2 size, const int2 tiles)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

@@ -20,13 +20,13 @@
 #include "raster/records.clh"
 #include "raster/seen.clh"
 
-__kernel void raster_opacity(
-    __global const int *restrict triangles, __global const int *restrict faces,
-    __global const float *restrict vertices, __global const float *restrict materials,
-    __global const int *restrict textures, __global const int *restrict texels,
-    __global const float *restrict decode, __global const float *restrict through,
-    __global float *restrict opacity, __global float *restrict transmitted, const int2 size,
-    const SsgiCamera camera, const RasterView view)
+__kernel void
+raster_opacity(__global const int *restrict triangles, __global const int *restrict faces,
+               __global const float *restrict vertices, __global const float *restrict materials,
+               __global const int *restrict textures, __global const int *restrict texels,
+               __global const float *restrict decode, __global const float *restrict through,
+               __global float *restrict opacity, __global float *restrict transmitted,
+               const int2 size, const SsgiCamera camera, const RasterView view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -57,10 +57,10 @@ __kernel void raster_opacity(
     const vmask textured = there & blends & v_ige(texture, v_splat_int(0));
     if (v_any(textured)) {
         const RasterTextures from = {textures, texels, decode};
-        const RasterColor color = raster_look_up(
-            from, texture, camera, view, &t, hit, slope_x, slope_y,
-            raster_attributes_of(vertices, &t, RASTER_NORMAL).w,
-            raster_attributes_of(vertices, &t, RASTER_COLOR).w);
+        const RasterColor color =
+            raster_look_up(from, texture, camera, view, &t, hit, slope_x, slope_y,
+                           raster_attributes_of(vertices, &t, RASTER_NORMAL).w,
+                           raster_attributes_of(vertices, &t, RASTER_COLOR).w);
         alpha = v_select(alpha, alpha * color.a, textured);
     }
     const vfloat kept = v_select(one, v_clamp(alpha, 0.0f, 1.0f), blends);

@@ -67,11 +67,11 @@ static inline void raster_records(const int *triangles, const int count, const R
     int4 quads[RASTER_RECORD / 4][SSGI_LANES];
     raster_keep_quads((RasterQuad){t.ax, t.ay, t.bx, t.by}, quads[0]);
     raster_keep_quads((RasterQuad){t.cx, t.cy, v_bits(planes.x), v_bits(planes.y)}, quads[1]);
-    raster_keep_quads(
-        (RasterQuad){v_bits(planes.z), v_bits(planes.least), v_bits(planes.most), id}, quads[2]);
+    raster_keep_quads((RasterQuad){v_bits(planes.z), v_bits(planes.least), v_bits(planes.most), id},
+                      quads[2]);
     const vint left = t.left / RASTER_TILE, top = t.top / RASTER_TILE;
-    const vmask single = t.ready & v_ieq(left, t.right / RASTER_TILE) &
-                         v_ieq(top, t.bottom / RASTER_TILE);
+    const vmask single =
+        t.ready & v_ieq(left, t.right / RASTER_TILE) & v_ieq(top, t.bottom / RASTER_TILE);
     int tile[SSGI_LANES], clip[SSGI_LANES];
     v_ikeep(v_iselect(v_splat_int(-1), top * params.tiles_x + left, single), tile);
     v_ikeep(t.clip, clip);
@@ -103,11 +103,11 @@ static inline void raster_records(const int *triangles, const int count, const R
         record.triangle = third.w;
         if (clip[lane]) {
             const int n = record.triangle, stride = mesh.stride;
-            raster_clip(camera, raster_vertex(mesh.view, params.vertex_stride, mesh.corners[n]),
-                        raster_vertex(mesh.view, params.vertex_stride, mesh.corners[stride + n]),
-                        raster_vertex(mesh.view, params.vertex_stride,
-                                      mesh.corners[2 * stride + n]),
-                        record, lists, params);
+            raster_clip(
+                camera, raster_vertex(mesh.view, params.vertex_stride, mesh.corners[n]),
+                raster_vertex(mesh.view, params.vertex_stride, mesh.corners[stride + n]),
+                raster_vertex(mesh.view, params.vertex_stride, mesh.corners[2 * stride + n]),
+                record, lists, params);
             // The pieces have records of their own.
             record.v[0] = record.v[1] = record.v[2];
         }

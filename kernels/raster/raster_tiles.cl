@@ -44,27 +44,27 @@ typedef struct {
 
 // The edges a -> b of as many records as there are lanes.
 typedef struct {
-    int at[SSGI_LANES];              // edge function at its first pixel, as raster_edge
+    int at[SSGI_LANES]; // edge function at its first pixel, as raster_edge
     int dx[SSGI_LANES], dy[SSGI_LANES];
 } RasterSides;
 
 // As many records as there are lanes.
 typedef struct {
     RasterSides ab, bc, ca;
-    int narrow[SSGI_LANES];                       // does `at` of its edges not overflow?
-    int from[SSGI_LANES], to[SSGI_LANES];         // columns in the rectangle, a multiple of the
-                                                  // lanes and the last
-    int above[SSGI_LANES], below[SSGI_LANES];     // first and last row in the rectangle
-    int numbers[SSGI_LANES];                      // of the triangle
+    int narrow[SSGI_LANES];                   // does `at` of its edges not overflow?
+    int from[SSGI_LANES], to[SSGI_LANES];     // columns in the rectangle, a multiple of the
+                                              // lanes and the last
+    int above[SSGI_LANES], below[SSGI_LANES]; // first and last row in the rectangle
+    int numbers[SSGI_LANES];                  // of the triangle
     float d_x[SSGI_LANES], d_y[SSGI_LANES], d_0[SSGI_LANES]; // D = d_x column + d_y slope + d_0
-    float low[SSGI_LANES], high[SSGI_LANES];      // of D
-    int kept[SSGI_LANES], count;                  // lanes whose record may cover a pixel
+    float low[SSGI_LANES], high[SSGI_LANES];                 // of D
+    int kept[SSGI_LANES], count;                             // lanes whose record may cover a pixel
 } RasterBatch;
 
 // The holes of a triangle.
 typedef struct {
-    int cutout;               // material of a triangle with holes, or -1
-    RasterLinear u_of, v_of;  // texture coordinates
+    int cutout;              // material of a triangle with holes, or -1
+    RasterLinear u_of, v_of; // texture coordinates
     __global const float *material;
 } RasterHoles;
 
@@ -76,8 +76,8 @@ static inline RasterRectangle raster_rectangle(const int2 size, const RasterView
     at.right = min(at.left + RASTER_WIDE, size.x) - 1;
     at.bottom = min(at.top + RASTER_HIGH, size.y) - 1;
     at.tile = at.top / RASTER_TILE * view.tiles_x + at.left / RASTER_TILE;
-    at.corner = at.tile * RASTER_TILE * RASTER_TILE +
-                (at.top & (RASTER_TILE - 1)) * RASTER_TILE + (at.left & (RASTER_TILE - 1));
+    at.corner = at.tile * RASTER_TILE * RASTER_TILE + (at.top & (RASTER_TILE - 1)) * RASTER_TILE +
+                (at.left & (RASTER_TILE - 1));
     return at;
 }
 
@@ -143,8 +143,7 @@ static inline void raster_read(__global const int *restrict records,
     const vint last_x = v_imin(raster_lasts(most_x), v_splat_int(in->right));
     const vint last_y = v_imin(raster_lasts(most_y), v_splat_int(in->bottom));
     int use[SSGI_LANES];
-    v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y),
-            use);
+    v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y), use);
     int count = 0;
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
         batch->kept[count] = lane;
@@ -241,8 +240,8 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
                                      batch->high[n]);
             const vfloat nearest = v_load(depths + pixel);
             const vint winner = v_iload(triangles + pixel);
-            hit = hit & (v_gt(d, nearest) |
-                         (v_eq(d, nearest) & v_igt(winner, v_splat_int(number))));
+            hit =
+                hit & (v_gt(d, nearest) | (v_eq(d, nearest) & v_igt(winner, v_splat_int(number))));
             hit = hit & v_ge(d, v_splat(view.furthest_d));
             if (RASTER_PEEL) {
                 hit = hit & v_lt(d, v_load(previous + pixel) * view.peel);
@@ -262,19 +261,15 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
     }
 }
 
-__kernel void raster_tiles(__global const int *restrict records,
-                           __global const int *restrict starts,
-                           __global const int *restrict list,
-                           __global const float *restrict previous,
-                           __global const int *restrict corners,
-                           __global const float *restrict positions_view,
-                           __global const float *restrict uvs, __global const int *restrict cutouts,
-                           __global const float *restrict materials,
-                           __global const int *restrict textures,
-                           __global const int *restrict texels,
-                           __global const float *restrict decode, __global float *restrict depths,
-                           __global int *restrict triangles, const int2 size,
-                           const SsgiCamera camera, const RasterView view)
+__kernel void
+raster_tiles(__global const int *restrict records, __global const int *restrict starts,
+             __global const int *restrict list, __global const float *restrict previous,
+             __global const int *restrict corners, __global const float *restrict positions_view,
+             __global const float *restrict uvs, __global const int *restrict cutouts,
+             __global const float *restrict materials, __global const int *restrict textures,
+             __global const int *restrict texels, __global const float *restrict decode,
+             __global float *restrict depths, __global int *restrict triangles, const int2 size,
+             const SsgiCamera camera, const RasterView view)
 {
     const RasterRectangle in = raster_rectangle(size, view);
     if (in.left >= view.tiles_x * RASTER_TILE || in.top >= view.tiles_y * RASTER_TILE) {

@@ -36,12 +36,15 @@ __kernel void raster_vertices(__global const float *restrict positions,
     const vfloat x = v_load(positions + i);
     const vfloat y = v_load(positions + stride + i);
     const vfloat z = v_load(positions + 2 * stride + i);
-    const vfloat vx = v_fma(v_splat(to_view.xx), x, v_fma(v_splat(to_view.xy), y,
-                      v_fma(v_splat(to_view.xz), z, v_splat(to_view.x))));
-    const vfloat vy = v_fma(v_splat(to_view.yx), x, v_fma(v_splat(to_view.yy), y,
-                      v_fma(v_splat(to_view.yz), z, v_splat(to_view.y))));
-    const vfloat vz = v_fma(v_splat(to_view.zx), x, v_fma(v_splat(to_view.zy), y,
-                      v_fma(v_splat(to_view.zz), z, v_splat(to_view.z))));
+    const vfloat vx =
+        v_fma(v_splat(to_view.xx), x,
+              v_fma(v_splat(to_view.xy), y, v_fma(v_splat(to_view.xz), z, v_splat(to_view.x))));
+    const vfloat vy =
+        v_fma(v_splat(to_view.yx), x,
+              v_fma(v_splat(to_view.yy), y, v_fma(v_splat(to_view.yz), z, v_splat(to_view.y))));
+    const vfloat vz =
+        v_fma(v_splat(to_view.zx), x,
+              v_fma(v_splat(to_view.zy), y, v_fma(v_splat(to_view.zz), z, v_splat(to_view.z))));
     v_store(vx, view + i);
     v_store(vy, view + stride + i);
     v_store(vz, view + 2 * stride + i);

@@ -4,8 +4,8 @@
 //
 // Pixels at the sides count half and those at the corners a quarter, so that each of the 16 sets of
 // rays counts alike; those of other surfaces do not count. A second pass takes means of means
-// further apart (Dammertz et al. 2010, "Edge-avoiding a-trous wavelet transform"), but of sharp lobes.
-// Reads:   linear, normal, albedo, specular, gloss  with margin
+// further apart (Dammertz et al. 2010, "Edge-avoiding a-trous wavelet transform"), but of sharp
+// lobes. Reads:   linear, normal, albedo, specular, gloss  with margin
 //          reflected 3 x [rows, columns] W m^-2 sr^-1, see reflect_trace
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1: added to (REFLECT_LAST 1), or the mean
 // Macros:  REFLECT_STRIDE (pixels from one to the next), REFLECT_LAST (0, 1)
@@ -22,10 +22,11 @@
 #endif
 
 #define REFLECT_WIDE 2
-#define REFLECT_SHARP 1000.0f   // gloss from which on a second pass takes the pixel alone
-#define REFLECT_OFF_PLANE 50.0f // 1 / distance from the tangent plane, of depth, that counts no more
-#define REFLECT_TURNED 20.0f    // likewise 1 / (1 - cosine of normals)
-#define REFLECT_GLOSS 0.02f     // difference of gloss up to which surfaces are the same
+#define REFLECT_SHARP 1000.0f // gloss from which on a second pass takes the pixel alone
+#define REFLECT_OFF_PLANE                                                                          \
+    50.0f                    // 1 / distance from the tangent plane, of depth, that counts no more
+#define REFLECT_TURNED 20.0f // likewise 1 / (1 - cosine of normals)
+#define REFLECT_GLOSS 0.02f  // difference of gloss up to which surfaces are the same
 
 __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
                           ssgi_plane specular, ssgi_plane gloss, ssgi_plane reflected,
@@ -37,8 +38,7 @@ __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albed
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int at_x = x + params.margin_columns;
     const int at_y = y + params.margin_rows;
     const vfloat zero = v_splat(0.0f);
@@ -59,7 +59,8 @@ __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albed
         ssgi_load(normal, whole, 0, at_x, at_y), ssgi_load(normal, whole, 1, at_x, at_y),
         ssgi_load(normal, whole, 2, at_x, at_y), REFLECT_OFF_PLANE, REFLECT_TURNED);
     vfloat sum[3] = {zero, zero, zero}, weights = zero;
-    const vmask broad = REFLECT_STRIDE == 1 ? v_splat_int(-1) : v_lt(lobe.gloss, v_splat(REFLECT_SHARP));
+    const vmask broad =
+        REFLECT_STRIDE == 1 ? v_splat_int(-1) : v_lt(lobe.gloss, v_splat(REFLECT_SHARP));
     for (int dy = -REFLECT_WIDE; dy <= REFLECT_WIDE; ++dy) {
         const int row = at_y + dy * REFLECT_STRIDE;
         if (row < params.margin_rows || row >= params.margin_rows + size.y) {
@@ -70,25 +71,24 @@ __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albed
             const vint column = v_iota() + to_x;
             const vmask inside = v_within(column - params.margin_columns, size.x);
             const vfloat other = ssgi_load(linear, whole, 0, to_x, row);
-            const vfloat off = v_fma(fit.off_x, v_splat((float)(dx * REFLECT_STRIDE)),
-                                     v_fma(fit.off_y, v_splat((float)(dy * REFLECT_STRIDE)), fit.off));
-            const vfloat close = ssgi_fit(fit, off, other,
-                                          ssgi_load(normal, whole, 0, to_x, row),
+            const vfloat off =
+                v_fma(fit.off_x, v_splat((float)(dx * REFLECT_STRIDE)),
+                      v_fma(fit.off_y, v_splat((float)(dy * REFLECT_STRIDE)), fit.off));
+            const vfloat close = ssgi_fit(fit, off, other, ssgi_load(normal, whole, 0, to_x, row),
                                           ssgi_load(normal, whole, 1, to_x, row),
                                           ssgi_load(normal, whole, 2, to_x, row));
             const vfloat sharp = ssgi_load(gloss, whole, 0, to_x, row);
             const vmask alike =
                 inside & broad & v_lt(v_abs(sharp - lobe.gloss), lobe.gloss * REFLECT_GLOSS);
-            const float share = (abs(dx) == REFLECT_WIDE ? 0.5f : 1.0f) *
-                                (abs(dy) == REFLECT_WIDE ? 0.5f : 1.0f);
+            const float share =
+                (abs(dx) == REFLECT_WIDE ? 0.5f : 1.0f) * (abs(dy) == REFLECT_WIDE ? 0.5f : 1.0f);
             // Itself counts whatever rounding makes of it.
-            const vfloat weight =
-                dx == 0 && dy == 0
-                    ? v_splat(1.0f)
-                    : v_select(zero, v_max(close, zero) * share, alike);
+            const vfloat weight = dx == 0 && dy == 0
+                                      ? v_splat(1.0f)
+                                      : v_select(zero, v_max(close, zero) * share, alike);
             for (int c = 0; c < 3; ++c) {
                 const vfloat found = ssgi_load(reflected, size, c, to_x - params.margin_columns,
-                                                row - params.margin_rows);
+                                               row - params.margin_rows);
                 sum[c] = sum[c] + v_select(zero, found * weight, v_gt(weight, zero));
             }
             weights = weights + weight;

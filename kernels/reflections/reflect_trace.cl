@@ -2,7 +2,8 @@
 // reflect_trace: mean radiance that arrives within the lobes of pixels, of a sixteenth of a lobe's
 // rays each.
 //
-// Method:  a ray that meets what the image shows takes the radiance of that pixel, with what its lobe
+// Method:  a ray that meets what the image shows takes the radiance of that pixel, with what its
+// lobe
 //          reflects spread all ways; one that leaves the occupancy grid, that of environments; any
 //          other, that of a volume of what surfaces send. Rays are distributed as the lobe;
 //          of 4 x 4 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
@@ -22,7 +23,7 @@
 #include "reflections/volume.clh"
 #include "vpl/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||               \
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||                \
     !defined(VPL_GRID)
 #error "REFLECT_RAYS, REFLECT_STEPS, REFLECT_CELLS and VPL_GRID must be defined by the host"
 #endif
@@ -33,10 +34,7 @@
 #define REFLECT_THIRD 0.8191725134f // 1 / 1.2207, of how far a first step is shortened
 #define REFLECT_ASIDE 1.0f          // cells between two rays that both must leave the grid
 
-static inline vfloat reflect_fraction(const vfloat x)
-{
-    return x - v_floor(x);
-}
+static inline vfloat reflect_fraction(const vfloat x) { return x - v_floor(x); }
 
 // The direction that two numbers in [0, 1) give, distributed as the lobe.
 static inline SsgiWay reflect_way(const SsgiLobe *lobe, const SsgiWay mirrored, const vfloat u,
@@ -62,8 +60,8 @@ static inline SsgiWay reflect_way(const SsgiLobe *lobe, const SsgiWay mirrored, 
 // Where a ray leaves the grid, in cells of which it goes so many along each axis.
 static inline vfloat reflect_leave(const vfloat from, const vfloat way)
 {
-    const vfloat edge = v_select(v_splat(0.02f), v_splat((float)VPL_GRID - 0.02f),
-                                 v_gt(way, v_splat(0.0f)));
+    const vfloat edge =
+        v_select(v_splat(0.02f), v_splat((float)VPL_GRID - 0.02f), v_gt(way, v_splat(0.0f)));
     const vfloat along = v_select(way, v_splat(1e-6f), v_lt(v_abs(way), v_splat(1e-6f)));
     return v_select(v_splat(1e9f), v_max((edge - from) / along, v_splat(0.0f)),
                     v_gt(v_abs(way), v_splat(1e-6f)));
@@ -82,29 +80,30 @@ static inline vmask reflect_blocked(__global const int *restrict occupancy, cons
     from.z = v_clamp(v_fma(start.nz, above, start.z), 0.0f, most);
     *length = v_min(v_min(reflect_leave(from.x, way.x), reflect_leave(from.y, way.y)),
                     v_min(reflect_leave(from.z, way.z), until));
-    const VplCell to = {v_fma(way.x, *length, from.x), v_fma(way.y, *length, from.y),
-                        v_fma(way.z, *length, from.z), -way.x, -way.y, -way.z};
+    const VplCell to = {v_fma(way.x, *length, from.x),
+                        v_fma(way.y, *length, from.y),
+                        v_fma(way.z, *length, from.z),
+                        -way.x,
+                        -way.y,
+                        -way.z};
     return vpl_meets(occupancy, from, to, wanted, where);
 }
 
-__kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
-                            ssgi_plane specular, ssgi_plane gloss, ssgi_plane radiance,
-                            ssgi_plane light, __global const float *restrict sky,
-                            __global const int *restrict places,
-                            __global const float *restrict volume,
-                            __global const int *restrict occupancy,
-                            __global const float *restrict grid_box,
-                            __global float *restrict reflected, const int2 size,
-                            const SsgiCamera camera, const VplParams rays,
-                            const ReflectParams params)
+__kernel void
+reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
+              ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
+              __global const float *restrict sky, __global const int *restrict places,
+              __global const float *restrict volume, __global const int *restrict occupancy,
+              __global const float *restrict grid_box, __global float *restrict reflected,
+              const int2 size, const SsgiCamera camera, const VplParams rays,
+              const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int at_x = x + params.margin_columns;
     const int at_y = y + params.margin_rows;
     const vfloat zero = v_splat(0.0f);
@@ -132,8 +131,7 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const vfloat sx = v_fma(nx, lift, px), sy = v_fma(ny, lift, py);
     const vfloat start = v_max(v_fma(-nz, lift, depth), depth * REFLECT_NEAREST);
     const float per = rays.per_unit;
-    const VplCell from =
-        vpl_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box, rays);
+    const VplCell from = vpl_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box, rays);
     const vint tile = ((v_iota() + x) & 3) + 4 * (y & 3);
     for (int ray = 0; ray < REFLECT_RAYS; ++ray) {
         const vfloat number = v_to_float(tile * REFLECT_RAYS + ray) + 0.5f;
@@ -143,9 +141,8 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         const vmask above = there & v_gt(rise, zero);
         const ReflectLine line =
             reflect_line(camera, whole, sx, sy, start, way.x, way.y, way.z, params);
-        ReflectHit hit =
-            reflect_meet(linear, whole, camera, &line,
-                          reflect_fraction(number * REFLECT_THIRD), above, params);
+        ReflectHit hit = reflect_meet(linear, whole, camera, &line,
+                                      reflect_fraction(number * REFLECT_THIRD), above, params);
         // Surfaces that turn away are seen from behind: their light is not known.
         const vint hx = hit.column, hy = hit.row;
         const vfloat facing = v_fma(ssgi_gather(normal, whole, 0, hx, hy), way.x,
@@ -156,13 +153,13 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         hit.found = hit.found & v_lt(facing, zero) & v_ieq(ix + params.margin_columns, hx) &
                     v_ieq(iy + params.margin_rows, hy);
         // What the image shows between them does not tell whether the ray passes behind it.
-        const vfloat met_u = v_select(v_splat(1.0f), ssgi_gather(linear, whole, 0, hx, hy),
-                                      hit.found);
+        const vfloat met_u =
+            v_select(v_splat(1.0f), ssgi_gather(linear, whole, 0, hx, hy), hit.found);
         const vfloat met_depth = camera.perspective != 0.0f ? 1.0f / met_u : met_u;
         const vmask level = v_lt(v_abs(way.z), v_splat(1e-6f));
         const vfloat away = (depth - met_depth) / v_select(way.z, v_splat(1e-6f), level);
-        const vfloat until = v_select(v_splat(1e9f), v_max(away * (per * grid_box[3]), zero),
-                                      hit.found);
+        const vfloat until =
+            v_select(v_splat(1e9f), v_max(away * (per * grid_box[3]), zero), hit.found);
         vfloat where, length;
         vmask blocked = reflect_blocked(occupancy, from, zero, way, until, above, &where, &length);
         hit.found = hit.found & ~blocked;
@@ -201,8 +198,7 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
             }
             if (params.levels > 0 && v_any(escapes)) {
                 const vfloat density =
-                    ssgi_lobe_value(&lobe, mirrored, way.x, way.y, way.z) *
-                    (16.0f * REFLECT_RAYS);
+                    ssgi_lobe_value(&lobe, mirrored, way.x, way.y, way.z) * (16.0f * REFLECT_RAYS);
                 reflect_sky(sky, places, wx, wy, wz, 1.0f / v_max(density, v_splat(1e-3f)), params,
                             open);
             }

@@ -44,15 +44,15 @@ __kernel void rsm_face(ssgi_plane depth, ssgi_plane normal, ssgi_plane flux,
     const vfloat sy = ssgi_slope_y(camera, v_splat((float)y + 0.5f));
     const vfloat px = sx * k;
     const vfloat py = sy * k;
-    const vfloat at_x = v_fma(px, v_splat(params.xx),
-                              v_fma(py, v_splat(params.xy), v_fma(-z, v_splat(params.xz),
-                                                                  v_splat(params.x))));
-    const vfloat at_y = v_fma(px, v_splat(params.yx),
-                              v_fma(py, v_splat(params.yy), v_fma(-z, v_splat(params.yz),
-                                                                  v_splat(params.y))));
-    const vfloat at_z = v_fma(px, v_splat(params.zx),
-                              v_fma(py, v_splat(params.zy), v_fma(-z, v_splat(params.zz),
-                                                                  v_splat(params.z))));
+    const vfloat at_x =
+        v_fma(px, v_splat(params.xx),
+              v_fma(py, v_splat(params.xy), v_fma(-z, v_splat(params.xz), v_splat(params.x))));
+    const vfloat at_y =
+        v_fma(px, v_splat(params.yx),
+              v_fma(py, v_splat(params.yy), v_fma(-z, v_splat(params.yz), v_splat(params.y))));
+    const vfloat at_z =
+        v_fma(px, v_splat(params.zx),
+              v_fma(py, v_splat(params.zy), v_fma(-z, v_splat(params.zz), v_splat(params.z))));
     ssgi_store(v_select(zero, at_x, there), position, whole, 0, x, row, 0.0f);
     ssgi_store(v_select(zero, at_y, there), position, whole, 1, x, row, 0.0f);
     ssgi_store(v_select(zero, at_z, there), position, whole, 2, x, row, 0.0f);

@@ -29,8 +29,8 @@ __kernel void rsm_normals(ssgi_plane seen, __global float *restrict normal, cons
                               {rotation.yx, rotation.yy, rotation.yz},
                               {rotation.zx, rotation.zy, rotation.zz}};
     for (int c = 0; c < 3; ++c) {
-        const vfloat turned = v_fma(nx, v_splat(turn[c][0]),
-                                    v_fma(ny, v_splat(turn[c][1]), nz * turn[c][2]));
+        const vfloat turned =
+            v_fma(nx, v_splat(turn[c][0]), v_fma(ny, v_splat(turn[c][1]), nz * turn[c][2]));
         ssgi_store(v_select(own[c], turned, none), normal, size, c, x, y, 0.0f);
     }
 }

@@ -25,8 +25,8 @@
 
 #include "rsm_gather/place.clh"
 
-#if !defined(RSM_GATHER_LISTED) || !defined(RSM_GATHER_ROTATED) ||                                 \
-    !defined(RSM_GATHER_SPHERE) || !defined(RSM_GATHER_POINTS)
+#if !defined(RSM_GATHER_LISTED) || !defined(RSM_GATHER_ROTATED) || !defined(RSM_GATHER_SPHERE) ||  \
+    !defined(RSM_GATHER_POINTS)
 #error "RSM_GATHER_LISTED, _ROTATED, _SPHERE and _POINTS must be defined by the host"
 #endif
 

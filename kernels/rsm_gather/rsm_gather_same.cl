@@ -47,10 +47,10 @@ __kernel void rsm_gather_same(ssgi_plane depth, ssgi_plane normal,
                 if (s[RSM_POWER] == 0.0f) {
                     continue;
                 }
-                const vfloat f = rsm_form_factor(
-                    r, v_splat(s[RSM_AT]), v_splat(s[RSM_AT + 1]), v_splat(s[RSM_AT + 2]),
-                    v_splat(s[RSM_AREA]), v_splat(s[RSM_NORMAL]), v_splat(s[RSM_NORMAL + 1]),
-                    v_splat(s[RSM_NORMAL + 2]));
+                const vfloat f = rsm_form_factor(r, v_splat(s[RSM_AT]), v_splat(s[RSM_AT + 1]),
+                                                 v_splat(s[RSM_AT + 2]), v_splat(s[RSM_AREA]),
+                                                 v_splat(s[RSM_NORMAL]), v_splat(s[RSM_NORMAL + 1]),
+                                                 v_splat(s[RSM_NORMAL + 2]));
                 run.red = v_fma(f, v_splat(s[RSM_FLUX]), run.red);
                 run.green = v_fma(f, v_splat(s[RSM_FLUX + 1]), run.green);
                 run.blue = v_fma(f, v_splat(s[RSM_FLUX + 2]), run.blue);

@@ -55,8 +55,7 @@ static inline vmask rsm_suits(const RsmSurface own, const RsmSurface other,
     const vfloat dz = (other.z - own.z) * inverse;
     const vfloat square = v_fma(dx, dx, v_fma(dy, dy, dz * dz));
     const vfloat cosine = v_fma(own.nx, other.nx, v_fma(own.ny, other.ny, own.nz * other.nz));
-    return other.there & v_le(square, v_splat(params.reach)) &
-           v_ge(cosine, v_splat(params.cosine));
+    return other.there & v_le(square, v_splat(params.reach)) & v_ge(cosine, v_splat(params.cosine));
 }
 
 __kernel void rsm_published_interpolate(ssgi_plane depth, ssgi_plane normal, ssgi_plane lattice,

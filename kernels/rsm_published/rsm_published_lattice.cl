@@ -18,9 +18,8 @@
 
 __kernel void rsm_published_lattice(ssgi_plane depth, __global float *restrict values,
                                     __global float *restrict fractions,
-                                    __global int *restrict masks,
-                                    const int2 size, const int2 whole, const int2 margin,
-                                    const int step)
+                                    __global int *restrict masks, const int2 size, const int2 whole,
+                                    const int2 margin, const int step)
 {
     const int left = (int)get_global_id(0) * MULTIRES_TILE;
     const int y = (int)get_global_id(1);

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: MIT
 // sampled_cutouts: triangles with holes in the depth maps of sampled lights.
 //
-// Texels whose middle meets a hole, which the alpha of the material's texture cuts out, stay as they
-// are.
-// Reads:   chosen     [size.y] triangles with holes
+// Texels whose middle meets a hole, which the alpha of the material's texture cuts out, stay as
+// they are. Reads:   chosen     [size.y] triangles with holes
 //          corners    3 x [triangles, rounded up to 16] vertices
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
-//          uvs        2 x [vertex_stride]; cutouts, materials, textures, texels, decode: see raster_tiles
-//          views      see sampled_depth
+//          uvs        2 x [vertex_stride]; cutouts, materials, textures, texels, decode: see
+//          raster_tiles views      see sampled_depth
 // Writes:  maps       see sampled_depth
 // Params:  size = (views, chosen triangles); triangles of the scene, vertex_stride, side: texels
 //          along a side of a map
@@ -19,18 +18,14 @@
 #include "raster/texture.clh"
 #include "sampled_lights/cover.clh"
 
-__kernel void sampled_cutouts(__global const int *restrict chosen,
-                              __global const int *restrict corners,
-                              __global const float *restrict positions,
-                              __global const float *restrict uvs,
-                              __global const int *restrict cutouts,
-                              __global const float *restrict materials,
-                              __global const int *restrict textures,
-                              __global const int *restrict texels,
-                              __global const float *restrict decode,
-                              __global const float *restrict views, __global int *restrict maps,
-                              const int2 size, const int triangles, const int vertex_stride,
-                              const int side)
+__kernel void
+sampled_cutouts(__global const int *restrict chosen, __global const int *restrict corners,
+                __global const float *restrict positions, __global const float *restrict uvs,
+                __global const int *restrict cutouts, __global const float *restrict materials,
+                __global const int *restrict textures, __global const int *restrict texels,
+                __global const float *restrict decode, __global const float *restrict views,
+                __global int *restrict maps, const int2 size, const int triangles,
+                const int vertex_stride, const int side)
 {
     const int view = (int)get_global_id(0), number = (int)get_global_id(1);
     if (view >= size.x || number >= size.y) {
@@ -79,7 +74,8 @@ __kernel void sampled_cutouts(__global const int *restrict chosen,
             const vfloat zero = v_splat(0.0f);
             const vfloat alpha =
                 raster_texture_alpha(from, (int)material[3], v_select(zero, tu, hit),
-                                     v_select(zero, tv, hit)) * material[4];
+                                     v_select(zero, tv, hit)) *
+                material[4];
             hit = hit & v_ge(alpha, v_splat(material[5]));
             int bits[SSGI_LANES], hits[SSGI_LANES];
             v_ikeep(v_bits(sampled_mixed(weight, z)), bits);

@@ -2,18 +2,20 @@
 // sampled_depth: the depth that each of many small orthographic views sees, all at once.
 //
 // Method:  every triangle is brought to every view, a lane each; few have the middle of a texel in
-//          their box. Of those, small ones are drawn side by side, a triangle a lane, and the others
-//          one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to the texel
-//          change sign exactly where two triangles share an edge.
+//          their box. Of those, small ones are drawn side by side, a triangle a lane, and the
+//          others one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to
+//          the texel change sign exactly where two triangles share an edge.
 // Reads:   triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
 //                     which sampled_cutouts draws, all three the same
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
-// Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is; the
+// Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is;
+// the
 //          least is the same in any order
 // Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes
 // Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
 //          work-item
-// Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row in
+// Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
+// in
 //          all, so that a map has one work-item that writes it and no store is atomic
 // Cost:    90 operations per triangle and view; 30 per SSGI_LANES texels or small triangles
 
@@ -77,8 +79,8 @@ static inline void sampled_draw(const SampledTriangle *t, __global int *restrict
 // Triangles where `wanted`, a lane each: all walk through the texels of their boxes at once.
 static inline void sampled_draw_small(const vfloat x[3], const vfloat y[3], const vfloat z[3],
                                       const vfloat left, const vfloat right, const vfloat top,
-                                      const vfloat bottom, vmask wanted,
-                                      __global int *restrict map, const int texels)
+                                      const vfloat bottom, vmask wanted, __global int *restrict map,
+                                      const int texels)
 {
     vfloat column = left, row = top;
     while (v_any(wanted)) {
@@ -130,8 +132,8 @@ static inline void sampled_batch(__global const float *restrict triangles,
         const vfloat bottom = v_floor(v_max(v_max(y[0], y[1]), y[2]) - (0.5f - SAMPLED_ROOM));
         const vfloat from_x = v_max(left, v_splat(0.0f)), to_x = v_min(right, v_splat(last));
         const vfloat from_y = v_max(top, v_splat(0.0f)), to_y = v_min(bottom, v_splat(last));
-        const vmask wanted = v_le(from_x, to_x) & v_le(from_y, to_y) &
-                             v_ilt(v_iota() + i, v_splat_int(end));
+        const vmask wanted =
+            v_le(from_x, to_x) & v_le(from_y, to_y) & v_ilt(v_iota() + i, v_splat_int(end));
         if (!v_any(wanted)) {
             continue;
         }
@@ -161,7 +163,10 @@ static inline void sampled_batch(__global const float *restrict triangles,
                     {kx[0][lane], kx[1][lane], kx[2][lane]},
                     {ky[0][lane], ky[1][lane], ky[2][lane]},
                     {kz[0][lane], kz[1][lane], kz[2][lane]},
-                    box[0][lane], box[1][lane], box[2][lane], box[3][lane],
+                    box[0][lane],
+                    box[1][lane],
+                    box[2][lane],
+                    box[3][lane],
                 };
                 sampled_draw(&t, map, texels);
             }

@@ -2,9 +2,10 @@
 // sampled_lights: irradiance by directions of an environment, each tested in its own depth map.
 //
 // Method:  each pixel of 4 x 4 takes every 16th direction, another set each (interleaved sampling,
-//          Keller and Heidrich 2001); an edge-aware blur takes their mean afterwards. The receiver is
-//          moved along its normal by about a texel, so that no surface shadows itself; the result of
-//          2 x 2 comparisons is interpolated (percentage-closer filtering, Reeves et al. 1987).
+//          Keller and Heidrich 2001); an edge-aware blur takes their mean afterwards. The receiver
+//          is moved along its normal by about a texel, so that no surface shadows itself; the
+//          result of 2 x 2 comparisons is interpolated (percentage-closer filtering, Reeves et al.
+//          1987).
 // Reads:   depth, normal  with margin; normal in view space
 //          samples  [directions / 16][4 rows][SAMPLED_FIELDS][16 columns], see
 //                   ssgi_cl/techniques/sampled_lights.py
@@ -33,10 +34,10 @@ static inline vfloat sampled_field(__global const float *restrict sample, const 
 static inline vfloat sampled_place(__global const float *restrict sample, const int first,
                                    const vfloat x, const vfloat y, const vfloat z)
 {
-    return v_fma(sampled_field(sample, first), x,
-                 v_fma(sampled_field(sample, first + 1), y,
-                       v_fma(sampled_field(sample, first + 2), z,
-                             sampled_field(sample, first + 3))));
+    return v_fma(
+        sampled_field(sample, first), x,
+        v_fma(sampled_field(sample, first + 1), y,
+              v_fma(sampled_field(sample, first + 2), z, sampled_field(sample, first + 3))));
 }
 
 // Share of light at a place of the map that begins at `base`.
@@ -62,9 +63,8 @@ static inline vfloat sampled_visible(__global const int *restrict maps, const vi
 
 __kernel void sampled_lights(ssgi_plane depth, ssgi_plane normal,
                              __global const float *restrict samples,
-                             __global const int *restrict maps,
-                             __global float *restrict irradiance, const int2 size,
-                             const SsgiCamera camera, const int margin_columns,
+                             __global const int *restrict maps, __global float *restrict irradiance,
+                             const int2 size, const SsgiCamera camera, const int margin_columns,
                              const int margin_rows, const int texels)
 {
     const int x = ssgi_first_column();
@@ -89,9 +89,9 @@ __kernel void sampled_lights(ssgi_plane depth, ssgi_plane normal,
         for (int i = 0; i < SAMPLED_COUNT; ++i) {
             __global const float *restrict sample =
                 samples + (i * 4 + (y & 3)) * (SAMPLED_FIELDS * 16) + (x & 3);
-            const vfloat cosine = v_fma(sampled_field(sample, 0), nx,
-                                        v_fma(sampled_field(sample, 1), ny,
-                                              sampled_field(sample, 2) * nz));
+            const vfloat cosine =
+                v_fma(sampled_field(sample, 0), nx,
+                      v_fma(sampled_field(sample, 1), ny, sampled_field(sample, 2) * nz));
             const vmask lit = there & v_gt(cosine, zero);
             if (!v_any(lit)) {
                 continue;

@@ -30,8 +30,8 @@ __kernel void seen_depths(ssgi_plane depth, __global float *restrict tiles, cons
     for (int j = top; j < min(top + SEEN_SIDE, pixels.y); ++j) {
         for (int i = left; i < min(left + SEEN_SIDE, pixels.x); i += SSGI_LANES) {
             const vfloat z = ssgi_load(depth, whole, 0, i + margin.x, j + margin.y);
-            const vmask there = v_lt(z, v_splat(INFINITY)) &
-                                v_ilt(v_iota() + i, v_splat_int(pixels.x));
+            const vmask there =
+                v_lt(z, v_splat(INFINITY)) & v_ilt(v_iota() + i, v_splat_int(pixels.x));
             nearest = v_min(nearest, v_select(v_splat(INFINITY), z, there));
             farthest = v_max(farthest, v_select(v_splat(0.0f), z, there));
         }

@@ -34,9 +34,8 @@
 #error "SHADE_DIRECT, _AO, _BOUNCES, _INDIRECT, _EMISSION, _AMBIENT, _SKY, AMBIENT_SIZE: undefined"
 #endif
 
-#if !defined(SHADE_CUBE_SLOPE) || !defined(SHADE_CUBE_CONSTANT) ||                                 \
-    !defined(SHADE_SQUARE_SLOPE) || !defined(SHADE_SQUARE_CONSTANT) ||                             \
-    !defined(SHADE_LINE_SLOPE) || !defined(SHADE_LINE_CONSTANT)
+#if !defined(SHADE_CUBE_SLOPE) || !defined(SHADE_CUBE_CONSTANT) || !defined(SHADE_SQUARE_SLOPE) || \
+    !defined(SHADE_SQUARE_CONSTANT) || !defined(SHADE_LINE_SLOPE) || !defined(SHADE_LINE_CONSTANT)
 #error "ssgi_cl/device/constants.py defines SHADE_CUBE_SLOPE to SHADE_LINE_CONSTANT"
 #endif
 
@@ -83,8 +82,7 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int at_x = x + params.margin_columns;
     const int at_y = y + params.margin_rows;
     const vmask there = v_lt(ssgi_load(linear, whole, 0, at_x, at_y), v_splat(INFINITY));
@@ -137,8 +135,8 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         const vfloat length = v_sqrt(wx * wx + wy * wy + wz * wz);
         const vfloat across = v_fma(atan2pi(wx, -wz), v_splat(0.5f), v_splat(0.5f));
         const vfloat down = acospi(v_clamp(wy / length, -1.0f, 1.0f));
-        const vint column = v_iclamp(v_to_int(across * (float)params.sky_columns), 0,
-                                     params.sky_columns - 1);
+        const vint column =
+            v_iclamp(v_to_int(across * (float)params.sky_columns), 0, params.sky_columns - 1);
         const vint row = v_iclamp(v_to_int(down * (float)params.sky_rows), 0, params.sky_rows - 1);
         for (int c = 0; c < 3; ++c) {
             sky_at[c] = v_gather(sky, (row * params.sky_columns + column) * 3 + c);

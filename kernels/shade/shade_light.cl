@@ -39,8 +39,7 @@
 
 __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_SHADOW
-                          ssgi_plane map, ssgi_plane blocks,
-                          __global const float *restrict crops,
+                          ssgi_plane map, ssgi_plane blocks, __global const float *restrict crops,
 #endif
 #if SHADE_LOBE
                           ssgi_plane albedo, ssgi_plane specular, ssgi_plane gloss,
@@ -88,12 +87,12 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     if (v_any(lit)) {
         const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
         const vfloat nx = facet.nx, ny = facet.ny, nz = facet.nz;
-        const vfloat qx = v_fma(v_splat(light.xx), px, v_fma(v_splat(light.xy), py,
-                                                            light.shift_x - light.xz * z));
-        const vfloat qy = v_fma(v_splat(light.yx), px, v_fma(v_splat(light.yy), py,
-                                                            light.shift_y - light.yz * z));
-        const vfloat qz = v_fma(v_splat(light.zx), px, v_fma(v_splat(light.zy), py,
-                                                            light.shift_z - light.zz * z));
+        const vfloat qx = v_fma(v_splat(light.xx), px,
+                                v_fma(v_splat(light.xy), py, light.shift_x - light.xz * z));
+        const vfloat qy = v_fma(v_splat(light.yx), px,
+                                v_fma(v_splat(light.yy), py, light.shift_y - light.yz * z));
+        const vfloat qz = v_fma(v_splat(light.zx), px,
+                                v_fma(v_splat(light.zy), py, light.shift_z - light.zz * z));
         const vfloat mx = light.xx * nx + light.xy * ny + light.xz * nz;
         const vfloat my = light.yx * nx + light.yy * ny + light.yz * nz;
         const vfloat mz = light.zx * nx + light.zy * ny + light.zz * nz;
@@ -110,8 +109,8 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         const vfloat side_n = v_select(v_select(my, mx, is_y), mz, is_x);
         const vfloat up_n = v_select(v_select(mx, mz, is_y), my, is_x);
         const vmask minus = v_lt(main, zero);
-        const vint axis = v_iselect(v_iselect(v_splat_int(4), v_splat_int(2), is_y),
-                                    v_splat_int(0), is_x);
+        const vint axis =
+            v_iselect(v_iselect(v_splat_int(4), v_splat_int(2), is_y), v_splat_int(0), is_x);
         const vint face = axis - minus; // a true mask is -1
         const vfloat sx = v_select(side, -side, minus), sy = up, sz = v_abs(main);
         const vfloat tx = v_select(side_n, -side_n, minus), ty = up_n;
@@ -123,12 +122,12 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         const int2 map_size = (int2)(light.map_size, light.map_size);
 #if SHADE_SOFT
         const vfloat share =
-            ssgi_soft_shadow(map, crops, light.crops, map_size, light_camera, lit, face, sx, sy,
-                             sz, tx, ty, tz, facet.known, light.extent);
+            ssgi_soft_shadow(map, crops, light.crops, map_size, light_camera, lit, face, sx, sy, sz,
+                             tx, ty, tz, facet.known, light.extent);
 #else
         const vfloat share =
-            ssgi_shadow(map, blocks, light.blocks != 0, crops, light.crops, map_size,
-                        light_camera, lit, face, sx, sy, sz, tx, ty, tz, facet.known);
+            ssgi_shadow(map, blocks, light.blocks != 0, crops, light.crops, map_size, light_camera,
+                        lit, face, sx, sy, sz, tx, ty, tz, facet.known);
 #endif
         strength = strength * share;
     }
@@ -136,8 +135,9 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
 #if SHADE_LOBE
     lobe = ssgi_widened(lobe, normal, whole, at_x, at_y);
     const vfloat mirrored =
-        ssgi_lobe_value(&lobe, ssgi_mirrored(camera, receiver.x, receiver.y, receiver.z,
-                                             receiver.nx, receiver.ny, receiver.nz),
+        ssgi_lobe_value(&lobe,
+                        ssgi_mirrored(camera, receiver.x, receiver.y, receiver.z, receiver.nx,
+                                      receiver.ny, receiver.nz),
                         at.x, at.y, at.z);
     // Radiance per specular reflectance: without the cosine, which the lobe does not have.
     const vfloat shone = strength / v_max(at.cosine, v_splat(1e-6f)) * mirrored;

@@ -70,15 +70,13 @@ __kernel void shadow_blocks(ssgi_plane map, __global float *restrict blocks, con
         const vmask inside = v_ilt(v_iota() + x, v_splat_int(extent.x));
         const vfloat along = v_to_float(v_iota() + x) * b;
         for (int y = 0; y < extent.y; ++y) {
-            const vfloat u =
-                shadow_measure(map, size, face, first_x + x, first_y + y, perspective);
+            const vfloat u = shadow_measure(map, size, face, first_x + x, first_y + y, perspective);
             const vfloat off = u - v_fma(v_splat((float)y), v_splat(c), along);
             highest = v_max(highest, v_select(v_splat(-INFINITY), off, inside));
             lowest = v_min(lowest, v_select(v_splat(INFINITY), off, inside));
         }
     }
-    __global float *restrict to =
-        blocks + ssgi_index(count, face * SHADOW_IMAGES, column, row);
+    __global float *restrict to = blocks + ssgi_index(count, face * SHADOW_IMAGES, column, row);
     const int image = count.y * ssgi_pitch(count);
     to[SHADOW_HIGHEST * image] = v_largest(highest);
     to[SHADOW_LOWEST * image] = -v_largest(-lowest);

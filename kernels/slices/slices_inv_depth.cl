@@ -25,12 +25,12 @@
 
 __kernel void slices_inv_depth(ssgi_plane depth,
 #if INV_DEPTH_THICKNESS
-                          ssgi_plane thickness,
+                               ssgi_plane thickness,
 #endif
-                          __global float *restrict inv_depth, const int2 size,
-                          const int2 fine_size, const int columns, const int lead, const int step,
-                          const int first_x, const int first_y, const float ortho_unit,
-                          const SsgiCamera camera)
+                               __global float *restrict inv_depth, const int2 size,
+                               const int2 fine_size, const int columns, const int lead,
+                               const int step, const int first_x, const int first_y,
+                               const float ortho_unit, const SsgiCamera camera)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -43,9 +43,8 @@ __kernel void slices_inv_depth(ssgi_plane depth,
     for (int layer = 0; layer < INV_DEPTH_LAYERS; ++layer) {
         const vfloat z = ssgi_load_sorted(depth, &from, layer);
         const vmask there = from.inside & v_lt(z, v_splat(INFINITY));
-        const vfloat value = perspective
-                                 ? v_select(v_splat(0.0f), 1.0f / z, there)
-                                 : v_select(v_splat(INFINITY), z * ortho_unit, there);
+        const vfloat value = perspective ? v_select(v_splat(0.0f), 1.0f / z, there)
+                                         : v_select(v_splat(INFINITY), z * ortho_unit, there);
         ssgi_store(value, inv_depth, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
 #if INV_DEPTH_THICKNESS

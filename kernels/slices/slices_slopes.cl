@@ -58,8 +58,8 @@ static inline vfloat slopes_change(const SlopesLine *line, const SsgiCamera came
         v_select(bend, v_abs(slopes_near(line->z[4], behind, camera, unit) - behind - up),
                  v_lt(line->z[4], none));
     const vmask has_down = v_lt(line->z[1], none), has_up = v_lt(line->z[3], none);
-    const vmask lesser = v_lt(down_miss, up_miss) |
-                         (v_eq(down_miss, up_miss) & v_le(v_abs(down), v_abs(up)));
+    const vmask lesser =
+        v_lt(down_miss, up_miss) | (v_eq(down_miss, up_miss) & v_le(v_abs(down), v_abs(up)));
     const vfloat one = v_select(up, down, ~has_up | (has_down & lesser));
     const vmask alike = has_down & has_up & v_le(bend, 2.0f * v_min(down_miss, up_miss));
     return v_select(one, 0.5f * (down + up), alike);

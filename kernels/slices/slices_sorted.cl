@@ -18,9 +18,8 @@
 #endif
 
 __kernel void slices_sorted(ssgi_plane images, __global float *restrict sorted, const int2 size,
-                            const int2 fine_size, const int columns, const int lead,
-                            const int step, const int first_x, const int first_y,
-                            const int first_image)
+                            const int2 fine_size, const int columns, const int lead, const int step,
+                            const int first_x, const int first_y, const int first_image)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

@@ -106,10 +106,10 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
         const vfloat shrink = v_min(params.most_px / wanted_px, v_splat(1.0f));
         const vfloat radius = wanted * shrink;
         const vfloat radius_px = wanted_px * shrink;
-        const vfloat share = v_clamp(radius_px * params.samples_per_px, params.fewest,
-                                     (float)SSAO_MOST_SAMPLES);
-        const vint count = v_iselect(v_splat_int(0), v_to_int(share),
-                                     there & v_ge(radius_px, v_splat(1.0f)));
+        const vfloat share =
+            v_clamp(radius_px * params.samples_per_px, params.fewest, (float)SSAO_MOST_SAMPLES);
+        const vint count =
+            v_iselect(v_splat_int(0), v_to_int(share), there & v_ge(radius_px, v_splat(1.0f)));
         const vfloat inverse_radius = 1.0f / radius;
 #if SSAO_HEMISPHERE
         const vfloat bias = v_fma(z, v_splat(params.depth_bias), radius * params.bias);

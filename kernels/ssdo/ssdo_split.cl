@@ -29,8 +29,8 @@ __kernel void ssdo_split(ssgi_plane depth,
                          ssgi_plane punctual_lights,
 #endif
                          __global float *restrict direct,
-                         ssgi_optional __global float *restrict bounce,
-                         const int2 size, const SplitParams params)
+                         ssgi_optional __global float *restrict bounce, const int2 size,
+                         const SplitParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -57,9 +57,8 @@ __kernel void ssdo_split(ssgi_plane depth,
         sum = sum + ssgi_load(gathered, size, SPLIT_FIRST + c, x, y);
 #endif
 #if SPLIT_LIGHTS
-        sum = sum +
-              ssgi_load(punctual_lights, lights_size, c, x + params.lights_columns,
-                        y + params.lights_rows);
+        sum = sum + ssgi_load(punctual_lights, lights_size, c, x + params.lights_columns,
+                              y + params.lights_rows);
 #endif
         ssgi_store(v_select(zero, sum, there), direct, size, c, x, y, 0.0f);
 #if SPLIT_BOUNCE

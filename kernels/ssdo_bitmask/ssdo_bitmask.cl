@@ -113,8 +113,7 @@ SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 // Find what slices of this radius (a length) see: the fraction that is occluded, the images behind
 // A, and with BITMASK_KEPT the bits of each slice.
 SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
-                           const SsdoGiven *given,
-                           const SsgiPattern *pattern, const float radius,
+                           const SsdoGiven *given, const SsgiPattern *pattern, const float radius,
                            const SliceParams params, vfloat images[SSDO_IMAGES],
                            vint kept[2 * SLICES_COUNT])
 {
@@ -172,17 +171,15 @@ SSGI_INLINE void ssdo_store_kept(const vint kept[2 * SLICES_COUNT], const SsgiRe
     }
 }
 
-__kernel void ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal,
-                           __global const float *restrict table,
-                           __global const float *restrict slopes,
-                           ssgi_optional __global const float *restrict sky,
-                           ssgi_optional __global const float *restrict sent,
-                           ssgi_optional __global const float *restrict sides,
-                           ssgi_optional __global const int *restrict tiles,
-                           __global float *restrict light,
-                           ssgi_optional __global int *restrict kept,
-                           const int2 size, const SsgiCamera camera, const SliceParams params,
-                           const SsdoBitmaskParams own)
+__kernel void
+ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
+             __global const float *restrict slopes,
+             ssgi_optional __global const float *restrict sky,
+             ssgi_optional __global const float *restrict sent,
+             ssgi_optional __global const float *restrict sides,
+             ssgi_optional __global const int *restrict tiles, __global float *restrict light,
+             ssgi_optional __global int *restrict kept, const int2 size, const SsgiCamera camera,
+             const SliceParams params, const SsdoBitmaskParams own)
 {
     SsdoGiven given;
     given.slopes = slopes;
@@ -228,8 +225,8 @@ __kernel void ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal,
             images[i] = v_select(images[i], found[i], group.alike);
         }
         if (BITMASK_KEPT) {
-        #pragma unroll 1
-    for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+#pragma unroll 1
+            for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
                 bits[s] = v_iselect(bits[s], found_bits[s], group.alike);
             }
         }

@@ -162,8 +162,8 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
 #if POINT_VIEWS_SKY
             const vmask turned = v_lt(side, zero);
             for (int c = 0; c < 3; ++c) {
-                const vfloat light = v_select(v_load(field + 16 * (5 + c)),
-                                              v_load(field + 16 * (8 + c)), turned);
+                const vfloat light =
+                    v_select(v_load(field + 16 * (5 + c)), v_load(field + 16 * (8 + c)), turned);
                 sky_hidden[c] = v_fma(light * way.cosine, hit.hides, sky_hidden[c]);
             }
 #endif

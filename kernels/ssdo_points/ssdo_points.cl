@@ -9,15 +9,17 @@
 //          twice. See ssdo_points/search.clh for both.
 // Departs: directions are fixed in the world and turned to the receiver's side, so that the light
 //          from a direction is one of two numbers. A is the open share of all weights, which is
-//          exactly 1 where nothing hides. Only what rises above the receiver's tangent plane counts.
-//          In a row, receivers are taken by column modulo 4, so that lanes have the same directions
-//          and read places next to one another.
+//          exactly 1 where nothing hides. Only what rises above the receiver's tangent plane
+//          counts. In a row, receivers are taken by column modulo 4, so that lanes have the same
+//          directions and read places next to one another.
 // Reads:   depth, normal  image 0 and the first three, with margin: receivers, view space
 //          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 2 alone
 //          planes   POINTS_LAYERS layers, see ssdo_points/ssdo_planes.cl
-//          senders  POINTS_SENDERS layers of records, see layer_shading/records.clh, with margin, of
+//          senders  POINTS_SENDERS layers of records, see layer_shading/records.clh, with margin,
+//          of
 //                   the sides that the camera sees
-//          directions  [16 rows][4 columns][POINTS_COUNT][5, with POINTS_SKY 11]: a unit vector, view
+//          directions  [16 rows][4 columns][POINTS_COUNT][5, with POINTS_SKY 11]: a unit vector,
+//          view
 //                   space; a number in (0, 1), see PointsDirection; the solid angle; the light from
 //                   there and from the opposite side, RGB W/m^2
 // Writes:  gathered [rows, columns] without margin: A in [0, 1]; with POINTS_SKY 3 images of the
@@ -46,10 +48,10 @@
 #define POINTS_FIELDS (POINTS_SKY ? 11 : 5)
 #define POINTS_WORDS ((POINTS_COUNT + 31) / 32)
 #define POINTS_PI 3.14159265f
-#define POINTS_BOUNCE (POINTS_SKY ? 4 : 1) // the first image of the bounce
-#define POINTS_PHASES (SSGI_LANES == 1 ? 1 : 4) // of columns that have the same directions
+#define POINTS_BOUNCE (POINTS_SKY ? 4 : 1)        // the first image of the bounce
+#define POINTS_PHASES (SSGI_LANES == 1 ? 1 : 4)   // of columns that have the same directions
 #define POINTS_PIECE (POINTS_PHASES * SSGI_LANES) // receivers of a work-item
-#define POINTS_STRIP 256 // columns
+#define POINTS_STRIP 256                          // columns
 #define POINTS_IN_STRIP (POINTS_STRIP / POINTS_PIECE)
 
 // A plane's pixels of every fourth receiver from column x on.
@@ -75,10 +77,11 @@ static inline void points_store(const vfloat *by_phase, __global float *restrict
 #else
     int4 row[SSGI_LANES];
     raster_keep_quads((RasterQuad){v_bits(by_phase[0]), v_bits(by_phase[1]), v_bits(by_phase[2]),
-                                   v_bits(by_phase[3])}, row);
+                                   v_bits(by_phase[3])},
+                      row);
     for (int i = 0; i < POINTS_PIECE && x + i < size.x; i += SSGI_LANES) {
-        ssgi_store(*(const vfloat_anywhere *)((const float *)row + i), plane, size, image, x + i,
-                   y, 0.0f);
+        ssgi_store(*(const vfloat_anywhere *)((const float *)row + i), plane, size, image, x + i, y,
+                   0.0f);
     }
 #endif
 }
@@ -147,8 +150,9 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal,
         const vfloat k = ssgi_k(camera, z);
         const float column_0 = (float)((x + phase) * POINTS_STEP + params.margin_columns) + 0.5f;
         at.z = z;
-        at.x = ssgi_slope_x(camera, v_to_float(v_iota() * (POINTS_PHASES * POINTS_STEP)) +
-                                        column_0) * k;
+        at.x =
+            ssgi_slope_x(camera, v_to_float(v_iota() * (POINTS_PHASES * POINTS_STEP)) + column_0) *
+            k;
         at.y = ssgi_slope_y(camera, v_splat(row_0)) * k;
         at.nx = points_own(normal, whole, 0, x + phase, y, params);
         at.ny = points_own(normal, whole, 1, x + phase, y, params);

@@ -48,7 +48,7 @@
 #include "ssdo_views/surfaces.clh"
 
 #define VIEWS_GOLDEN 0.618033989f
-#define VIEWS_BEFORE 2.0f // px from the receiver to where distances of taps grow from
+#define VIEWS_BEFORE 2.0f          // px from the receiver to where distances of taps grow from
 #define VIEWS_FINEST 0.0009765625f // radii: a pixel that is less wide counts as one that wide
 
 // x - floor(x) for x >= 0.
@@ -85,8 +85,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vfloat one = v_splat(1.0f);
     const bool perspective = camera.perspective != 0.0f;
     const vfloat own = ssgi_load(linear, whole, 0, at_x, at_y);
-    const vmask there = v_lt(own, v_splat(INFINITY)) &
-                        v_ilt(v_iota() + x, v_splat_int(size.x));
+    const vmask there = v_lt(own, v_splat(INFINITY)) & v_ilt(v_iota() + x, v_splat_int(size.x));
     const vfloat flat = v_select(one, own, there);
     const vfloat z = perspective ? 1.0f / flat : flat;
     const vfloat k = ssgi_k(camera, z);
@@ -98,16 +97,17 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vmask active = there & v_ge(wanted_px * shrink, one);
     // The receiver as the other camera sees it.
     const vfloat px = slope_x * k, py = slope_y * k;
-    const vfloat ox = v_fma(px, v_splat(params.xx), v_fma(py, v_splat(params.xy),
-                                                         v_fma(z, v_splat(-params.xz),
-                                                               v_splat(params.shift_x))));
-    const vfloat oy = v_fma(px, v_splat(params.yx), v_fma(py, v_splat(params.yy),
-                                                         v_fma(z, v_splat(-params.yz),
-                                                               v_splat(params.shift_y))));
-    const vfloat oz = v_fma(px, v_splat(params.zx), v_fma(py, v_splat(params.zy),
-                                                         v_fma(z, v_splat(-params.zz),
-                                                               v_splat(params.shift_z))));
-    const vmask near = active & v_lt(oz, radius) &
+    const vfloat ox = v_fma(
+        px, v_splat(params.xx),
+        v_fma(py, v_splat(params.xy), v_fma(z, v_splat(-params.xz), v_splat(params.shift_x))));
+    const vfloat oy = v_fma(
+        px, v_splat(params.yx),
+        v_fma(py, v_splat(params.yy), v_fma(z, v_splat(-params.yz), v_splat(params.shift_y))));
+    const vfloat oz = v_fma(
+        px, v_splat(params.zx),
+        v_fma(py, v_splat(params.zy), v_fma(z, v_splat(-params.zz), v_splat(params.shift_z))));
+    const vmask near =
+        active & v_lt(oz, radius) &
         views_touches(ox, oy, oz, radius, params.left_x, 0.0f, params.left_z, params.left_w) &
         views_touches(ox, oy, oz, radius, params.right_x, 0.0f, params.right_z, params.right_w) &
         views_touches(ox, oy, oz, radius, 0.0f, params.top_y, params.top_z, params.top_w) &
@@ -126,9 +126,9 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     at.ny = v_fma(nx, v_splat(params.yx), v_fma(ny, v_splat(params.yy), nz * params.yz));
     at.nz = v_fma(nx, v_splat(params.zx), v_fma(ny, v_splat(params.zy), nz * params.zz));
     // A pixel of the other camera at the receiver, and what distances grow by from tap to tap.
-    const vfloat pixel = v_max(radius * VIEWS_FINEST,
-                               ssgi_k(other, v_max(-oz, v_splat(params.nearest))) *
-                                   max(fabs(other.to_x), fabs(other.to_y)));
+    const vfloat pixel =
+        v_max(radius * VIEWS_FINEST, ssgi_k(other, v_max(-oz, v_splat(params.nearest))) *
+                                         max(fabs(other.to_x), fabs(other.to_y)));
     const vfloat apart = pixel * VIEWS_BEFORE;
     const vfloat octaves = v_log2(one + radius / apart) * (1.0f / (float)VIEWS_TAPS);
     const vfloat growth = v_exp2(octaves);
@@ -146,8 +146,8 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     for (int s = 0; s < VIEWS_SLICES; ++s) {
         __global const float *restrict slice_at = pattern + s * 48;
         const vfloat dither = v_load(slice_at + 32);
-        const ViewsSlice slice = views_slice(camera, &view_ray, v_load(slice_at),
-                                             v_load(slice_at + 16), nx, ny, nz);
+        const ViewsSlice slice =
+            views_slice(camera, &view_ray, v_load(slice_at), v_load(slice_at + 16), nx, ny, nz);
         total = total + slice.share;
         const int mask_at = ssgi_index(size, s, x, y);
         const int dark_at = ssgi_index(size, VIEWS_SLICES + s, x, y);
@@ -164,14 +164,13 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
             const vfloat to_sector =
                 last ? v_splat(32.0f)
                      : views_sector(&slice, v_splat(end), v_splat(sqrt(1.0f - end * end)));
-            const vint to = last ? v_splat_int(32)
-                                 : v_to_int(v_clamp(to_sector + dither, 0.0f, 32.0f));
+            const vint to =
+                last ? v_splat_int(32) : v_to_int(v_clamp(to_sector + dither, 0.0f, 32.0f));
             const vint all = v_splat_int(-1);
             const vint bits = (all << from) & v_shift_right(all, 32 - to) & v_ilt(from, to) &
                               (~covered | dark) & near;
-            const vfloat shift = views_fraction(v_fma(dither, v_splat(7.0f),
-                                                      v_splat((float)(s * VIEWS_STRATA + j) *
-                                                              VIEWS_GOLDEN)));
+            const vfloat shift = views_fraction(v_fma(
+                dither, v_splat(7.0f), v_splat((float)(s * VIEWS_STRATA + j) * VIEWS_GOLDEN)));
             if (v_any(v_ine(bits, v_splat_int(0)))) {
                 // One of the free sectors: the first from some place on, or else the first.
                 const vint place = from + v_to_int(shift * v_to_float(to - from));
@@ -179,8 +178,8 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 const vint some = v_iselect(later, bits, v_ieq(later, v_splat_int(0)));
                 const vint number = v_count_bits((some & -some) - 1);
                 const vfloat width = v_max(to_sector - from_sector, v_splat(1e-3f));
-                const vfloat part = v_clamp(
-                    (v_to_float(number) + 0.5f - dither - from_sector) / width, 0.0f, 1.0f);
+                const vfloat part =
+                    v_clamp((v_to_float(number) + 0.5f - dither - from_sector) / width, 0.0f, 1.0f);
                 const vfloat turned = v_fma(part, v_splat(end - sine), v_splat(sine));
                 const vfloat upright = v_sqrt(v_max(v_fma(-turned, turned, one), zero));
                 vfloat wx, wy, wz;
@@ -219,8 +218,8 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 added = added | (bits & found);
                 // Lanes are hit at different taps: what was hit is looked up once for all.
 #if VIEWS_SENDERS > 0
-                const vmask lit = found & first.faces &
-                                  v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));
+                const vmask lit =
+                    found & first.faces & v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));
                 if (v_any(lit)) {
                     const vint layer = v_iselect(v_splat_int(0), first.layer, lit);
                     const vint from_row = layer * (3 * params.rows) + first.row;

@@ -2,8 +2,8 @@
 // tiles_interior: open tiles all of whose neighbours are open, which a blur does not change.
 //
 // Reads:   open  [rows of tiles, columns of tiles] bits, from tiles_open
-// Writes:  interior  the same, with TILES_IS_INTERIOR where it holds; no tiles lie outside the image
-// Launch:  a tile per work-item
+// Writes:  interior  the same, with TILES_IS_INTERIOR where it holds; no tiles lie outside the
+// image Launch:  a tile per work-item
 
 #include "common/gbuffer.clh"
 #include "tiles/open.clh"

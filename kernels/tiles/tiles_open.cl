@@ -26,9 +26,9 @@
 
 // The struct TileParams is generated from ssgi_cl.techniques.tiles.
 
-#define TILES_ROUNDING 4e-7f // of a height, relative to the distance from the eye
+#define TILES_ROUNDING 4e-7f    // of a height, relative to the distance from the eye
 #define TILES_FARTHEST_REACH 16 // tiles: beyond, a proof would take longer than it saves
-#define TILES_HORIZON 1e-3f // of v: what pieces are at least; 1 - PIECES_FARTHEST
+#define TILES_HORIZON 1e-3f     // of v: what pieces are at least; 1 - PIECES_FARTHEST
 
 // The pixel of a tile's side, from its middle, or so far beyond.
 static inline float tiles_end(const int last, const float beyond)
@@ -43,8 +43,8 @@ static inline float tiles_slant(const TileParams params, const int tile_x, const
 {
     const float first = (float)(tile_x * TILES_SIDE), top = (float)(tile_y * TILES_SIDE);
     const float last = first + (float)(max(params.group, 1) * TILES_SIDE);
-    const float x = max(fabs(fma(params.to_x, first, params.at_x)),
-                        fabs(fma(params.to_x, last, params.at_x)));
+    const float x =
+        max(fabs(fma(params.to_x, first, params.at_x)), fabs(fma(params.to_x, last, params.at_x)));
     const float y = max(fabs(fma(params.to_y, top, params.at_y)),
                         fabs(fma(params.to_y, top + TILES_SIDE, params.at_y)));
     return sqrt(fma(x, x, fma(y, y, 1.0f)));
@@ -63,8 +63,7 @@ __kernel void tiles_open(ssgi_plane summary, __global int *restrict open, const 
     const int own_y = tile_y + params.lead_rows;
     float own[TILES_COUNT];
     for (int image = 0; image < TILES_COUNT; ++image) {
-        own[image] =
-            as_float(v_first(v_bits(ssgi_load(summary, whole, image, own_x, own_y))));
+        own[image] = as_float(v_first(v_bits(ssgi_load(summary, whole, image, own_x, own_y))));
     }
     const bool perspective = params.perspective != 0.0f;
     const float nearest = own[TILES_NEAREST];
@@ -78,15 +77,15 @@ __kernel void tiles_open(ssgi_plane summary, __global int *restrict open, const 
         float longest = nearest;
         const int group = tile_x / params.group * params.group + params.lead_columns;
         for (int x = group; x < min(group + params.group, whole.x); ++x) {
-            longest = max(longest, as_float(v_first(v_bits(
-                                       ssgi_load(summary, whole, TILES_NEAREST, x, own_y)))));
+            longest =
+                max(longest,
+                    as_float(v_first(v_bits(ssgi_load(summary, whole, TILES_NEAREST, x, own_y)))));
         }
         const float along = perspective ? longest : 1.0f;
         const float slant =
             perspective ? tiles_slant(params, group - params.lead_columns, tile_y) : 1.0f;
         const float bulge = 1.0f - params.bulge * longest * params.perspective;
-        const float px =
-            slant * min(along * params.reach_px / max(bulge, 1e-3f), params.most_px);
+        const float px = slant * min(along * params.reach_px / max(bulge, 1e-3f), params.most_px);
         const int reach = (int)min(ceil((px + params.more_px) / TILES_SIDE), 1e6f);
         bool flat = reach <= TILES_FARTHEST_REACH;
         const float beyond = fma(px, params.beyond, params.beyond_px);
@@ -100,11 +99,11 @@ __kernel void tiles_open(ssgi_plane summary, __global int *restrict open, const 
                 const vfloat v_y = ssgi_load(summary, whole, TILES_V_Y, x, y);
                 vmask rises = v_splat_int(0);
 #if TILES_PIECES
-                const vmask there = v_gt(ssgi_load(summary, whole, TILES_NEAREST, x, y),
-                                         v_splat(-INFINITY));
+                const vmask there =
+                    v_gt(ssgi_load(summary, whole, TILES_NEAREST, x, y), v_splat(-INFINITY));
                 rises = v_gt(ssgi_load(summary, whole, TILES_LAYER, x, y), v_splat(1.0f)) |
-                        (there & ~v_lt(ssgi_load(summary, whole, TILES_BELOW, x, y),
-                                       v_splat(INFINITY)));
+                        (there &
+                         ~v_lt(ssgi_load(summary, whole, TILES_BELOW, x, y), v_splat(INFINITY)));
                 const vfloat turned = (ssgi_load(summary, whole, TILES_BELOW_X, x, y) +
                                        ssgi_load(summary, whole, TILES_BELOW_Y, x, y)) *
                                       beyond;
@@ -118,8 +117,7 @@ __kernel void tiles_open(ssgi_plane summary, __global int *restrict open, const 
                         v_fma(v_abs(dx), v_splat(-own[TILES_BELOW_X]),
                               v_fma(dx, v_splat(own[TILES_V_X]),
                                     v_splat(fma(dy, own[TILES_V_Y], own[TILES_V]) -
-                                            fma(fabs(dy), own[TILES_BELOW_Y],
-                                                own[TILES_BELOW]))));
+                                            fma(fabs(dy), own[TILES_BELOW_Y], own[TILES_BELOW]))));
                     vfloat most = v_fma(v_x, v_splat(i), v_fma(v_y, v_splat(j), v));
 #if TILES_PIECES
                     most = most + turned;

@@ -43,11 +43,10 @@ static inline vmask tiles_tangent(const SsgiCamera camera, const vfloat linear, 
     const vfloat n_dot_v = v_fma(nx, sx, v_fma(ny, v_splat(sy), -nz));
     // The view ray is (sx, sy, -1), of length <= 1 + (sx^2 + sy^2) / 2.
     const vfloat least = v_fma(v_fma(sx, sx, v_splat(sy * sy)),
-                               v_splat(-0.5f * TILES_LEAST_N_DOT_V),
-                               v_splat(-TILES_LEAST_N_DOT_V));
+                               v_splat(-0.5f * TILES_LEAST_N_DOT_V), v_splat(-TILES_LEAST_N_DOT_V));
     const vmask known = there & v_lt(n_dot_v, least);
-    const vfloat scale = (perspective ? u : v_splat(1.0f)) /
-                         v_select(v_splat(-1.0f), n_dot_v, known);
+    const vfloat scale =
+        (perspective ? u : v_splat(1.0f)) / v_select(v_splat(-1.0f), n_dot_v, known);
     *v = perspective ? u : -u;
     *v_x = nx * camera.to_x * scale;
     *v_y = ny * camera.to_y * scale;
@@ -73,9 +72,9 @@ __kernel void tiles_summary(ssgi_plane linear, ssgi_plane normal, ssgi_plane dep
     const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
     const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
     vfloat middle, middle_slope_x, middle_slope_y;
-    const vmask reliable = tiles_tangent(
-        camera, ssgi_load(linear, whole, 0, at_x, at_y), column, (float)at_y + 0.5f, nx, ny, nz,
-        &middle, &middle_slope_x, &middle_slope_y);
+    const vmask reliable =
+        tiles_tangent(camera, ssgi_load(linear, whole, 0, at_x, at_y), column, (float)at_y + 0.5f,
+                      nx, ny, nz, &middle, &middle_slope_x, &middle_slope_y);
     const float own_x = tiles_first(middle_slope_x);
     const float own_y = tiles_first(middle_slope_y);
     const float own = fma((float)(left + TILES_MIDDLE - at_x), own_x,
@@ -118,9 +117,8 @@ __kernel void tiles_summary(ssgi_plane linear, ssgi_plane normal, ssgi_plane dep
                 continue;
             }
             vfloat v, v_x, v_y;
-            const vmask known =
-                tiles_tangent(camera, seen, v_to_float(v_iota() + x) + 0.5f, (float)y + 0.5f, n[0],
-                              n[1], n[2], &v, &v_x, &v_y);
+            const vmask known = tiles_tangent(camera, seen, v_to_float(v_iota() + x) + 0.5f,
+                                              (float)y + 0.5f, n[0], n[1], n[2], &v, &v_x, &v_y);
             const vfloat dx = v_to_float(v_iota() + (i - TILES_MIDDLE));
             const float dy = (float)(j - TILES_MIDDLE);
             const vfloat plane = v_fma(dx, v_splat(own_x), v_splat(fma(dy, own_y, own)));

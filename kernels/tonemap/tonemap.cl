@@ -4,7 +4,8 @@
 // Method:  exposure, then a filmic curve (Narkowicz 2015, a fit of the ACES reference transform:
 //          x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)) or none, then IEC 61966-2-1.
 // Reads:   radiance  3 x [rows, columns] linear, >= 0
-// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up to 16;
+// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up to
+// 16;
 //                    beyond the columns anything
 // Macros:  TONEMAP_CURVE (0 clip at 1, 1 filmic)
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -53,8 +54,8 @@ __kernel void tonemap(ssgi_plane radiance, __global uint *restrict encoded, cons
         v = v * (2.51f * v + 0.03f) / (v * (2.43f * v + 0.59f) + 0.14f);
 #endif
         v = v_min(v, v_splat(1.0f));
-        const vfloat high = v_fma(v_pow(v, v_splat(1.0f / 2.4f)), v_splat(1.055f),
-                                  v_splat(-0.055f));
+        const vfloat high =
+            v_fma(v_pow(v, v_splat(1.0f / 2.4f)), v_splat(1.055f), v_splat(-0.055f));
         const vfloat s = v_select(high, v * 12.92f, v_le(v, v_splat(0.0031308f)));
         byte[c] = v_to_int(v_fma(s, v_splat(255.0f), v_splat(0.5f)));
     }

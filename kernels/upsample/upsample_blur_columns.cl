@@ -25,8 +25,8 @@
 #endif
 
 __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_plane coarse_linear,
-                                    ssgi_plane coarse_normal, ssgi_plane linear,
-                                    ssgi_plane normal, __global const float *restrict weights,
+                                    ssgi_plane coarse_normal, ssgi_plane linear, ssgi_plane normal,
+                                    __global const float *restrict weights,
                                     __global float *restrict fine, const int2 size, // of fine
                                     const SsgiCamera camera, const UpsampleParams params)
 {
@@ -37,8 +37,7 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
     if (x >= size.x || row >= small.y) {
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int2 wide = (int2)(size.x, small.y);
     const int at_x = x + params.margin_columns;
     const int y = row * step;
@@ -51,13 +50,11 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
     for (int r = 0; r < UPSAMPLE_STEP; ++r) {
         const int at_y = min(y + r, size.y - 1) + params.margin_rows;
         const vfloat own = ssgi_load(linear, whole, 0, at_x, at_y);
-        fit[r] = ssgi_fit_of(camera, v_to_float(v_iota() + at_x) + 0.5f,
-                             v_splat((float)at_y + 0.5f),
-                             v_select(v_splat(1.0f), own, v_lt(own, v_splat(INFINITY))),
-                             ssgi_load(normal, whole, 0, at_x, at_y),
-                             ssgi_load(normal, whole, 1, at_x, at_y),
-                             ssgi_load(normal, whole, 2, at_x, at_y), params.depth_scale,
-                             params.normal_scale);
+        fit[r] = ssgi_fit_of(
+            camera, v_to_float(v_iota() + at_x) + 0.5f, v_splat((float)at_y + 0.5f),
+            v_select(v_splat(1.0f), own, v_lt(own, v_splat(INFINITY))),
+            ssgi_load(normal, whole, 0, at_x, at_y), ssgi_load(normal, whole, 1, at_x, at_y),
+            ssgi_load(normal, whole, 2, at_x, at_y), params.depth_scale, params.normal_scale);
         off[r] = v_fma(v_splat((float)(first * step - r)), fit[r].off_y, fit[r].off);
         step_y[r] = fit[r].off_y * (float)step;
         sum[r] = v_splat(0.0f);
@@ -69,15 +66,15 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
     int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
     for (int d = first; d <= last; ++d) {
         const vfloat value = ssgi_load_at(rows, wide, 0, value_at);
-        const vfloat u = v_select(ssgi_load_at(linear, whole, 0, at), v_splat(INFINITY),
-                                  upsample_flag(value));
+        const vfloat u =
+            v_select(ssgi_load_at(linear, whole, 0, at), v_splat(INFINITY), upsample_flag(value));
         const vfloat mx = ssgi_load_at(normal, whole, 0, at);
         const vfloat my = ssgi_load_at(normal, whole, 1, at);
         const vfloat mz = ssgi_load_at(normal, whole, 2, at);
 #pragma unroll
         for (int r = 0; r < UPSAMPLE_STEP; ++r) {
-            const vfloat weight = weights[distance - r] *
-                                  ssgi_fit_weight(ssgi_fit(fit[r], off[r], u, mx, my, mz));
+            const vfloat weight =
+                weights[distance - r] * ssgi_fit_weight(ssgi_fit(fit[r], off[r], u, mx, my, mz));
             sum[r] = v_fma(weight, value, sum[r]);
             total[r] = total[r] + weight;
             off[r] = off[r] + step_y[r];
@@ -92,14 +89,13 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
             return;
         }
         const vmask there =
-            v_lt(ssgi_load(linear, whole, 0, at_x, y + r + params.margin_rows),
-                 v_splat(INFINITY));
+            v_lt(ssgi_load(linear, whole, 0, at_x, y + r + params.margin_rows), v_splat(INFINITY));
         const vmask lost = v_lt(total[r], v_splat(UPSAMPLE_LEAST_WEIGHT)) & there;
         vfloat result = sum[r] / v_max(total[r], v_splat(UPSAMPLE_LEAST_WEIGHT));
         if (v_any(lost)) {
             result = v_select(result,
-                              upsample_best(fit[r], coarse, coarse_linear, coarse_normal, small,
-                                            x, row, r, params),
+                              upsample_best(fit[r], coarse, coarse_linear, coarse_normal, small, x,
+                                            row, r, params),
                               lost);
         }
         ssgi_store(v_select(v_splat(params.background), result, there), fine, size, 0, x, y + r,

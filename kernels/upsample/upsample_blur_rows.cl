@@ -33,8 +33,8 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
                                  ssgi_plane coarse_normal, ssgi_plane linear, ssgi_plane normal,
                                  __global const float *restrict weights,
                                  __global float *restrict blurred, const int2 size, // of blurred
-                                 const int2 small, // of coarse
-                                 const int2 whole, // of linear
+                                 const int2 small,                                  // of coarse
+                                 const int2 whole,                                  // of linear
                                  const SsgiCamera camera, const UpsampleParams params)
 {
     const int step = UPSAMPLE_STEP;
@@ -61,18 +61,17 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
     vfloat off[UPSAMPLE_STEP], sum[UPSAMPLE_STEP], total[UPSAMPLE_STEP];
 #pragma unroll
     for (int p = 0; p < UPSAMPLE_STEP; ++p) {
-        fit[p] = ssgi_fit_of(
-            camera, v_to_float(v_iota() * step + (at_x + p)) + 0.5f, v_splat((float)at_y + 0.5f),
-            v_select(v_splat(1.0f), own[p], v_lt(own[p], v_splat(INFINITY))), nx[p], ny[p], nz[p],
-            params.depth_scale, params.normal_scale);
+        fit[p] = ssgi_fit_of(camera, v_to_float(v_iota() * step + (at_x + p)) + 0.5f,
+                             v_splat((float)at_y + 0.5f),
+                             v_select(v_splat(1.0f), own[p], v_lt(own[p], v_splat(INFINITY))),
+                             nx[p], ny[p], nz[p], params.depth_scale, params.normal_scale);
         off[p] = v_fma(v_splat((float)(first * step - p)), fit[p].off_x, fit[p].off);
         fit[p].off_x = fit[p].off_x * (float)step;
         sum[p] = v_splat(0.0f);
         total[p] = v_splat(0.0f);
     }
     // Beside the image, linear is INFINITY unless there is a margin; coarse is nothing in any case.
-    const bool cut =
-        params.margin_columns > 0 && (x < -first || x + SSGI_LANES + last > small.x);
+    const bool cut = params.margin_columns > 0 && (x < -first || x + SSGI_LANES + last > small.x);
     int at = ssgi_index(small_whole, 0, from_x + first, from_y);
     int value_at = ssgi_index(small, 0, x + first, y);
     int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
@@ -87,8 +86,8 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
         }
 #pragma unroll
         for (int p = 0; p < UPSAMPLE_STEP; ++p) {
-            const vfloat weight = weights[distance - p] *
-                                  ssgi_fit_weight(ssgi_fit(fit[p], off[p], u, mx, my, mz));
+            const vfloat weight =
+                weights[distance - p] * ssgi_fit_weight(ssgi_fit(fit[p], off[p], u, mx, my, mz));
             sum[p] = v_fma(weight, value, sum[p]);
             total[p] = total[p] + weight;
             off[p] = off[p] + fit[p].off_x;

@@ -23,7 +23,6 @@
 #error "UPSAMPLE_COUNT and UPSAMPLE_STEP must be defined by the host"
 #endif
 
-
 // Four coarse pixels: of this column and row, the next column, the next row, and both.
 typedef struct {
     vfloat u[4], nx[4], ny[4], nz[4];
@@ -35,15 +34,14 @@ static inline vfloat upsample_fit(const SsgiFit fit, const UpsampleCorners *corn
 {
     const float dx = (float)((corner & 1) * UPSAMPLE_STEP - phase);
     const float dy = (float)((corner >> 1) * UPSAMPLE_STEP - rest);
-    const vfloat off =
-        v_fma(v_splat(dx), fit.off_x, v_fma(v_splat(dy), fit.off_y, fit.off));
+    const vfloat off = v_fma(v_splat(dx), fit.off_x, v_fma(v_splat(dy), fit.off_y, fit.off));
     return ssgi_fit(fit, off, corners->u[corner], corners->nx[corner], corners->ny[corner],
                     corners->nz[corner]);
 }
 
-__kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
-                             ssgi_plane coarse_normal, ssgi_plane linear, ssgi_plane normal,
-                             __global float *restrict fine, const int2 size, // of the fine result
+__kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear, ssgi_plane coarse_normal,
+                             ssgi_plane linear, ssgi_plane normal, __global float *restrict fine,
+                             const int2 size, // of the fine result
                              const SsgiCamera camera, const UpsampleParams params)
 {
     const int step = UPSAMPLE_STEP;
@@ -53,8 +51,7 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
     if (x >= small.x || y >= size.y) {
         return;
     }
-    const int2 whole =
-        (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
     const int2 small_whole = (int2)(params.coarse_columns, params.coarse_rows);
     const int at_x = x * step + params.margin_columns;
     const int at_y = y + params.margin_rows;
@@ -72,8 +69,9 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
         corners.ny[corner] = ssgi_load(coarse_normal, small_whole, 1, from_x, from_y);
         corners.nz[corner] = ssgi_load(coarse_normal, small_whole, 2, from_x, from_y);
         const bool below = (corner >> 1) != 0 && row + 1 == small.y;
-        corners.u[corner] = below ? v_splat(INFINITY)
-                                  : (corner & 1) != 0 ? v_select(v_splat(INFINITY), u, right) : u;
+        corners.u[corner] = below               ? v_splat(INFINITY)
+                            : (corner & 1) != 0 ? v_select(v_splat(INFINITY), u, right)
+                                                : u;
     }
     vfloat own[UPSAMPLE_STEP], nx[UPSAMPLE_STEP], ny[UPSAMPLE_STEP], nz[UPSAMPLE_STEP];
     ssgi_load_phases(linear, whole, 0, at_x, at_y, own);
@@ -87,8 +85,8 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
         const vmask there = v_lt(own[p], v_splat(INFINITY));
         const SsgiFit fit =
             ssgi_fit_of(camera, v_to_float(v_iota() * step + (at_x + p)) + 0.5f,
-                        v_splat((float)at_y + 0.5f), v_select(v_splat(1.0f), own[p], there),
-                        nx[p], ny[p], nz[p], params.depth_scale, params.normal_scale);
+                        v_splat((float)at_y + 0.5f), v_select(v_splat(1.0f), own[p], there), nx[p],
+                        ny[p], nz[p], params.depth_scale, params.normal_scale);
         total[p] = v_splat(0.0f);
 #pragma unroll
         for (int corner = 0; corner < 4; ++corner) {
@@ -112,8 +110,8 @@ __kernel void upsample_joint(ssgi_plane coarse, ssgi_plane coarse_linear,
             const vfloat best = v_max(v_max(fits[0], fits[1]), v_max(fits[2], fits[3]));
             for (int corner = 0; corner < 4; ++corner) {
                 const vmask chosen = left & v_eq(fits[corner], best);
-                weight[p][corner] = v_select(
-                    v_select(weight[p][corner], v_splat(0.0f), lost), v_splat(1.0f), chosen);
+                weight[p][corner] = v_select(v_select(weight[p][corner], v_splat(0.0f), lost),
+                                             v_splat(1.0f), chosen);
                 left = left & ~chosen;
             }
         }

@@ -8,7 +8,8 @@
 //          axis      3 x [rows, columns] of lobes (VPL_GLOSSY 1)
 //          order, flux, area, gloss see vpl_partial_sums
 //          quarters, runs, blocks, importance   see vpl/curve.clh
-//          edges    [8][edge_stride] of the pieces, every edge_step-th (VPL_MIDDLE 1, VPL_WEIGHTED 1)
+//          edges    [8][edge_stride] of the pieces, every edge_step-th (VPL_MIDDLE 1, VPL_WEIGHTED
+//          1)
 // Writes:  found  VPL_MIDDLE 0: [8][params.stride] of each edge between pieces, red, green, blue
 //                 and area before it, and what these four lack (an edge may lie in a texel);
 //                 VPL_MIDDLE 1: [6][params.stride] position and normal of the texel in the middle
@@ -26,9 +27,9 @@
 #error "VPL_MIDDLE, VPL_GLOSSY and VPL_WEIGHTED must be defined"
 #endif
 
-// Luminance is summed by importance where that is given, and pieces are cut by that sum. But a light
-// is where half of its piece's flux is: a piece may begin where little is important and end where
-// much is, and its flux must not all be sent from there.
+// Luminance is summed by importance where that is given, and pieces are cut by that sum. But a
+// light is where half of its piece's flux is: a piece may begin where little is important and end
+// where much is, and its flux must not all be sent from there.
 #define VPL_BY_FLUX (VPL_MIDDLE && VPL_WEIGHTED)
 #define VPL_PLAIN (-1) // as number of a sum: luminance without importance, from the channels
 
@@ -68,8 +69,8 @@ static inline bool vpl_same(const vint index)
 }
 
 // The last of `count` elements from `first` on before which there is no more than `wanted`.
-static inline vint vpl_last(__global const float *restrict table, const int elements,
-                            const int sum, const vint first, const int count, const VplPair wanted)
+static inline vint vpl_last(__global const float *restrict table, const int elements, const int sum,
+                            const vint first, const int count, const VplPair wanted)
 {
     __global const float *restrict lows = table + VPL_SUMS * elements;
     int step = 1;
@@ -135,8 +136,7 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal,
 #if VPL_MIDDLE
         wanted.high = v_min(v_to_float(j / params.split) + 0.5f, v_splat(lit_all - 0.5f));
 #else
-        wanted.high =
-            v_min(v_to_float((j + params.split - 1) / params.split), v_splat(lit_all));
+        wanted.high = v_min(v_to_float((j + params.split - 1) / params.split), v_splat(lit_all));
 #endif
         wanted.low = zero;
     }
@@ -154,19 +154,22 @@ __kernel void vpl_cut(ssgi_plane position, ssgi_plane normal,
     const VplPair beyond = vpl_plus(wanted, -to_block.high, -to_block.low);
     const vint first = block * VPL_BLOCK_RUNS;
     const vint run = first + vpl_last(runs, params.runs, measure, first, VPL_BLOCK_RUNS, beyond);
-    const VplPair to_run = {vpl_row(runs, params.runs, measure, run, false),
-                            vpl_row(runs + VPL_SUMS * params.runs, params.runs, measure, run, false)};
+    const VplPair to_run = {
+        vpl_row(runs, params.runs, measure, run, false),
+        vpl_row(runs + VPL_SUMS * params.runs, params.runs, measure, run, false)};
     const VplPair left = vpl_plus(beyond, -to_run.high, -to_run.low);
 
     // The first quarter with which there is more than is left: one in which something is lit.
     // Rounding must not take a place beyond its run.
-    const vfloat in_run = vpl_row(quarters, 64, measure, vpl_quarter(run, 0, v_splat_int(3)), false);
+    const vfloat in_run =
+        vpl_row(quarters, 64, measure, vpl_quarter(run, 0, v_splat_int(3)), false);
     const vfloat rest =
         v_min(v_max(left.high + left.low, zero), VPL_MIDDLE ? in_run * 0.99999994f : in_run);
     vint quarter = none;
     for (int step = 2; step > 0; step /= 2) {
         const vint last = quarter + (step - 1);
-        const vmask fits = v_le(vpl_row(quarters, 64, measure, vpl_quarter(run, 0, last), false), rest);
+        const vmask fits =
+            v_le(vpl_row(quarters, 64, measure, vpl_quarter(run, 0, last), false), rest);
         quarter = v_iselect(quarter, quarter + step, fits);
     }
     const vmask is_first = v_ieq(quarter, none);

@@ -28,7 +28,7 @@
 #include "vpl/lobe.clh"
 #include "vpl/receiver.clh"
 
-#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_VISIBILITY) ||        \
+#if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_VISIBILITY) ||    \
     !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_GLOSSY) || !defined(VPL_PARTS)
 #error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _GLOSSY, _PARTS must be defined"
 #endif
@@ -207,8 +207,8 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
     const vint place =
         v_iselect(v_splat_int(ssgi_pitch(size) - 1), y * ssgi_pitch(size) + x, inside);
     for (int j = 0; j < 3; ++j) {
-        vfloat value = v_min(v_select(zero, sum[j], shone) * (params.gain * 16.0f),
-                             v_splat(VPL_BRIGHTEST));
+        vfloat value =
+            v_min(v_select(zero, sum[j], shone) * (params.gain * 16.0f), v_splat(VPL_BRIGHTEST));
         __global float *restrict image = irradiance + ssgi_index(size, j, 0, 0);
 #if VPL_ADD
         value = v_min(value + v_gather(image, place), v_splat(VPL_BRIGHTEST));

@@ -3,15 +3,14 @@
 //
 // Method:  A light whose irradiance per flux w = cos cos / (pi d^2 + A) is nowhere in the tile
 //          above the cutoff is left out. Three bounds: where cos / (pi d^2) is above the cutoff
-//          there lies, for a diffuse light, a sphere of radius (4/27)^(1/4) R about the point 3^(-3/4) R
-//          along its normal, R = 1 / sqrt(pi cutoff); the tile lies behind the light, or the light
-//          behind the tile; the greatest cosines over the least distance between light and tile.
-//          Of a light with a lobe, in place of the sphere: the least angle between its axis and the
-//          ball round the tile, and a plane between the tile's box and the cone in which the lobe
-//          is above the cutoff. Both are tighter than an ellipsoid round the lobe where the tile is
-//          small beside it.
-//          All of them are conservative, so that a tile's pixels get bit-identical results from its
-//          list as from all lights.
+//          there lies, for a diffuse light, a sphere of radius (4/27)^(1/4) R about the point
+//          3^(-3/4) R along its normal, R = 1 / sqrt(pi cutoff); the tile lies behind the light, or
+//          the light behind the tile; the greatest cosines over the least distance between light
+//          and tile. Of a light with a lobe, in place of the sphere: the least angle between its
+//          axis and the ball round the tile, and a plane between the tile's box and the cone in
+//          which the lobe is above the cutoff. Both are tighter than an ellipsoid round the lobe
+//          where the tile is small beside it. All of them are conservative, so that a tile's pixels
+//          get bit-identical results from its list as from all lights.
 // Reads:   boxes   [tiles][VPL_BOX]; see vpl_boxes
 //          lights  [segments][VPL_BOUNDS][params.stride] positions (0-2), normals (3-5), area (6);
 //                  VPL_GLOSSY 1: axes in place of normals, and normals (7-9), n - 1 (10), 2 pi F
@@ -137,8 +136,8 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         vfloat received = v_splat(-box[12]); // and of the light above the tile
         vfloat slack = v_splat(extent);
 #if VPL_GLOSSY
-        vfloat along = zero;   // of the way to the tile's centre
-        vfloat away = zero;    // its square
+        vfloat along = zero; // of the way to the tile's centre
+        vfloat away = zero;  // its square
 #elif VPL_CUT
         vfloat from_centre = zero; // least distance of the box from the sphere's centre
 #endif
@@ -175,9 +174,10 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         const vfloat sine = v_min(inverse * (sqrt(radius) * 1.00001f), one);
         const vfloat cosine = v_sqrt(v_max(v_fma(-sine, sine, one), zero));
         const vfloat across = v_sqrt(v_max(v_fma(-centred, centred, one), zero));
-        const vfloat nearest_to_axis = v_min(
-            v_select(v_fma(centred, cosine, v_fma(across, sine, v_splat(1e-6f))), one,
-                     v_ge(centred, cosine) | v_ge(sine, one)), one);
+        const vfloat nearest_to_axis =
+            v_min(v_select(v_fma(centred, cosine, v_fma(across, sine, v_splat(1e-6f))), one,
+                           v_ge(centred, cosine) | v_ge(sine, one)),
+                  one);
         kept = kept & v_gt(nearest_to_axis, zero);
 #endif
 #if VPL_CUT && VPL_GLOSSY
@@ -211,9 +211,8 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
 #if VPL_PARTS
         // Next to a tile a light has its parts with it, whichever way it faces: they may face the
         // tile where it does not.
-        const vmask close =
-            v_lt(squared, v_load(lights + 6 * params.stride + i) * params.refine) &
-            v_ilt(v_iota() + i, v_splat_int(number_of));
+        const vmask close = v_lt(squared, v_load(lights + 6 * params.stride + i) * params.refine) &
+                            v_ilt(v_iota() + i, v_splat_int(number_of));
         if (v_any(close)) {
 #if SSGI_LANES == 1
             count = vpl_append(list, count, i, number_of, kept, close, params);

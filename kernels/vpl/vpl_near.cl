@@ -43,8 +43,8 @@ __kernel void vpl_near(__global const float *restrict boxes, __global const floa
                 squared = v_fma(d, d, squared);
             }
             const vfloat area = v_load(own + 6 * params.stride + i);
-            const vmask close = v_lt(squared, area * params.refine) &
-                                v_ilt(v_iota() + i, v_splat_int(number_of));
+            const vmask close =
+                v_lt(squared, area * params.refine) & v_ilt(v_iota() + i, v_splat_int(number_of));
             // A place beyond the last is written to before the mask moves on, or doesn't.
             if (v_any(close) && count + SSGI_LANES <= params.near_capacity) {
                 const vint number = v_iota() + (i + subset * params.span);

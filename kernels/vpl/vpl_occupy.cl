@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: MIT
 // vpl_occupy: marks the cells of the grid in which the camera or a light sees a surface.
 //
-// Surfaces that are seen at a slant have less than a pixel for each cell. So cells between a pixel and
-// the next of its row and column are marked too if these lie on one surface: in a line with the pixel
-// before or behind, from which a silhouette departs.
+// Surfaces that are seen at a slant have less than a pixel for each cell. So cells between a pixel
+// and the next of its row and column are marked too if these lie on one surface: in a line with the
+// pixel before or behind, from which a silhouette departs.
 //
-// Reads:   points    VPL_LAYERS x [rows, columns] depth, scene units; or 3 x [rows, columns] position
+// Reads:   points    VPL_LAYERS x [rows, columns] depth, scene units; or 3 x [rows, columns]
+// position
 //          normal    3 x [rows, columns], 0 where no position is (not read with depths)
 //          grid_box  see vpl/grid.clh
 // Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
 // Macros:  VPL_GRID, VPL_LAYERS (0: positions; 1 or more of depth)
 // Params:  camera; from the space of positions to view space
 // Launch:  SSGI_LANES pixels of a row per work-item
-// Cost:    3 reads per pixel and layer of depths, 18 per pixel of positions; 2 neighbours more in each
+// Cost:    3 reads per pixel and layer of depths, 18 per pixel of positions; 2 neighbours more in
+// each
 //          direction in which pixels lie cells apart
 
 #include "common/camera.clh"
@@ -23,8 +25,9 @@
 #error "VPL_GRID and VPL_LAYERS must be defined"
 #endif
 
-#define VPL_MOST_APART 16.0f // cells between two pixels that are filled; farther apart, they stay two
-#define VPL_BEND 0.5f       // of the step to the next pixel: what one surface's steps differ by at most
+#define VPL_MOST_APART                                                                             \
+    16.0f             // cells between two pixels that are filled; farther apart, they stay two
+#define VPL_BEND 0.5f // of the step to the next pixel: what one surface's steps differ by at most
 
 // Where pixels are, in cells, and which of them are surfaces.
 typedef struct {
@@ -63,10 +66,10 @@ static inline VplAt vpl_at(ssgi_plane points, ssgi_plane normal, const int2 size
     const vfloat py = ssgi_load(points, size, 1, x, y);
     const vfloat pz = ssgi_load(points, size, 2, x, y);
     VplAt at;
-    at.there = v_ilt(v_iota() + x, v_splat_int(size.x)) &
-               (v_ne(ssgi_load(normal, size, 0, x, y), zero) |
-                v_ne(ssgi_load(normal, size, 1, x, y), zero) |
-                v_ne(ssgi_load(normal, size, 2, x, y), zero));
+    at.there =
+        v_ilt(v_iota() + x, v_splat_int(size.x)) & (v_ne(ssgi_load(normal, size, 0, x, y), zero) |
+                                                    v_ne(ssgi_load(normal, size, 1, x, y), zero) |
+                                                    v_ne(ssgi_load(normal, size, 2, x, y), zero));
     const float unit = params.per_unit;
     at.x = ((px * turn.xx + py * turn.xy + pz * turn.xz + turn.x) * unit - grid_box[0]) * per;
     at.y = ((px * turn.yx + py * turn.yy + pz * turn.yz + turn.y) * unit - grid_box[1]) * per;
@@ -81,7 +84,8 @@ static inline vfloat vpl_bend(const VplAt a, const VplAt b, const VplAt c)
     const vfloat x = a.x - b.x - b.x + c.x;
     const vfloat y = a.y - b.y - b.y + c.y;
     const vfloat z = a.z - b.z - b.z + c.z;
-    return v_select(v_splat(INFINITY), v_fma(x, x, v_fma(y, y, z * z)), a.there & b.there & c.there);
+    return v_select(v_splat(INFINITY), v_fma(x, x, v_fma(y, y, z * z)),
+                    a.there & b.there & c.there);
 }
 
 // Cells from one pixel to the next, where there are more than one and few enough to be filled.

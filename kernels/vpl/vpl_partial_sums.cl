@@ -10,9 +10,8 @@
 //          importance  see vpl/curve.clh (VPL_WEIGHTED 1)
 // Writes:  quarters, runs  see vpl/curve.clh; of runs the sums alone. From run params.first_run on,
 //                          0 past the map
-// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance), VPL_WEIGHTED (1: by vpl_weight_of)
-// Launch:  SSGI_LANES runs per work-item
-// Cost:    five scattered reads a texel
+// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance), VPL_WEIGHTED (1: by
+// vpl_weight_of) Launch:  SSGI_LANES runs per work-item Cost:    five scattered reads a texel
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
@@ -65,9 +64,12 @@ __kernel void vpl_partial_sums(ssgi_plane flux, ssgi_plane area,
 #if VPL_WEIGHTED
         measure = measure * weight;
 #endif
-        const vfloat amounts[VPL_SUMS] = {
-            v_select(zero, one, lit), measure, red, green, blue,
-            v_select(zero, ssgi_gather(area, size, 0, x, y), lit)};
+        const vfloat amounts[VPL_SUMS] = {v_select(zero, one, lit),
+                                          measure,
+                                          red,
+                                          green,
+                                          blue,
+                                          v_select(zero, ssgi_gather(area, size, 0, x, y), lit)};
         for (int sum = 0; sum < VPL_SUMS; ++sum) {
             sums[sum] = sums[sum] + amounts[sum];
             if ((k & 3) == 3) {

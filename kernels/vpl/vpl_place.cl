@@ -88,8 +88,8 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
 #endif
     }
     const VplToView turn = vpl_to_view_of(params);
-    const vfloat area = v_max(amounts[3] * (params.per_unit * params.per_unit),
-                              v_splat(VPL_LEAST_AREA));
+    const vfloat area =
+        v_max(amounts[3] * (params.per_unit * params.per_unit), v_splat(VPL_LEAST_AREA));
 #if !VPL_PART
     __global float *restrict own_bounds = bounds + segment * VPL_OWN_BOUNDS * params.stride + first;
 #endif
@@ -113,8 +113,8 @@ __kernel void vpl_place(__global const float *restrict edges, __global const flo
     v_scatter(area, lights + 3, at);
 #if VPL_GLOSSY
     const vfloat cosine = v_fma(r[0], m[0], v_fma(r[1], m[1], r[2] * m[2]));
-    const vfloat sharp = v_clamp(v_gather(places + 9 * params.place_stride, place), 1.0f,
-                                 VPL_SHARPEST) - 1.0f;
+    const vfloat sharp =
+        v_clamp(v_gather(places + 9 * params.place_stride, place), 1.0f, VPL_SHARPEST) - 1.0f;
     const vfloat whole = vpl_lobe_share(sharp, v_clamp(cosine, 0.0f, 1.0f)) * 6.28318531f;
     v_store(sharp, own_bounds + 10 * params.stride);
     v_store(whole, own_bounds + 11 * params.stride);

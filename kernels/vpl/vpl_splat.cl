@@ -97,8 +97,8 @@ __kernel void vpl_splat(ssgi_plane depth, ssgi_plane normal, __global const floa
     }
     for (int r = 0; r < VPL_ROWS && y + r < size.y; ++r) {
         for (int j = 0; j < 3; ++j) {
-            vfloat value = v_min(v_select(zero, sum[r][j], at[r].there) * params.gain,
-                                 v_splat(VPL_BRIGHTEST));
+            vfloat value =
+                v_min(v_select(zero, sum[r][j], at[r].there) * params.gain, v_splat(VPL_BRIGHTEST));
 #if VPL_ADD
             value = value + v_load(irradiance + ssgi_index(size, j, x, y + r));
 #endif

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // vpl_to_view: virtual point lights in world space as the camera sees them, behind chosen ones.
 //
-// Reads:   world   [10][params.place_stride] positions (0-2) from an origin, normals (3-5), area (6),
-//                  flux over the brightest's (7-9), of lights or, with VPL_PART 1, their 16 parts each
+// Reads:   world   [10][params.place_stride] positions (0-2) from an origin, normals (3-5), area
+// (6),
+//                  flux over the brightest's (7-9), of lights or, with VPL_PART 1, their 16 parts
+//                  each
 // Writes:  lights  [segments][params.span][VPL_LIGHT] in view space, lengths of params.per_unit,
 //                  flux over params.per_brightest; places past the last light have no flux
 //          bounds  VPL_PART 0: [segments][VPL_BOUNDS][params.stride]; see vpl_lists

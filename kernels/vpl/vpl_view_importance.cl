@@ -2,8 +2,8 @@
 // vpl_view_importance: what the texels of a reflective shadow map send to the image, per watt.
 //
 // Method:  Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
-//          Point Lights": lights are to be where their light reaches what the camera sees. Of four lit
-//          texels one sends a shadow ray to one pixel, of a sequence that spreads any number of
+//          Point Lights": lights are to be where their light reaches what the camera sees. Of four
+//          lit texels one sends a shadow ray to one pixel, of a sequence that spreads any number of
 //          consecutive ones over the image (Roberts 2018, the R2 sequence). The irradiance that a
 //          watt gives there counts, with what is closer than a 16th of the grid taken to be a disc
 //          of that radius, so that no pixel counts for all.
@@ -13,7 +13,8 @@
 //          order     see vpl_partial_sums
 //          depth, seen_normal  of the G-buffer, with margin; view space
 //          occupancy, grid_box  see vpl/grid.clh
-// Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how many
+// Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how
+// many
 //                      these are
 // Macros:  VPL_GRID
 // Params:  camera and size of the image; from the map's positions to view space in lengths of
@@ -31,18 +32,20 @@
 #error "VPL_GRID must be defined"
 #endif
 
-#define VPL_EVERY 4 // texels of a run, of which one sends a ray
+#define VPL_EVERY 4    // texels of a run, of which one sends a ray
 #define VPL_R2_X 24735 // 2^15 over the plastic number, and over its square, rounded to odd numbers
 #define VPL_R2_Y 18673
 #define VPL_R2_MASK 0x7fff
 
-__kernel void vpl_view_importance(
-    ssgi_plane position, ssgi_plane normal, ssgi_plane flux, __global const int *restrict order,
-    ssgi_plane depth, ssgi_plane seen_normal, __global const int *restrict occupancy,
-    __global const float *restrict grid_box, __global float *restrict importance,
-    const int2 size, // of the map
-    const SsgiCamera camera, const VplParams vpl, const VplCurveParams params, const VplTurn turn,
-    const int columns, const int rows)
+__kernel void vpl_view_importance(ssgi_plane position, ssgi_plane normal, ssgi_plane flux,
+                                  __global const int *restrict order, ssgi_plane depth,
+                                  ssgi_plane seen_normal, __global const int *restrict occupancy,
+                                  __global const float *restrict grid_box,
+                                  __global float *restrict importance,
+                                  const int2 size, // of the map
+                                  const SsgiCamera camera, const VplParams vpl,
+                                  const VplCurveParams params, const VplTurn turn,
+                                  const int columns, const int rows)
 {
     const int first = ssgi_first_column();
     if (first >= params.map_runs) {
@@ -63,9 +66,11 @@ __kernel void vpl_view_importance(
         const vint texel = v_iselect(v_splat_int(0), packed, there);
         const vint x = texel & 0xffff;
         const vint y = (texel >> 16) + top;
-        const vmask lit = there & v_gt(v_max(ssgi_gather(flux, size, 0, x, y),
-                                             v_max(ssgi_gather(flux, size, 1, x, y),
-                                                   ssgi_gather(flux, size, 2, x, y))), zero);
+        const vmask lit =
+            there &
+            v_gt(v_max(ssgi_gather(flux, size, 0, x, y),
+                       v_max(ssgi_gather(flux, size, 1, x, y), ssgi_gather(flux, size, 2, x, y))),
+                 zero);
         if (!v_any(lit)) {
             continue;
         }
@@ -73,8 +78,7 @@ __kernel void vpl_view_importance(
         const vfloat p[3] = {ssgi_gather(position, size, 0, x, y),
                              ssgi_gather(position, size, 1, x, y),
                              ssgi_gather(position, size, 2, x, y)};
-        const vfloat n[3] = {ssgi_gather(normal, size, 0, x, y),
-                             ssgi_gather(normal, size, 1, x, y),
+        const vfloat n[3] = {ssgi_gather(normal, size, 0, x, y), ssgi_gather(normal, size, 1, x, y),
                              ssgi_gather(normal, size, 2, x, y)};
         const float unit = vpl.per_unit;
         const vfloat lx = (p[0] * turn.xx + p[1] * turn.xy + p[2] * turn.xz + turn.x) * unit;
@@ -83,12 +87,12 @@ __kernel void vpl_view_importance(
         const vfloat mx = n[0] * turn.xx + n[1] * turn.xy + n[2] * turn.xz;
         const vfloat my = n[0] * turn.yx + n[1] * turn.yy + n[2] * turn.yz;
         const vfloat mz = n[0] * turn.zx + n[1] * turn.zy + n[2] * turn.zz;
-        const vint number = ((run + params.first_run) * (VPL_RUN / VPL_EVERY) + i / VPL_EVERY) &
-                            VPL_R2_MASK;
+        const vint number =
+            ((run + params.first_run) * (VPL_RUN / VPL_EVERY) + i / VPL_EVERY) & VPL_R2_MASK;
         const vint column = (number * VPL_R2_X & VPL_R2_MASK) * columns >> 15;
         const vint row = (number * VPL_R2_Y & VPL_R2_MASK) * rows >> 15;
-        const VplReceiver at = vpl_receiver_at(depth, seen_normal, (int2)(columns, rows), camera,
-                                               vpl, column, row);
+        const VplReceiver at =
+            vpl_receiver_at(depth, seen_normal, (int2)(columns, rows), camera, vpl, column, row);
         const vfloat dx = lx - at.x, dy = ly - at.y, dz = lz - at.z;
         const vfloat d2 = v_max(v_fma(dx, dx, v_fma(dy, dy, dz * dz)), v_splat(1e-24f));
         const vfloat received = v_max(v_fma(dx, at.nx, v_fma(dy, at.ny, dz * at.nz)), zero);

@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: MIT
 // vpl_voxelize: marks the cells of the grid that the triangles of a scene occupy.
 //
-// Method:  6-separating voxelization (Laine 2013, "A Topological Approach to Voxelization"): a cell is
+// Method:  6-separating voxelization (Laine 2013, "A Topological Approach to Voxelization"): a cell
+// is
 //          occupied if a triangle meets one of the three axis-parallel segments of a cell's length
 //          through its centre. So a ray that visits every cell that it crosses passes no surface,
 //          surfaces are as thin as that allows, and what is narrower than a cell occupies cells in
 //          proportion to its width, not all that it touches. For each axis the triangle is drawn at
-//          the centres of the columns of cells along it. Most triangles of a fine mesh lie between all
-//          of these; a triangle a lane, they are found first.
+//          the centres of the columns of cells along it. Most triangles of a fine mesh lie between
+//          all of these; a triangle a lane, they are found first.
 // Reads:   faces      [size.x triangles][RASTER_FACE], vertices [count][RASTER_VERTEX] quads: scene
 //                     units, relative to the scene's origin
-//          uvs        2 x [size.y vertices, rounded up to 16]; cutouts, materials, textures, texels, decode: of
+//          uvs        2 x [size.y vertices, rounded up to 16]; cutouts, materials, textures,
+//          texels, decode: of
 //                     triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
 //          grid_box   see vpl/grid.clh
 // Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
-// Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's alpha)
-// Params:  from positions to view space in lengths of params.per_unit
-// Launch:  a work-item for SSGI_LANES triangles and each slice, which takes every so-many-th row of
+// Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's
+// alpha) Params:  from positions to view space in lengths of params.per_unit Launch:  a work-item
+// for SSGI_LANES triangles and each slice, which takes every so-many-th row of
 //          columns
 // Cost:    12 reads per triangle, and an atomic operation per cell that was empty
 
@@ -42,25 +44,28 @@ typedef struct {
 } VoxelCorners;
 
 // Corners of the triangles of the lanes, which are vertices number `vertex`.
-static inline VoxelCorners voxel_corners(__global const float *restrict vertices,
-                                         const vint vertex, __global const float *restrict grid_box,
+static inline VoxelCorners voxel_corners(__global const float *restrict vertices, const vint vertex,
+                                         __global const float *restrict grid_box,
                                          const VplTurn turn)
 {
     const RasterQuad from = raster_quad(vertices, vertex * RASTER_VERTEX, false);
     const vfloat x = v_from_bits(from.x), y = v_from_bits(from.y), z = v_from_bits(from.z);
     VoxelCorners corners;
     corners.at[0] =
-        (v_fma(v_splat(turn.xx), x, v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z,
-                                                                     v_splat(turn.x)))) -
-         grid_box[0]) * grid_box[3];
+        (v_fma(v_splat(turn.xx), x,
+               v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z, v_splat(turn.x)))) -
+         grid_box[0]) *
+        grid_box[3];
     corners.at[1] =
-        (v_fma(v_splat(turn.yx), x, v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z,
-                                                                     v_splat(turn.y)))) -
-         grid_box[1]) * grid_box[3];
+        (v_fma(v_splat(turn.yx), x,
+               v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z, v_splat(turn.y)))) -
+         grid_box[1]) *
+        grid_box[3];
     corners.at[2] =
-        (v_fma(v_splat(turn.zx), x, v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z,
-                                                                     v_splat(turn.z)))) -
-         grid_box[2]) * grid_box[3];
+        (v_fma(v_splat(turn.zx), x,
+               v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))) -
+         grid_box[2]) *
+        grid_box[3];
     return corners;
 }
 
@@ -106,18 +111,15 @@ static inline vfloat voxel_area(const vfloat u, const float v, const float au, c
     return (u - au) * (bv - av) - (v - av) * (bu - au);
 }
 
-// Mark what a triangle occupies along the axes whose bits are set, in every so-many-th row of columns
-// from `slice` on; ia, ib, ic are its vertices.
-static inline void voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c,
-                              const int axes, const int triangle, const int ia, const int ib,
-                              const int ic, const int slice, const int slices, const int stride,
-                              __global const float *restrict uvs,
-                              __global const int *restrict cutouts,
-                              __global const float *restrict materials,
-                              __global const int *restrict textures,
-                              __global const int *restrict texels,
-                              __global const float *restrict decode,
-                              __global int *restrict occupancy)
+// Mark what a triangle occupies along the axes whose bits are set, in every so-many-th row of
+// columns from `slice` on; ia, ib, ic are its vertices.
+static inline void
+voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c, const int axes,
+           const int triangle, const int ia, const int ib, const int ic, const int slice,
+           const int slices, const int stride, __global const float *restrict uvs,
+           __global const int *restrict cutouts, __global const float *restrict materials,
+           __global const int *restrict textures, __global const int *restrict texels,
+           __global const float *restrict decode, __global int *restrict occupancy)
 {
     for (int axis = 0; axis < 3; ++axis) {
         if (!(axes >> axis & 1)) {
@@ -159,9 +161,9 @@ static inline void voxel_mark(const VoxelCorner a, const VoxelCorner b, const Vo
                     continue;
                 }
                 // Of edges that are seen edge-on weights are coarse; the box bounds what they make.
-                const vfloat w = v_clamp(v_fma(of_b, v_splat(bw - aw),
-                                               v_fma(of_c, v_splat(cw - aw), v_splat(aw))),
-                                         low_w, high_w);
+                const vfloat w = v_clamp(
+                    v_fma(of_b, v_splat(bw - aw), v_fma(of_c, v_splat(cw - aw), v_splat(aw))),
+                    low_w, high_w);
 #if VOXEL_CUTOUT
                 const int cutout = cutouts[triangle];
                 if (cutout >= 0) {
@@ -179,24 +181,29 @@ static inline void voxel_mark(const VoxelCorner a, const VoxelCorner b, const Vo
                 }
 #endif
                 const vfloat vv = v_splat(v);
-                vpl_mark(occupancy, axis == 0 ? w : axis == 1 ? vv : u,
-                         axis == 0 ? u : axis == 1 ? w : vv, axis == 0 ? vv : axis == 1 ? u : w,
+                vpl_mark(occupancy,
+                         axis == 0   ? w
+                         : axis == 1 ? vv
+                                     : u,
+                         axis == 0   ? u
+                         : axis == 1 ? w
+                                     : vv,
+                         axis == 0   ? vv
+                         : axis == 1 ? u
+                                     : w,
                          hit);
             }
         }
     }
 }
 
-__kernel void vpl_voxelize(__global const int *restrict faces,
-                           __global const float *restrict vertices,
-                           __global const float *restrict uvs, __global const int *restrict cutouts,
-                           __global const float *restrict materials,
-                           __global const int *restrict textures,
-                           __global const int *restrict texels,
-                           __global const float *restrict decode,
-                           __global const float *restrict grid_box,
-                           __global int *restrict occupancy,
-                           const int2 size, const VplTurn turn)
+__kernel void
+vpl_voxelize(__global const int *restrict faces, __global const float *restrict vertices,
+             __global const float *restrict uvs, __global const int *restrict cutouts,
+             __global const float *restrict materials, __global const int *restrict textures,
+             __global const int *restrict texels, __global const float *restrict decode,
+             __global const float *restrict grid_box, __global int *restrict occupancy,
+             const int2 size, const VplTurn turn)
 {
     const int first = (int)get_global_id(0) * SSGI_LANES;
     const int slice = (int)get_global_id(1);
@@ -222,8 +229,8 @@ __kernel void vpl_voxelize(__global const int *restrict faces,
     for (int lane = 0; lane < count; ++lane) {
         if (met[lane]) {
             voxel_mark(voxel_lane(&at_a, lane), voxel_lane(&at_b, lane), voxel_lane(&at_c, lane),
-                       met[lane], first + lane, ia[lane], ib[lane], ic[lane], slice, slices, stride, uvs,
-                       cutouts, materials, textures, texels, decode, occupancy);
+                       met[lane], first + lane, ia[lane], ib[lane], ic[lane], slice, slices, stride,
+                       uvs, cutouts, materials, textures, texels, decode, occupancy);
         }
     }
 }

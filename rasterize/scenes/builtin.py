@@ -53,6 +53,4 @@ class BuiltinScene:
 
     def camera(self, width: int, height: int) -> Camera:
         """Return the view as a camera of `width` x `height` pixels."""
-        return Camera.look_at(
-            self.eye, self.target, self.up, yfov=self.yfov, width=width, height=height
-        )
+        return Camera.look_at(self.eye, self.target, self.up, yfov=self.yfov, width=width, height=height)

@@ -62,12 +62,7 @@ def cornell_box() -> BuiltinScene:
     for top, outline in _BLOCKS:
         parts += _block(top, outline)
     metres = np.diag([1e-3, 1e-3, 1e-3, 1.0])
-    scene = assemble(
-        [part.transformed(metres) for part in parts],
-        _MATERIALS,
-        (),
-        crease_angle=DEFAULT_CREASE_ANGLE,
-    )
+    scene = assemble([part.transformed(metres) for part in parts], _MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
     area = (x1 - x0) * (z1 - z0) * 1e-6
     spot = SpotLight(
         position=(0.5e-3 * (x0 + x1), 1e-3 * (height - 1.0), 0.5e-3 * (z0 + z1)),

@@ -17,9 +17,7 @@ def banner(width: float, height: float, phase: float) -> Part:
     folds = 0.055 * (0.35 + fall) * np.sin(4.5 * np.pi * u + phase + 1.2 * fall)
     sway = 0.10 * fall**2 * np.sin(phase)
     swallowtail = 0.12 * height * fall**6 * (1.0 - 2.0 * np.abs(u))
-    front = np.stack(
-        [width * u * (1.0 - 0.06 * fall), height * v + swallowtail, folds + sway], axis=-1
-    )
+    front = np.stack([width * u * (1.0 - 0.06 * fall), height * v + swallowtail, folds + sway], axis=-1)
     # Two sheets 6 mm apart: each is seen from its own side only.
     back = front - [0.0, 0.0, 0.006]
     return joined([grid(front), grid(back[:, ::-1])])

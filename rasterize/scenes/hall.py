@@ -17,19 +17,7 @@ from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
 from .builtin import BuiltinScene
 from .furnishings import banner, railing
-from .shapes import (
-    box,
-    grid,
-    joined,
-    lathe,
-    mirrored_x,
-    moved,
-    of_material,
-    quad,
-    rounded,
-    tube,
-    turned,
-)
+from .shapes import box, grid, joined, lathe, mirrored_x, moved, of_material, quad, rounded, tube, turned
 
 _MATERIALS = (
     Material(name="limestone", albedo=(0.70, 0.64, 0.54)),
@@ -68,9 +56,7 @@ def hall() -> BuiltinScene:
     The sun comes in over the open side; the sky is a constant environment; a spot light shines on
     the sphere before the apse. The iron bars are 16 mm thick.
     """
-    one_side = joined(
-        [*_columns(), *_arcade(), *_gallery(), of_material(_cornice(), _STONE), *_spandrel_cloth()]
-    )
+    one_side = joined([*_columns(), *_arcade(), *_gallery(), of_material(_cornice(), _STONE), *_spandrel_cloth()])
     one_side = complete(one_side, DEFAULT_CREASE_ANGLE)
     parts = [one_side, mirrored_x(one_side), *_floor(), *_walls(), *_vault(), *_apse(), *_things()]
     scene = assemble(parts, _MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
@@ -78,10 +64,7 @@ def hall() -> BuiltinScene:
         DirectionalLight(direction=(-0.80, -0.46, -0.34), irradiance=(20.0, 17.5, 13.5)),
         Environment(radiance=(0.75, 1.0, 1.45)),
         SpotLight(
-            position=(0.0, 8.5, -6.5),
-            direction=(0.0, -0.72, -0.60),
-            cone_angle=0.45,
-            intensity=(300.0, 240.0, 160.0),
+            position=(0.0, 8.5, -6.5), direction=(0.0, -0.72, -0.60), cone_angle=0.45, intensity=(300.0, 240.0, 160.0)
         ),
     )
     return BuiltinScene(
@@ -120,9 +103,7 @@ def _columns() -> list[Part]:
         bell = np.clip((height - 3.92) / 0.36, 0.0, 1.0)
         row = np.where(bell < 0.5, 0.0, 0.5)
         tip = 2.0 * (bell - row)
-        leaning: NDArray[np.float64] = 1.0 + 0.16 * tip**2 * np.abs(
-            np.cos(4.0 * angle + 2.0 * row * np.pi / 2.0)
-        )
+        leaning: NDArray[np.float64] = 1.0 + 0.16 * tip**2 * np.abs(np.cos(4.0 * angle + 2.0 * row * np.pi / 2.0))
         return leaning
 
     bell_height = np.linspace(3.92, 4.28, 13)
@@ -144,8 +125,7 @@ def _arcade() -> list[Part]:
     arch = np.stack([_ARCH_RADIUS * np.cos(angle), _ARCH_RADIUS * np.sin(angle)], axis=1)
     # The rays through the arch's points, prolonged to the upper and side edges of the bay.
     reach = np.minimum(
-        0.5 * _BAY / np.maximum(np.abs(np.cos(angle)), 1e-9),
-        (top - _SPRINGING) / np.maximum(np.sin(angle), 1e-9),
+        0.5 * _BAY / np.maximum(np.abs(np.cos(angle)), 1e-9), (top - _SPRINGING) / np.maximum(np.sin(angle), 1e-9)
     )
     edge = arch / _ARCH_RADIUS * reach[:, None]
     corner = np.arctan2(top - _SPRINGING, 0.5 * _BAY)
@@ -153,9 +133,7 @@ def _arcade() -> list[Part]:
         edge[np.abs(angle - side).argmin()] = z, top - _SPRINGING
 
     def at(x: float, outline: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.stack(
-            [np.full(len(outline), x), _SPRINGING + outline[:, 1], outline[:, 0]], axis=1
-        )
+        return np.stack([np.full(len(outline), x), _SPRINGING + outline[:, 1], outline[:, 0]], axis=1)
 
     def bar(x: float, radius: float, thickness: float) -> Part:
         outline = arch / _ARCH_RADIUS * radius
@@ -179,15 +157,11 @@ def _arcade() -> list[Part]:
 
 def _cornice() -> Part:
     """Return the mouldings along the nave: below the gallery and below the vault."""
-    profile = np.array(
-        [(0.30, -0.34), (0.36, -0.30), (0.36, -0.22), (0.42, -0.16), (0.50, -0.12), (0.50, 0.0)]
-    )
+    profile = np.array([(0.30, -0.34), (0.36, -0.30), (0.36, -0.22), (0.42, -0.16), (0.50, -0.12), (0.50, 0.0)])
     along = np.array([0.0, 0.0, _END_Z])
     strips = []
     for height in (_GALLERY, _VAULT + 0.02):
-        line = np.stack(
-            [_ROW_X - profile[:, 0], height + profile[:, 1], np.zeros(len(profile))], axis=1
-        )
+        line = np.stack([_ROW_X - profile[:, 0], height + profile[:, 1], np.zeros(len(profile))], axis=1)
         ends = np.stack([line - along, line + along], axis=1)
         strips.append(grid(ends))
         x0, x1 = _ROW_X - 0.5, _ROW_X + 0.3
@@ -206,17 +180,12 @@ def _gallery() -> list[Part]:
         32,
     )  # fmt: skip
     colonnette = complete(
-        of_material(joined([colonnette, box((-0.2, 9.08, -0.2), (0.2, 9.2, 0.2))]), _MARBLE),
-        DEFAULT_CREASE_ANGLE,
+        of_material(joined([colonnette, box((-0.2, 9.08, -0.2), (0.2, 9.2, 0.2))]), _MARBLE), DEFAULT_CREASE_ANGLE
     )
     places = np.concatenate([_COLUMNS_Z, _COLUMNS_Z[:-1] + 0.5 * _BAY])
     return [
-        of_material(
-            box((_ROW_X - 0.3, _GALLERY - 0.3, -_END_Z), (_OUTER_X, _GALLERY, _END_Z)), _STONE
-        ),
-        of_material(
-            box((_ROW_X - 0.3, 9.2, -_END_Z), (_ROW_X + 0.3, _VAULT - 0.3, _END_Z)), _STONE
-        ),
+        of_material(box((_ROW_X - 0.3, _GALLERY - 0.3, -_END_Z), (_OUTER_X, _GALLERY, _END_Z)), _STONE),
+        of_material(box((_ROW_X - 0.3, 9.2, -_END_Z), (_ROW_X + 0.3, _VAULT - 0.3, _END_Z)), _STONE),
         of_material(box((_ROW_X - 0.3, _VAULT - 0.3, -_END_Z), (_OUTER_X, _VAULT, _END_Z)), _STONE),
         *[moved(colonnette, _ROW_X, 0.0, z) for z in places],
         of_material(railing(_ROW_X - 0.22, _GALLERY + 0.05, 1.0, -_END_Z, _END_Z), _IRON),
@@ -227,10 +196,7 @@ def _spandrel_cloth() -> list[Part]:
     """Return the banners over the columns; they hang before the arcade, into the nave."""
     colors = (_RED, _GOLD, _BLUE, _GREEN)
     return [
-        of_material(
-            moved(turned(banner(0.95, 2.3, 0.9 * i), -0.5 * np.pi), _ROW_X - 0.62, 6.3, z),
-            colors[i % 4],
-        )
+        of_material(moved(turned(banner(0.95, 2.3, 0.9 * i), -0.5 * np.pi), _ROW_X - 0.62, 6.3, z), colors[i % 4])
         for i, z in enumerate(_COLUMNS_Z)
         if i % 2 == 0
     ]
@@ -279,9 +245,7 @@ def _walls() -> list[Part]:
     pilaster = of_material(box((-x, 0.0, -0.3), (-x + 0.18, _GALLERY - 0.3, 0.3)), _STONE)
     for place in _COLUMNS_Z:
         parts.append(moved(pilaster, 0.0, 0.0, place))
-        parts.append(
-            of_material(box((x - 0.3, 0, place - 0.3), (x + 0.3, top, place + 0.3)), _STONE)
-        )
+        parts.append(of_material(box((x - 0.3, 0, place - 0.3), (x + 0.3, top, place + 0.3)), _STONE))
     parts.append(of_material(railing(x, 0.0, 1.1, -z, z), _IRON))
     parts.append(of_material(railing(x, _GALLERY, 1.0, -z, z), _IRON))
     hung = (_GREEN, _BLUE, _RED, _GOLD)
@@ -306,9 +270,7 @@ def _vault() -> list[Part]:
         axis=-1,
     )
     parts = [of_material(grid(shell[::-1]), _PLASTER)]
-    rib = tube(
-        np.stack([arc[:, 0], arc[:, 1], np.zeros(len(angle))], axis=1), (0.0, 0.0, 1.0), 0.14, 16
-    )
+    rib = tube(np.stack([arc[:, 0], arc[:, 1], np.zeros(len(angle))], axis=1), (0.0, 0.0, 1.0), 0.14, 16)
     rib = complete(of_material(rib, _STONE), DEFAULT_CREASE_ANGLE)
     parts += [moved(rib, 0.0, 0.0, place) for place in _COLUMNS_Z]
     for turn in np.linspace(0.0, np.pi, 9)[1:-1]:
@@ -332,12 +294,7 @@ def _apse() -> list[Part]:
     ring = np.concatenate([np.full(2, radius), radius * np.cos(rise[1:])])
     height = np.concatenate([[0.0, top], top + radius * np.sin(rise[1:])])
     niche = np.stack(
-        [
-            ring[:, None] * np.sin(turn),
-            height[:, None] + 0.0 * turn,
-            -_END_Z - ring[:, None] * np.cos(turn),
-        ],
-        axis=-1,
+        [ring[:, None] * np.sin(turn), height[:, None] + 0.0 * turn, -_END_Z - ring[:, None] * np.cos(turn)], axis=-1
     )
     arc = np.linspace(0.0, np.pi, 65)
     inner = np.stack([radius * np.cos(arc), top + radius * np.sin(arc)], axis=1)
@@ -351,20 +308,12 @@ def _apse() -> list[Part]:
         of_material(grid(niche), _PLASTER),
         of_material(grid((behind + (niche - behind) * [1.1, 1.06, 1.1])[::-1]), _STONE),
         of_material(grid(np.stack(front)[:, ::-1]), _PLASTER),
-        of_material(
-            tube(np.column_stack([inner, np.full(len(inner), -_END_Z)]), (0, 0, 1), 0.12, 16), _GOLD
-        ),
+        of_material(tube(np.column_stack([inner, np.full(len(inner), -_END_Z)]), (0, 0, 1), 0.12, 16), _GOLD),
     ]
     for step in range(6):
         depth, half = 0.36 * step, _ROW_X - 0.55 - 0.12 * step
         parts.append(
-            of_material(
-                box(
-                    (-half, 0.16 * step, -_END_Z - radius),
-                    (half, 0.16 * (step + 1), -10.0 - depth),
-                ),
-                _MARBLE,
-            )
+            of_material(box((-half, 0.16 * step, -_END_Z - radius), (half, 0.16 * (step + 1), -10.0 - depth)), _MARBLE)
         )
     return parts
 
@@ -385,9 +334,7 @@ def _things() -> list[Part]:
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 41)
     sphere = lathe(np.stack([np.cos(turn), np.sin(turn)], axis=1), 80)
     around = np.linspace(0.0, 2.0 * np.pi, 65)
-    ring = np.stack(
-        [0.3 * np.cos(around), 0.40 + 0.3 * np.sin(around), np.zeros(len(around))], axis=1
-    )
+    ring = np.stack([0.3 * np.cos(around), 0.40 + 0.3 * np.sin(around), np.zeros(len(around))], axis=1)
     torus = tube(ring, (0.0, 0.0, 1.0), 0.1, 32)
     pedestal = joined([
         box((-0.34, 0.0, -0.34), (0.34, 0.10, 0.34)),
@@ -395,11 +342,7 @@ def _things() -> list[Part]:
         box((-0.30, 0.82, -0.30), (0.30, 0.92, 0.30)),
     ])  # fmt: skip
     small = replace(sphere, positions=0.34 * sphere.positions + [0.0, 0.34, 0.0])
-    kinds = [
-        of_material(vase, _TERRACOTTA),
-        of_material(small, _BRONZE),
-        of_material(torus, _MARBLE),
-    ]
+    kinds = [of_material(vase, _TERRACOTTA), of_material(small, _BRONZE), of_material(torus, _MARBLE)]
     kinds = [complete(joined([of_material(pedestal, _STONE), moved(kind, 0, 0.92, 0)]),
                       DEFAULT_CREASE_ANGLE) for kind in kinds]  # fmt: skip
     parts = []

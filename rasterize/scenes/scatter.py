@@ -37,7 +37,11 @@ def rotation(axis: ArrayLike, angle: ArrayLike) -> Doubles:
 
 
 def copies(
-    part: Part, places: ArrayLike, *, turns: Doubles | None = None, scales: ArrayLike = 1.0,
+    part: Part,
+    places: ArrayLike,
+    *,
+    turns: Doubles | None = None,
+    scales: ArrayLike = 1.0,
     tints: Doubles | None = None,
 ) -> Part:
     """Return one part with a copy of `part` for each place.

@@ -69,9 +69,7 @@ def lathe(
     angle = np.arange(segments, dtype=np.float64)[None, :] * (2.0 * np.pi / segments)
     if shape is not None:
         radius = radius * shape(angle, height)
-    points = np.stack(
-        [radius * np.cos(angle), height + 0.0 * angle, -radius * np.sin(angle)], axis=-1
-    )
+    points = np.stack([radius * np.cos(angle), height + 0.0 * angle, -radius * np.sin(angle)], axis=-1)
     return grid(points, closed=True, name="lathe")
 
 
@@ -108,13 +106,7 @@ def rounded(points: Sequence[tuple[float, float]], steps: int) -> NDArray[np.flo
     pieces = []
     for p0, p1, p2, p3 in zip(padded, padded[1:], padded[2:], padded[3:], strict=False):
         pieces.append(
-            0.5
-            * (
-                2 * p1
-                + (p2 - p0) * t
-                + (2 * p0 - 5 * p1 + 4 * p2 - p3) * t**2
-                + (3 * p1 - p0 - 3 * p2 + p3) * t**3
-            )
+            0.5 * (2 * p1 + (p2 - p0) * t + (2 * p0 - 5 * p1 + 4 * p2 - p3) * t**2 + (3 * p1 - p0 - 3 * p2 + p3) * t**3)
         )
     profile = np.concatenate([*pieces, given[-1:]])
     profile[:, 0] = np.maximum(profile[:, 0], 0.0)
@@ -129,9 +121,7 @@ def joined(parts: Sequence[Part]) -> Part:
     return Part(
         name=parts[0].name,
         positions=np.concatenate([part.positions for part in parts]),
-        triangles=np.concatenate(
-            [part.triangles + start for part, start in zip(parts, starts, strict=True)]
-        ),
+        triangles=np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=True)]),
         material_ids=np.concatenate([part.material_ids for part in parts]),
         normals=np.concatenate(normals),
         colors=np.concatenate(colors),

@@ -60,14 +60,13 @@ def terrace() -> BuiltinScene:
 
 def _ground(x: Doubles, z: Doubles) -> Doubles:
     """Return the height of the land: rough, flat under the terrace, rising to hills far away."""
-    away = np.hypot(
-        np.maximum(np.abs(x) - 0.5 * _WIDE, 0.0), np.maximum(np.abs(z) - 0.5 * _DEEP, 0.0)
-    )
+    away = np.hypot(np.maximum(np.abs(x) - 0.5 * _WIDE, 0.0), np.maximum(np.abs(z) - 0.5 * _DEEP, 0.0))
     rough = 0.5 * noise(1, 0.35 * x + 20.0, 0.35 * z + 20.0) + 0.22 * noise(2, x + 20.0, z + 20.0)
     rough += 0.07 * noise(3, 3.1 * x + 50.0, 3.1 * z + 50.0) - 0.35
     hills = 0.035 * np.maximum(away - 3.0, 0.0) ** 1.7
     height: Doubles = np.clip(away / 1.5, 0.15, 1.0) * rough + hills * (
-        0.6 + 0.8 * noise(4, 0.2 * x + 9.0, 0.2 * z + 9.0))
+        0.6 + 0.8 * noise(4, 0.2 * x + 9.0, 0.2 * z + 9.0)
+    )
     return height
 
 
@@ -85,7 +84,8 @@ def _stones(seed: int, middles: Doubles, sizes: Doubles) -> Part:
     """Return rough blocks with tilts, sizes and shades that vary a little."""
     count = len(middles)
     turns = rotation((0.0, 1.0, 0.0), between(seed, -0.03, 0.03, count)) @ rotation(
-        (0.3, 0.0, 1.0), between(seed + 1, -0.012, 0.012, count))
+        (0.3, 0.0, 1.0), between(seed + 1, -0.012, 0.012, count)
+    )
     shade = between(seed + 2, 0.72, 1.1, count, 1) * [1.0, 0.98, 0.95]
     unit = _beam((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
     return of_material(copies(unit, middles, turns=turns, scales=sizes, tints=shade), _STONE)
@@ -93,8 +93,7 @@ def _stones(seed: int, middles: Doubles, sizes: Doubles) -> Part:
 
 def _paving() -> list[Part]:
     """Return the core of the terrace, flagstones, the dry wall round it and the steps."""
-    core = box((-0.5 * _WIDE + 0.1, -0.6, -0.5 * _DEEP + 0.1), (0.5 * _WIDE - 0.1, _HIGH - 0.06,
-                                                              0.5 * _DEEP - 0.1))
+    core = box((-0.5 * _WIDE + 0.1, -0.6, -0.5 * _DEEP + 0.1), (0.5 * _WIDE - 0.1, _HIGH - 0.06, 0.5 * _DEEP - 0.1))
     columns, rows = 12, 9
     row, column = np.divmod(np.arange(rows * columns), columns)
     cell = np.array([_WIDE / columns, 0.06, _DEEP / rows])
@@ -102,8 +101,7 @@ def _paving() -> list[Part]:
         (column + 0.5) * cell[0] - 0.5 * _WIDE, _HIGH - 0.03 + between(10, -0.006, 0.006, len(row)),
         (row + 0.5) * cell[2] - 0.5 * _DEEP,
     ])  # fmt: skip
-    gaps = np.column_stack([between(11, 0.012, 0.03, len(row)), 0.0 * row,
-                            between(12, 0.012, 0.03, len(row))])
+    gaps = np.column_stack([between(11, 0.012, 0.03, len(row)), 0.0 * row, between(12, 0.012, 0.03, len(row))])
     middles, sizes = [], []
     for course in range(4):
         y = _HIGH - 0.06 - 0.15 * (course + 0.5)
@@ -146,8 +144,7 @@ def _rails() -> list[Part]:
 
 def _pergola() -> list[Part]:
     x0, x1, z0, z1, top = -0.3, 3.0, -2.1, 0.9, _HIGH + 2.3
-    parts = [_beam((x - 0.06, _HIGH, z - 0.06), (x + 0.06, top, z + 0.06))
-             for x in (x0, x1) for z in (z0, z1)]
+    parts = [_beam((x - 0.06, _HIGH, z - 0.06), (x + 0.06, top, z + 0.06)) for x in (x0, x1) for z in (z0, z1)]
     parts += [_beam((x0 - 0.3, top, z - 0.04), (x1 + 0.3, top + 0.14, z + 0.04)) for z in (z0, z1)]
     slat = _beam((-0.025, top + 0.1, z0 - 0.35), (0.025, top + 0.2, z1 + 0.35))
     parts.append(copies(slat, [(x, 0.0, 0.0) for x in np.linspace(x0 - 0.2, x1 + 0.2, 14)]))
@@ -161,36 +158,70 @@ def _furniture() -> list[Part]:
     """Return a table, chairs with thin legs, crockery and pots of plants."""
     top = _HIGH + 0.74
     table = [box((0.7, top - 0.03, -1.3), (2.1, top, -0.5))]
-    iron = [pole((x, _HIGH, z), (1.4 + 0.8 * (x - 1.4), top - 0.03, z), 0.012)
-            for x in (0.75, 2.05) for z in (-1.22, -0.58)]
+    iron = [
+        pole((x, _HIGH, z), (1.4 + 0.8 * (x - 1.4), top - 0.03, z), 0.012) for x in (0.75, 2.05) for z in (-1.22, -0.58)
+    ]
     chair = [box((-0.21, 0.43, -0.2), (0.21, 0.45, 0.2))]
     chair += [box((-0.2, y, -0.225), (0.2, y + 0.05, -0.21)) for y in (0.58, 0.68, 0.78)]
     frame = [pole((x, 0.0, 0.18), (x, 0.43, 0.17), 0.01) for x in (-0.19, 0.19)]
     frame += [pole((x, 0.0, -0.2), (x, 0.85, -0.23), 0.01) for x in (-0.19, 0.19)]
-    seats = complete(joined([of_material(joined(chair), _WOOD), of_material(joined(frame), _IRON)]),
-                     DEFAULT_CREASE_ANGLE)
-    where = np.array([(1.0, _HIGH, -1.65), (1.8, _HIGH, -1.62), (1.1, _HIGH, -0.15),
-                      (2.0, _HIGH, 0.1)])
+    seats = complete(
+        joined([of_material(joined(chair), _WOOD), of_material(joined(frame), _IRON)]), DEFAULT_CREASE_ANGLE
+    )
+    where = np.array([(1.0, _HIGH, -1.65), (1.8, _HIGH, -1.62), (1.1, _HIGH, -0.15), (2.0, _HIGH, 0.1)])
     chairs = copies(seats, where, turns=rotation((0.0, 1.0, 0.0), [0.1, -0.2, 3.0, 2.4]))
-    cup = lathe(rounded([(0.0, 0.0), (0.03, 0.0), (0.035, 0.05), (0.045, 0.1), (0.04, 0.1),
-                         (0.03, 0.05), (0.0, 0.012)], 3), 24)
-    plate = lathe([(0.0, 0.0), (0.07, 0.0), (0.12, 0.018), (0.115, 0.02), (0.07, 0.006),
-                   (0.0, 0.006)], 32)
-    crockery = [moved(part, x, top, z) for part, x, z in (
-        (plate, 1.0, -1.08), (plate, 1.8, -1.06), (plate, 1.15, -0.72), (cup, 1.2, -1.1),
-        (cup, 1.95, -0.9), (cup, 1.38, -0.68))]
-    pot = complete(lathe(rounded([(0.0, 0.0), (0.14, 0.0), (0.19, 0.2), (0.23, 0.36), (0.26, 0.37),
-                                  (0.26, 0.42), (0.22, 0.42), (0.2, 0.34), (0.0, 0.33)], 3), 32),
-                   DEFAULT_CREASE_ANGLE)
-    places = np.array([(-3.0, _HIGH, -1.9), (-2.2, _HIGH, -2.1), (-3.0, _HIGH, 1.6),
-                       (-0.6, _HIGH, 2.1), (3.0, _HIGH, 2.0)])
+    cup = lathe(
+        rounded([(0.0, 0.0), (0.03, 0.0), (0.035, 0.05), (0.045, 0.1), (0.04, 0.1), (0.03, 0.05), (0.0, 0.012)], 3), 24
+    )
+    plate = lathe([(0.0, 0.0), (0.07, 0.0), (0.12, 0.018), (0.115, 0.02), (0.07, 0.006), (0.0, 0.006)], 32)
+    crockery = [
+        moved(part, x, top, z)
+        for part, x, z in (
+            (plate, 1.0, -1.08),
+            (plate, 1.8, -1.06),
+            (plate, 1.15, -0.72),
+            (cup, 1.2, -1.1),
+            (cup, 1.95, -0.9),
+            (cup, 1.38, -0.68),
+        )
+    ]
+    pot = complete(
+        lathe(
+            rounded(
+                [
+                    (0.0, 0.0),
+                    (0.14, 0.0),
+                    (0.19, 0.2),
+                    (0.23, 0.36),
+                    (0.26, 0.37),
+                    (0.26, 0.42),
+                    (0.22, 0.42),
+                    (0.2, 0.34),
+                    (0.0, 0.33),
+                ],
+                3,
+            ),
+            32,
+        ),
+        DEFAULT_CREASE_ANGLE,
+    )
+    places = np.array(
+        [(-3.0, _HIGH, -1.9), (-2.2, _HIGH, -2.1), (-3.0, _HIGH, 1.6), (-0.6, _HIGH, 2.1), (3.0, _HIGH, 2.0)]
+    )
     scales = np.array([1.1, 0.7, 1.25, 0.8, 1.0])
     pots = copies(pot, places, scales=scales)
     above = places + 0.62 * scales[:, None] * [0.0, 1.0, 0.0]
-    plants = [_foliage(90 + i, place, 0.3 * scale, 130)
-              for i, (place, scale) in enumerate(zip(above, scales, strict=True))]
-    return [*[of_material(p, _WOOD) for p in table], *[of_material(p, _IRON) for p in iron], chairs,
-            *[of_material(p, _STONE) for p in crockery], of_material(pots, _TERRACOTTA), *plants]
+    plants = [
+        _foliage(90 + i, place, 0.3 * scale, 130) for i, (place, scale) in enumerate(zip(above, scales, strict=True))
+    ]
+    return [
+        *[of_material(p, _WOOD) for p in table],
+        *[of_material(p, _IRON) for p in iron],
+        chairs,
+        *[of_material(p, _STONE) for p in crockery],
+        of_material(pots, _TERRACOTTA),
+        *plants,
+    ]
 
 
 def _foliage(seed: int, middle: Doubles, radius: float, count: int, size: float = 0.09) -> Part:
@@ -201,26 +232,24 @@ def _foliage(seed: int, middle: Doubles, radius: float, count: int, size: float 
     outward = np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1)
     places = middle + radius * between(seed + 2000, 0.15, 1.0, count, 1) ** 0.4 * outward
     leaf = mesh(
-        [(0, 0, 0), (0.28, 0, 0.45), (0, 0, 1), (-0.28, 0, 0.45), (0, 0.08, 0.45),
-         (0, -0.04, 0.45)],
+        [(0, 0, 0), (0.28, 0, 0.45), (0, 0, 1), (-0.28, 0, 0.45), (0, 0.08, 0.45), (0, -0.04, 0.45)],
         [(0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0), (1, 5, 0), (2, 5, 1), (3, 5, 2), (0, 5, 3)],
     )
     # Each leaf points outwards and down, turned about by chance.
-    turns = rotation((0.0, 1.0, 0.0), 0.5 * np.pi - turn) @ rotation(
-        (1.0, 0.0, 0.0), between(seed + 3000, -0.2, 1.1, count)) @ rotation(
-        (0.0, 0.0, 1.0), between(seed + 4000, -0.8, 0.8, count))
+    turns = (
+        rotation((0.0, 1.0, 0.0), 0.5 * np.pi - turn)
+        @ rotation((1.0, 0.0, 0.0), between(seed + 3000, -0.2, 1.1, count))
+        @ rotation((0.0, 0.0, 1.0), between(seed + 4000, -0.8, 0.8, count))
+    )
     shade = between(seed + 5000, 0.6, 1.25, count, 1) * [1.0, 1.0, 0.9]
     scales = size * between(seed + 6000, 0.7, 1.4, count)
-    return of_material(copies(complete(leaf, 0.1), places, turns=turns, scales=scales, tints=shade),
-                       _LEAF)
+    return of_material(copies(complete(leaf, 0.1), places, turns=turns, scales=scales, tints=shade), _LEAF)
 
 
 def _trees() -> list[Part]:
     """Return three trees: a bent trunk, branches, and a cloud of leaves at the end of each."""
     parts = []
-    for tree, (x, z, tall, leaves) in enumerate(
-        ((-4.6, -1.2, 3.6, 150), (1.4, -4.4, 4.4, 170), (5.2, 0.4, 2.8, 130))
-    ):
+    for tree, (x, z, tall, leaves) in enumerate(((-4.6, -1.2, 3.6, 150), (1.4, -4.4, 4.4, 170), (5.2, 0.4, 2.8, 130))):
         base = np.array([x, float(_ground(np.array(x), np.array(z))) - 0.1, z])
         s = np.linspace(0.0, 1.0, 13)
         bend = 0.25 * np.sin(2.4 * s + tree)[:, None] * [1.0, 0.0, 0.0]
@@ -242,6 +271,7 @@ def _rocks() -> list[Part]:
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 15)
     parts = []
     for kind in range(3):
+
         def dented(angle: Doubles, height: Doubles, kind: int = kind) -> Doubles:
             spin = np.cos(angle) * 1.3 + 7.0 * kind + 3.0
             lumps: Doubles = 0.65 + 0.6 * noise(70 + kind, spin + height, np.sin(angle) * 1.3 + 5.0)
@@ -264,9 +294,10 @@ def _rocks() -> list[Part]:
 
 def _reeds() -> list[Part]:
     """Return tufts of thin blades on the ground, each blade a long three-sided pyramid."""
-    blade = complete(mesh(
-        [(-0.5, 0.0, 0.2), (0.5, 0.0, 0.2), (0.0, 0.0, -0.4), (0.0, 1.0, 0.0)],
-        [(0, 1, 3), (1, 2, 3), (2, 0, 3)]), 0.1)
+    blade = complete(
+        mesh([(-0.5, 0.0, 0.2), (0.5, 0.0, 0.2), (0.0, 0.0, -0.4), (0.0, 1.0, 0.0)], [(0, 1, 3), (1, 2, 3), (2, 0, 3)]),
+        0.1,
+    )
     tufts, each = 70, 26
     angle, far = between(100, 0.0, 2.0 * np.pi, tufts), 1.0 + 0.8 * shares(101, tufts)
     x = np.repeat(far * 0.60 * _WIDE * np.cos(angle), each)
@@ -274,7 +305,8 @@ def _reeds() -> list[Part]:
     x, z = x + between(102, -0.16, 0.16, len(x)), z + between(103, -0.16, 0.16, len(x))
     places = np.column_stack([x, _ground(x, z) - 0.02, z])
     turns = rotation((0.0, 1.0, 0.0), between(104, 0.0, 6.0, len(x))) @ rotation(
-        (1.0, 0.0, 0.0), between(105, -0.45, 0.45, len(x)))
+        (1.0, 0.0, 0.0), between(105, -0.45, 0.45, len(x))
+    )
     wide = between(106, 0.010, 0.018, len(x))
     sizes = np.column_stack([wide, between(107, 0.2, 0.62, len(x)), wide])
     shade = between(108, 0.6, 1.2, len(x), 1) * [1.0, 1.0, 1.0]

@@ -60,10 +60,7 @@ def workshop() -> BuiltinScene:
             DirectionalLight(direction=(-0.80, -0.55, -0.22), irradiance=(16.0, 14.0, 11.0)),
             Environment(radiance=(0.80, 0.85, 0.95)),
             SpotLight(
-                position=(0.2, 2.7, -0.2),
-                direction=(0.1, -1.0, -0.35),
-                cone_angle=1.0,
-                intensity=(9.0, 7.4, 5.0),
+                position=(0.2, 2.7, -0.2), direction=(0.1, -1.0, -0.35), cone_angle=1.0, intensity=(9.0, 7.4, 5.0)
             ),
         ),
         ao_radius=0.25,
@@ -85,8 +82,7 @@ def _room() -> list[Part]:
         np.full(rows, _X),
     ])  # fmt: skip
     start, end = cuts[row, third], cuts[row, third + 1]
-    sizes = np.column_stack([end - start - 0.006, np.full(len(row), 0.05), np.full(
-        len(row), wide - 0.006)])
+    sizes = np.column_stack([end - start - 0.006, np.full(len(row), 0.05), np.full(len(row), wide - 0.006)])
     middles = np.column_stack([
         0.5 * (start + end), between(3, -0.028, -0.025, len(row)), -_Z + (row + 0.5) * wide
     ])  # fmt: skip
@@ -142,15 +138,10 @@ def _shelves() -> list[Part]:
     ):
         for x in (left - 0.015, right + 0.015):
             parts += [
-                box((x - 0.015, 0.0, z), (x + 0.015, heights[-1] + 0.06, z + 0.04))
-                for z in (back, back + depth - 0.04)
+                box((x - 0.015, 0.0, z), (x + 0.015, heights[-1] + 0.06, z + 0.04)) for z in (back, back + depth - 0.04)
             ]
-        parts += [
-            box((left - 0.03, y, back), (right + 0.03, y + 0.024, back + depth)) for y in heights
-        ]
-        parts.append(
-            pole((left, heights[0], back + 0.02), (right, heights[-1], back + 0.02), 0.006, 8)
-        )
+        parts += [box((left - 0.03, y, back), (right + 0.03, y + 0.024, back + depth)) for y in heights]
+        parts.append(pole((left, heights[0], back + 0.02), (right, heights[-1], back + 0.02), 0.006, 8))
         for level, y in enumerate(heights):
             room = (heights[level + 1] - y - 0.06) if level + 1 < len(heights) else 0.34
             chance = shares(40 + len(things), 80, 5)
@@ -195,12 +186,8 @@ def _stairs() -> list[Part]:
         foot, head = (x, 0.0, start + 0.2), (x, heights[-1] - 0.1, places[-1] - 0.05)
         wood.append(pole(foot, head, 0.035, 4))
     post, top = -_X + 0.92, heights[-1]
-    iron = [
-        pole((post, y, z), (post, y + 0.9, z), 0.007)
-        for y, z in zip(heights, places, strict=True)
-    ]
-    iron.append(pole((post, heights[0] + 0.9, places[0] + 0.1),
-                     (post, heights[-1] + 0.9, places[-1]), 0.018, 12))
+    iron = [pole((post, y, z), (post, y + 0.9, z), 0.007) for y, z in zip(heights, places, strict=True)]
+    iron.append(pole((post, heights[0] + 0.9, places[0] + 0.1), (post, heights[-1] + 0.9, places[-1]), 0.018, 12))
     edge = np.arange(places[-1] - 0.12, -_Z, -0.12)
     iron += [pole((post, top, z), (post, top + 0.9, z), 0.007) for z in edge]
     iron.append(pole((post, top + 0.9, places[-1]), (post, top + 0.9, -_Z), 0.018, 12))

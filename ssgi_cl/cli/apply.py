@@ -44,45 +44,95 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 @click.argument("technique", type=click.Choice(sorted(OFFERED)))
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
-@click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is "
-              "added to its channels.")
-@click.option("--fov", type=float, help="Vertical field of view of the file's display window in "
-              "degrees; 50 by default.")
-@click.option("--ortho", type=float, metavar="HEIGHT",
-              help="Orthographic camera whose display window is this high, in scene units.")
-@click.option("--intrinsics", nargs=4, type=float, metavar="FX FY CX CY",
-              help="Calibrated camera, in pixels; CX CY from the display window's corner.")
-@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE",
-              help="A parameter of the technique, such as radius=0.3; several times. '--set help' "
-              "lists them with their units.")
-@click.option("--method", metavar="NAME", help="Short for --set method=NAME: how ssdo finds "
-              "surfaces, 'published' as its paper has it if there is such a method.")
-@click.option("--preset", metavar="NAME", help="Where parameters without --set come from: low, "
-              "medium, high or ultra; by default the technique's defaults.")
-@click.option("--error", type=float, metavar="RMSE", help="Instead of a preset: the fastest "
-              "recorded setting that is expected to be no further from cast rays.")
-@click.option("--budget-ms", type=float, metavar="MS", help="Instead of a preset: the best "
-              "recorded setting that is expected to take no longer on this device.")
-@click.option("--sky", nargs=3, type=float, metavar="R G B",
-              help="ssdo: a constant environment of this radiance, W m^-2 sr^-1.")
-@click.option("--sun", nargs=4, type=float, metavar="X Y Z E", help="ssdo: parallel light that "
-              "travels along X Y Z in camera space, with irradiance E in W/m^2.")
-@click.option("--lit", is_flag=True, help="ssdo: the file's R, G and B are the light that surfaces "
-              "send, W m^-2 sr^-1.")
-@click.option("--nan", type=click.Choice(NAN), default="refuse", show_default=True,
-              help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and "
-              "other NaN for 0.")
-@click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth "
-              "are used.")
+@click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is added to its channels.")
+@click.option(
+    "--fov", type=float, help="Vertical field of view of the file's display window in degrees; 50 by default."
+)
+@click.option(
+    "--ortho",
+    type=float,
+    metavar="HEIGHT",
+    help="Orthographic camera whose display window is this high, in scene units.",
+)
+@click.option(
+    "--intrinsics",
+    nargs=4,
+    type=float,
+    metavar="FX FY CX CY",
+    help="Calibrated camera, in pixels; CX CY from the display window's corner.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter of the technique, such as radius=0.3; several times. '--set help' lists them with their units.",
+)
+@click.option(
+    "--method",
+    metavar="NAME",
+    help="Short for --set method=NAME: how ssdo finds "
+    "surfaces, 'published' as its paper has it if there is such a method.",
+)
+@click.option(
+    "--preset",
+    metavar="NAME",
+    help="Where parameters without --set come from: low, medium, high or ultra; by default the technique's defaults.",
+)
+@click.option(
+    "--error",
+    type=float,
+    metavar="RMSE",
+    help="Instead of a preset: the fastest recorded setting that is expected to be no further from cast rays.",
+)
+@click.option(
+    "--budget-ms",
+    type=float,
+    metavar="MS",
+    help="Instead of a preset: the best recorded setting that is expected to take no longer on this device.",
+)
+@click.option(
+    "--sky", nargs=3, type=float, metavar="R G B", help="ssdo: a constant environment of this radiance, W m^-2 sr^-1."
+)
+@click.option(
+    "--sun",
+    nargs=4,
+    type=float,
+    metavar="X Y Z E",
+    help="ssdo: parallel light that travels along X Y Z in camera space, with irradiance E in W/m^2.",
+)
+@click.option("--lit", is_flag=True, help="ssdo: the file's R, G and B are the light that surfaces send, W m^-2 sr^-1.")
+@click.option(
+    "--nan",
+    type=click.Choice(NAN),
+    default="refuse",
+    show_default=True,
+    help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and other NaN for 0.",
+)
+@click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth are used.")
 @device_option
 @json_option
 @human_errors
 def apply_command(
-    technique: str, source: Path | None, output: Path | None, overwrite: bool, fov: float | None,
-    ortho: float | None, intrinsics: tuple[float, ...] | None, settings: tuple[str, ...],
-    method: str | None, preset: str | None, error: float | None, budget_ms: float | None,
-    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, lit: bool, nan: str,
-    no_normals: bool, device: str | None, as_json: bool,
+    technique: str,
+    source: Path | None,
+    output: Path | None,
+    overwrite: bool,
+    fov: float | None,
+    ortho: float | None,
+    intrinsics: tuple[float, ...] | None,
+    settings: tuple[str, ...],
+    method: str | None,
+    preset: str | None,
+    error: float | None,
+    budget_ms: float | None,
+    sky: tuple[float, ...] | None,
+    sun: tuple[float, ...] | None,
+    lit: bool,
+    nan: str,
+    no_normals: bool,
+    device: str | None,
+    as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
@@ -106,9 +156,7 @@ def apply_command(
     checked_output(output, (".exr",))
     adds = _is_same_file(source, output)
     if adds and not overwrite:
-        raise click.UsageError(
-            f"--output is {output}: that is the input; --overwrite adds the result to its channels"
-        )
+        raise click.UsageError(f"--output is {output}: that is the input; --overwrite adds the result to its channels")
     if method is not None:
         settings = (*settings, f"method={method}")
     parameters = dict(_setting(text, technique, params) for text in settings)
@@ -165,18 +213,14 @@ def _check_lights(chosen: Technique, lights: dict[str, Any], asked: dict[str, An
     if "lights" in chosen.reads:
         wrong = [name.replace("_", "-") for name, value in asked.items() if value is not None]
         if wrong:
-            raise click.UsageError(
-                f"--{wrong[0]} is not for {chosen.name}: it has no recorded settings"
-            )
+            raise click.UsageError(f"--{wrong[0]} is not for {chosen.name}: it has no recorded settings")
         return
     wrong = [name for name, value in lights.items() if value is not None]
     if wrong:
         raise click.UsageError(f"{wrong[0]} is for ssdo: {chosen.name} knows no light")
 
 
-def _lights(
-    sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, *, none: bool
-) -> list[Light]:
+def _lights(sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, *, none: bool) -> list[Light]:
     """Return the lights that were asked for; an even sky if none was and none is not allowed."""
     lights: list[Light] = []
     if sky is not None:
@@ -192,15 +236,12 @@ def _image(path: Path) -> NDArray[np.float32]:
         present = exr.read(path)
     missing = [name for name in "RGB" if name not in present]
     if missing:
-        raise ValueError(
-            f"{path} has no channel {missing[0]}, which --lit needs; it has {', '.join(present)}"
-        )
+        raise ValueError(f"{path} has no channel {missing[0]}, which --lit needs; it has {', '.join(present)}")
     return np.stack([present[name].astype(np.float32, copy=False) for name in "RGB"], axis=-1)
 
 
 def _apply_camera(
-    header: ExrHeader, fov: float | None, ortho: float | None,
-    intrinsics: tuple[float, ...] | None,
+    header: ExrHeader, fov: float | None, ortho: float | None, intrinsics: tuple[float, ...] | None
 ) -> Camera:
     """Return the camera of the data window, from the options, which are of the display window."""
     left, top, right, bottom = header.display

@@ -24,9 +24,7 @@ def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
 
 
-for _command in (
-    render_command, info_command, graph_command, apply_command, bench_command, truth_command
-):
+for _command in (render_command, info_command, graph_command, apply_command, bench_command, truth_command):
     main.add_command(_command)
 
 
@@ -45,11 +43,22 @@ def devices_command(as_json: bool, refresh: bool) -> None:
         step("timing devices not seen before")
         found = drivers.devices()
     if as_json:
-        print(json.dumps([
-            {"label": info.label, "kind": info.kind, "units": info.units, "driver": info.driver,
-             "variant": str(info.best), "million_reads_per_second": info.speeds}
-            for info in found
-        ], indent=1))
+        print(
+            json.dumps(
+                [
+                    {
+                        "label": info.label,
+                        "kind": info.kind,
+                        "units": info.units,
+                        "driver": info.driver,
+                        "variant": str(info.best),
+                        "million_reads_per_second": info.speeds,
+                    }
+                    for info in found
+                ],
+                indent=1,
+            )
+        )
         return
     if not found:
         reasons = "".join(f"\n{wrapped(reason, '  ')}" for reason in drivers.problems())
@@ -63,10 +72,13 @@ def devices_command(as_json: bool, refresh: bool) -> None:
     if chosen is None:
         click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
         return
-    click.echo(wrapped(
-        "Numbers are million scattered reads a second with each kernel variant. In use (*) is "
-        "the widest variant within 15 % of the fastest.", ""
-    ))
+    click.echo(
+        wrapped(
+            "Numbers are million scattered reads a second with each kernel variant. In use (*) is "
+            "the widest variant within 15 % of the fastest.",
+            "",
+        )
+    )
 
 
 def _list_device(info: DeviceInfo, *, default: bool) -> None:
@@ -92,7 +104,6 @@ def _list_device(info: DeviceInfo, *, default: bool) -> None:
     if info.failures and info.driver:
         click.echo(wrapped(drivers.standing(info), "  "))
     click.echo()
-
 
 
 if __name__ == "__main__":

@@ -21,16 +21,25 @@ _NOT_SHARED = ("output", "views", "explain", "as_json", "scene")
 
 @click.command("graph")
 @click.argument("scene", metavar="SCENE")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
-              help="The graph: .svg for a picture, .dot for Graphviz, .json for all numbers.")
-@click.option("--outputs", metavar="NAMES", help="What the frame is to hold, separated by commas, "
-              f"out of {', '.join(OUTPUTS)}; what they do not need is culled. By default image and "
-              "radiance, and AO and indirect light where the image needs them.")
-@click.option("--again", is_flag=True, help="Draw the next frame of the same inputs, which reuses "
-              "the results of the one before.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="The graph: .svg for a picture, .dot for Graphviz, .json for all numbers.",
+)
+@click.option(
+    "--outputs",
+    metavar="NAMES",
+    help="What the frame is to hold, separated by commas, "
+    f"out of {', '.join(OUTPUTS)}; what they do not need is culled. By default image and "
+    "radiance, and AO and indirect light where the image needs them.",
+)
+@click.option(
+    "--again", is_flag=True, help="Draw the next frame of the same inputs, which reuses the results of the one before."
+)
 @human_errors
-def graph_command(scene: str, output: Path, outputs: str | None, again: bool, **options: Any
-                  ) -> None:
+def graph_command(scene: str, output: Path, outputs: str | None, again: bool, **options: Any) -> None:
     """Render a frame of SCENE as `ssgi render` does, and draw its frame graph: the stages with
     their times, the device memory of each resource and the stages between which it is needed, and
     what was culled, skipped or reused and why.
@@ -60,6 +69,4 @@ def graph_command(scene: str, output: Path, outputs: str | None, again: bool, **
     click.echo(printable(f"wrote {output}"))
 
 
-graph_command.params += [
-    option for option in render_command.params if option.name not in _NOT_SHARED
-]
+graph_command.params += [option for option in render_command.params if option.name not in _NOT_SHARED]

@@ -45,58 +45,107 @@ _OUTDOORS = (DirectionalLight, Environment)
 
 @click.command("render")
 @click.argument("scene", metavar="SCENE")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path),
-              help="The picture: .png, or .exr for linear radiance with AO and the G-buffer.")
-@click.option("--views", is_flag=True, help="Write .exr and views of AO, depth, normal and albedo "
-              "beside the picture too.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="The picture: .png, or .exr for linear radiance with AO and the G-buffer.",
+)
+@click.option(
+    "--views", is_flag=True, help="Write .exr and views of AO, depth, normal and albedo beside the picture too."
+)
 @click.option("--width", type=int, help="Pixels; 800 by default.")
 @click.option("--height", type=int, help="Pixels; 600 by default.")
 @click.option("--eye", help="Where the camera is: world space, scene units.", **VECTOR)
 @click.option("--target", help="What it looks at: world space, scene units.", **VECTOR)
 @click.option("--up", help="Which way is up in the picture: world space; y by default.", **VECTOR)
 @click.option("--fov", type=float, help="Vertical field of view in degrees; 50 by default.")
-@click.option("--camera", metavar="NAME|FILE",
-              help="A camera of SCENE by its name (see `ssgi info`), or a JSON file with origin, "
-              "forward, up (world space) and fov_deg (horizontal). By default the file named like "
-              "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
-              "the scene well.")
-@click.option("--ambient", type=float, help="Add a constant environment of this radiance, "
-              "W m^-2 sr^-1.")
-@click.option("--environment", metavar="PATH|R,G,B", help="Light from all around in place of a sun "
-              "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.")
-@click.option("--bounces", metavar="N|all", help="Reflections on the way from a light to a pixel; "
-              "all by default. 0: direct light, and that of environments dimmed by --ao.")
-@click.option("--preset", type=click.Choice(tuple(PRESETS)), help="How exactly all bounces are "
-              f"computed; {DEFAULT_PRESET} by default.")
-@click.option("--ao", type=click.Choice((*TECHNIQUES, "none")), default=AO_DEFAULT,
-              show_default=True, help="What dims ambient light.")
-@click.option("--ao-radius", type=float, help="Scene units; by default two cells of "
-              "the occupancy grid, with --bounces 0 or --indirect 5 % of the picture's diagonal "
-              "where surfaces are seen.")
+@click.option(
+    "--camera",
+    metavar="NAME|FILE",
+    help="A camera of SCENE by its name (see `ssgi info`), or a JSON file with origin, "
+    "forward, up (world space) and fov_deg (horizontal). By default the file named like "
+    "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
+    "the scene well.",
+)
+@click.option("--ambient", type=float, help="Add a constant environment of this radiance, W m^-2 sr^-1.")
+@click.option(
+    "--environment",
+    metavar="PATH|R,G,B",
+    help="Light from all around in place of a sun "
+    "and a sky: a latitude-longitude image (.exr, .hdr), or one radiance; W m^-2 sr^-1.",
+)
+@click.option(
+    "--bounces",
+    metavar="N|all",
+    help="Reflections on the way from a light to a pixel; "
+    "all by default. 0: direct light, and that of environments dimmed by --ao.",
+)
+@click.option(
+    "--preset",
+    type=click.Choice(tuple(PRESETS)),
+    help=f"How exactly all bounces are computed; {DEFAULT_PRESET} by default.",
+)
+@click.option(
+    "--ao",
+    type=click.Choice((*TECHNIQUES, "none")),
+    default=AO_DEFAULT,
+    show_default=True,
+    help="What dims ambient light.",
+)
+@click.option(
+    "--ao-radius",
+    type=float,
+    help="Scene units; by default two cells of "
+    "the occupancy grid, with --bounces 0 or --indirect 5 % of the picture's diagonal "
+    "where surfaces are seen.",
+)
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
-@click.option("--indirect", type=click.Choice(BOUNCES), help="In place of all bounces the light "
-              "that surfaces reflect once: of punctual lights, by virtual point lights "
-              "(multires, the fastest, and vpl, which all triangles block) or gathered, or of all "
-              "lights within --ao-radius by ssdo, which "
-              "hides ambient light too.")
-@click.option("--method", metavar="NAME", help="How --indirect multires, gather or ssdo computes "
-              "it: 'published' for the method as its paper has it; by default the library's own.")
-@click.option("--vpls", type=int, default=1024, show_default=True,
-              help="Virtual point lights of --indirect multires and vpl.")
-@click.option("--glossy-vpls", type=int, default=0, show_default=True,
-              help="More lights of --indirect vpl, for what glossy surfaces mirror.")
-@click.option("--indirect-ao", is_flag=True,
-              help="Let --ao dim the light of --indirect multires, vpl and gather too.")
-@click.option("--layers", type=int, default=1, show_default=True,
-              help="Depth layers.")
-@click.option("--auxiliary-cameras", "--extra-cameras", type=int, default=0, show_default=True,
-              help="Cameras that show --indirect ssdo what the camera misses.")
-@click.option("--shadow-size", type=int, default=1024, show_default=True,
-              help="Texels along a shadow map's side.")
-@click.option("--rsm-size", type=int, default=512, show_default=True,
-              help="Of them, at most so many along a side are what reflected light is chosen from.")
-@click.option("--explain", is_flag=True, help="Say of all that was left out how much time that "
-              "saves, by estimate.")
+@click.option(
+    "--indirect",
+    type=click.Choice(BOUNCES),
+    help="In place of all bounces the light "
+    "that surfaces reflect once: of punctual lights, by virtual point lights "
+    "(multires, the fastest, and vpl, which all triangles block) or gathered, or of all "
+    "lights within --ao-radius by ssdo, which "
+    "hides ambient light too.",
+)
+@click.option(
+    "--method",
+    metavar="NAME",
+    help="How --indirect multires, gather or ssdo computes "
+    "it: 'published' for the method as its paper has it; by default the library's own.",
+)
+@click.option(
+    "--vpls", type=int, default=1024, show_default=True, help="Virtual point lights of --indirect multires and vpl."
+)
+@click.option(
+    "--glossy-vpls",
+    type=int,
+    default=0,
+    show_default=True,
+    help="More lights of --indirect vpl, for what glossy surfaces mirror.",
+)
+@click.option("--indirect-ao", is_flag=True, help="Let --ao dim the light of --indirect multires, vpl and gather too.")
+@click.option("--layers", type=int, default=1, show_default=True, help="Depth layers.")
+@click.option(
+    "--auxiliary-cameras",
+    "--extra-cameras",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Cameras that show --indirect ssdo what the camera misses.",
+)
+@click.option("--shadow-size", type=int, default=1024, show_default=True, help="Texels along a shadow map's side.")
+@click.option(
+    "--rsm-size",
+    type=int,
+    default=512,
+    show_default=True,
+    help="Of them, at most so many along a side are what reflected light is chosen from.",
+)
+@click.option("--explain", is_flag=True, help="Say of all that was left out how much time that saves, by estimate.")
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
 @device_option
@@ -131,10 +180,18 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         for note in loaded.notes:
             click.echo(printable(f"note: {note}"), err=True)
     report(
-        as_json, runtime, frame.passes, files,
-        {"scene": scene, "width": camera.width, "height": camera.height,
-         "triangles": len(loaded.triangles), "wall_ms": round(frame.wall_ms, 3),
-         "notes": list(loaded.notes)},
+        as_json,
+        runtime,
+        frame.passes,
+        files,
+        {
+            "scene": scene,
+            "width": camera.width,
+            "height": camera.height,
+            "triangles": len(loaded.triangles),
+            "wall_ms": round(frame.wall_ms, 3),
+            "notes": list(loaded.notes),
+        },
         explain=options["explain"],
     )
 
@@ -159,34 +216,35 @@ def frame_arguments(
     runtime = Runtime.open(options["device"])
     step(f"loading {scene}")
     loaded, camera, lights, radius = (
-        _builtin(make_scene(scene), options)
-        if is_scene(scene)
-        else _from_file(Path(scene), options, runtime)
+        _builtin(make_scene(scene), options) if is_scene(scene) else _from_file(Path(scene), options, runtime)
     )
     if around is not None:
         lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
     if options["ambient"] is not None:
         lights = (*lights, Environment(options["ambient"]))
-    return loaded, camera, lights, {
-        "bounces": _bounces(options["bounces"]),
-        "preset": options["preset"],
-        "ao": False if options["ao"] == "none" else options["ao"],
-        "indirect": options["indirect"],
-        "method": options["method"],
-        "vpls": options["vpls"],
-        "glossy_vpls": options["glossy_vpls"],
-        "indirect_ao": options["indirect_ao"],
-        "layers": options["layers"],
-        "auxiliary_cameras": options["auxiliary_cameras"],
-        "ao_radius": (
-            radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"]
-        ),
-        "ao_samples": options["ao_samples"],
-        "shadow_size": options["shadow_size"],
-        "rsm_size": options["rsm_size"],
-        "exposure": options["exposure"],
-        "runtime": runtime,
-    }
+    return (
+        loaded,
+        camera,
+        lights,
+        {
+            "bounces": _bounces(options["bounces"]),
+            "preset": options["preset"],
+            "ao": False if options["ao"] == "none" else options["ao"],
+            "indirect": options["indirect"],
+            "method": options["method"],
+            "vpls": options["vpls"],
+            "glossy_vpls": options["glossy_vpls"],
+            "indirect_ao": options["indirect_ao"],
+            "layers": options["layers"],
+            "auxiliary_cameras": options["auxiliary_cameras"],
+            "ao_radius": (radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"]),
+            "ao_samples": options["ao_samples"],
+            "shadow_size": options["shadow_size"],
+            "rsm_size": options["rsm_size"],
+            "exposure": options["exposure"],
+            "runtime": runtime,
+        },
+    )
 
 
 def _whole(options: dict[str, Any]) -> bool:
@@ -201,9 +259,7 @@ def _bounces(text: str | None) -> int | str | None:
     try:
         return int(text)
     except ValueError:
-        raise click.UsageError(
-            f"--bounces is {text!r}: expected an integer from 0 on, or 'all'"
-        ) from None
+        raise click.UsageError(f"--bounces is {text!r}: expected an integer from 0 on, or 'all'") from None
 
 
 def _environment(text: str) -> Environment:
@@ -239,9 +295,7 @@ def _size(options: dict[str, Any]) -> tuple[int, int]:
     return 800 if width is None else width, 600 if height is None else height
 
 
-def _builtin(
-    builtin: BuiltinScene, options: dict[str, Any]
-) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
+def _builtin(builtin: BuiltinScene, options: dict[str, Any]) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     width, height = _size(options)
     if options["camera"] is not None:
         camera = _camera_file(Path(options["camera"]), options)
@@ -250,7 +304,9 @@ def _builtin(
             builtin.eye if options["eye"] is None else options["eye"],
             builtin.target if options["target"] is None else options["target"],
             builtin.up if options["up"] is None else options["up"],
-            yfov=yfov_of(options, builtin.yfov), width=width, height=height,
+            yfov=yfov_of(options, builtin.yfov),
+            width=width,
+            height=height,
         )
     lights = builtin.own_lights if _whole(options) else builtin.lights
     return builtin.scene, camera, lights, builtin.ao_radius
@@ -273,8 +329,7 @@ def _from_file(
     camera = None
     if options["eye"] is not None:
         camera = Camera.look_at(
-            options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov,
-            width=width, height=height,
+            options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov, width=width, height=height
         )
     elif options["camera"] is not None and _names_a_file(options["camera"]):
         camera = _camera_file(Path(options["camera"]), options)
@@ -288,19 +343,14 @@ def _names_a_file(camera: str) -> bool:
     return Path(camera).suffix.lower() == ".json" or Path(camera).is_file()
 
 
-def _camera_of(
-    scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime
-) -> Camera:
+def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime) -> Camera:
     """Return the camera of a file's scene that was asked for by its name, or the default one."""
     from ssgi_cl.rasterize.default_camera import default_camera
 
     name = options["camera"]
     if name is not None and name not in scene.cameras:
         known = ", ".join(map(shown, scene.cameras)) or "none"
-        raise ValueError(
-            f"--camera is {name!r}: there is no such file, and {path} has no such camera (it has "
-            f"{known})"
-        )
+        raise ValueError(f"--camera is {name!r}: there is no such file, and {path} has no such camera (it has {known})")
     width, height = _size(options)
     if name is not None:
         return scene.cameras[name].sized(width, height)

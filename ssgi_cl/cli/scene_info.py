@@ -18,8 +18,7 @@ from ssgi_cl.core.scene_camera import SceneCamera
 from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.io.console import human_errors, json_option, printable, progress
 
-_SHAPING = ("eye", "target", "up", "fov", "camera", "environment", "ambient", "width", "height",
-            "device")
+_SHAPING = ("eye", "target", "up", "fov", "camera", "environment", "ambient", "width", "height", "device")
 """Options of `ssgi render` that this command has too."""
 
 
@@ -37,9 +36,7 @@ def info_command(scene: str, as_json: bool, **options: Any) -> None:
     plain = ["--output", "unused.png", "--", scene]
     defaults = render_command.make_context("render", plain).params
     with progress(as_json) as step:
-        loaded, camera, lights, arguments = frame_arguments(
-            scene, defaults | options | {"bounces": "0"}, step
-        )
+        loaded, camera, lights, arguments = frame_arguments(scene, defaults | options | {"bounces": "0"}, step)
         step("looking round")
         radius = arguments["ao_radius"]
         if radius is None:
@@ -52,9 +49,7 @@ def info_command(scene: str, as_json: bool, **options: Any) -> None:
         click.echo(printable(line))
 
 
-def _facts(
-    name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], radius: float
-) -> dict[str, Any]:
+def _facts(name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], radius: float) -> dict[str, Any]:
     """Return what JSON holds."""
     used = np.bincount(scene.material_ids, minlength=len(scene.materials))
     return {
@@ -63,18 +58,25 @@ def _facts(
         "triangles": len(scene.triangles),
         "vertices": len(scene.positions),
         "materials": [
-            {"name": material.name, "triangles": int(count), "albedo": list(material.albedo),
-             "texture": material.texture, "alpha_cutoff": material.alpha_cutoff,
-             "emission": list(material.emission), "specular": list(material.specular),
-             "gloss": material.gloss, "alpha": material.alpha, "blends": material.blends,
-             "transmission": list(material.transmission)}
+            {
+                "name": material.name,
+                "triangles": int(count),
+                "albedo": list(material.albedo),
+                "texture": material.texture,
+                "alpha_cutoff": material.alpha_cutoff,
+                "emission": list(material.emission),
+                "specular": list(material.specular),
+                "gloss": material.gloss,
+                "alpha": material.alpha,
+                "blends": material.blends,
+                "transmission": list(material.transmission),
+            }
             for material, count in zip(scene.materials, used, strict=True)
         ],
         "textures": [[texture.shape[1], texture.shape[0]] for texture in scene.textures],
         "cameras": {name: _scene_camera(each) for name, each in scene.cameras.items()},
         "lights": [_light(light) for light in scene.lights],
-        "camera": {**_place(camera.view), "width": camera.width, "height": camera.height,
-                   **_field(camera)},
+        "camera": {**_place(camera.view), "width": camera.width, "height": camera.height, **_field(camera)},
         "used_lights": [_light(light) for light in lights],
         "ao_radius": radius,
         "notes": list(scene.notes),
@@ -101,8 +103,14 @@ def _scene_camera(camera: SceneCamera) -> dict[str, Any]:
     if camera.kind == "orthographic":
         size = {"view_height": camera.height}
     far = camera.far if math.isfinite(camera.far) else None
-    return {"kind": camera.kind, **_place(camera.view), **size, "aspect": camera.aspect,
-            "near": camera.near, "far": far}
+    return {
+        "kind": camera.kind,
+        **_place(camera.view),
+        **size,
+        "aspect": camera.aspect,
+        "near": camera.near,
+        "far": far,
+    }
 
 
 def _light(light: Light) -> dict[str, Any]:
@@ -173,7 +181,8 @@ def _camera_text(camera: dict[str, Any]) -> str:
 def _light_text(light: dict[str, Any]) -> str:
     values = [
         f"{name} {_numbers(value) if isinstance(value, list) else format(value, '.4g')}"
-        for name, value in light.items() if name != "kind" and value != 0.0
+        for name, value in light.items()
+        if name != "kind" and value != 0.0
     ]
     return f"{light['kind']}: {', '.join(values)}"
 
@@ -182,6 +191,4 @@ def _numbers(values: list[float]) -> str:
     return " ".join(f"{value + 0.0:.4g}" for value in values)  # no -0
 
 
-info_command.params += [
-    option for option in render_command.params if option.name in _SHAPING
-]
+info_command.params += [option for option in render_command.params if option.name in _SHAPING]

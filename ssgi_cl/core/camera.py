@@ -99,8 +99,7 @@ class Camera(Immutable):
         shifts = matrix[:2, 3 if matrix[3, 3] else 2]
         if (scales < LEAST_SCALE).any() or (scales > MOST_SCALE).any():
             raise ValueError(
-                f"projection's scales are {scales[0]:g} and {scales[1]:g}: expected "
-                f"{LEAST_SCALE:g} to {MOST_SCALE:g}"
+                f"projection's scales are {scales[0]:g} and {scales[1]:g}: expected {LEAST_SCALE:g} to {MOST_SCALE:g}"
             )
         if (np.abs(shifts) > MOST_SHIFT).any():
             raise ValueError(
@@ -171,9 +170,7 @@ class Camera(Immutable):
             The rest is as in `look_at`.
         """
         view = look_at_matrix(eye, target, up)
-        view_height = checks.number(
-            "view_height", view_height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units"
-        )
+        view_height = checks.number("view_height", view_height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units")
         distance = float(np.linalg.norm(checks.vector("target", target, 3) - np.asarray(eye)))
         far = 1e3 * distance if far is None else far
         near = checks.number("near", near, unit="scene units")
@@ -215,12 +212,7 @@ class Camera(Immutable):
         width = checks.integer("width", width, low=1, high=LARGEST_SIZE, unit="px")
         height = checks.integer("height", height, low=1, high=LARGEST_SIZE, unit="px")
         projection = perspective_matrix(
-            2.0 * fx / width,
-            2.0 * fy / height,
-            2.0 * cx / width - 1.0,
-            1.0 - 2.0 * cy / height,
-            near,
-            far,
+            2.0 * fx / width, 2.0 * fy / height, 2.0 * cx / width - 1.0, 1.0 - 2.0 * cy / height, near, far
         )
         view = np.eye(4) if view is None else view
         return cls(view=np.asarray(view), projection=projection, width=width, height=height)
@@ -313,13 +305,7 @@ class Camera(Immutable):
         matrix, across, down = self.projection.copy(), self.width / width, self.height / height
         matrix[0] = across * matrix[0] + ((self.width - 2 * left) / width - 1.0) * matrix[3]
         matrix[1] = down * matrix[1] + (1.0 - (self.height - 2 * top) / height) * matrix[3]
-        return Camera(
-            view=self.view,
-            projection=matrix,
-            width=width,
-            height=height,
-            depth_range=self.depth_range,
-        )
+        return Camera(view=self.view, projection=matrix, width=width, height=height, depth_range=self.depth_range)
 
 
 def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
@@ -332,8 +318,7 @@ def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[
     length = float(np.linalg.norm(right))
     if length < 1e-6:
         raise ValueError(
-            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the view "
-            f"ray {(-backward).tolist()}"
+            f"up is {np.asarray(up).tolist()}: expected a direction not parallel to the view ray {(-backward).tolist()}"
         )
     right /= length
     view = np.eye(4)
@@ -343,14 +328,7 @@ def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[
 
 
 def perspective_matrix(
-    scale_x: float,
-    scale_y: float,
-    shift_x: float,
-    shift_y: float,
-    near: float,
-    far: float,
-    *,
-    reversed_z: bool = False,
+    scale_x: float, scale_y: float, shift_x: float, shift_y: float, near: float, far: float, *, reversed_z: bool = False
 ) -> NDArray[np.float64]:
     """Return a [4, 4] float64 projection; `far` may be infinite, shifts are in NDC."""
     near = checks.number("near", near, low=0, above=True, unit="scene units")

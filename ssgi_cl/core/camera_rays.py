@@ -11,8 +11,7 @@ Doubles = NDArray[np.float64]
 
 
 def visibility_rays(
-    camera: Camera, rows: slice, origin: Doubles, scale: float = 1.0,
-    offset: Doubles | None = None,
+    camera: Camera, rows: slice, origin: Doubles, scale: float = 1.0, offset: Doubles | None = None
 ) -> tuple[Doubles, Doubles]:
     """Return [n, 3] where view rays start, and [n, 3] by what they advance per unit depth.
 
@@ -36,8 +35,7 @@ def visibility_rays(
 
 
 def depths_in_sphere(
-    camera: Camera, start: Doubles, along: Doubles, middle: Doubles, reach: float,
-    scale: float = 1.0,
+    camera: Camera, start: Doubles, along: Doubles, middle: Doubles, reach: float, scale: float = 1.0
 ) -> tuple[Doubles, Doubles, Doubles]:
     """Return depths [n] between which view rays may meet a scene, and that of its middle.
 

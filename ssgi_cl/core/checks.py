@@ -87,10 +87,7 @@ def point(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return `value` as a position within `MOST_OFFSET` of the world's origin, else raise."""
     array = vector(name, value, 3, "scene units")
     if (np.abs(array) > MOST_OFFSET).any():
-        raise ValueError(
-            f"{name} is {array.tolist()}: expected numbers of at most {limit(MOST_OFFSET)} "
-            "(scene units)"
-        )
+        raise ValueError(f"{name} is {array.tolist()}: expected numbers of at most {limit(MOST_OFFSET)} (scene units)")
     return array
 
 
@@ -108,9 +105,7 @@ MOST_LIGHT = 1e30
 """W and what is counted by it: float32 holds its products with areas and solid angles."""
 
 
-def rgb(
-    name: str, value: ArrayLike, unit: str, *, high: float = MOST_LIGHT
-) -> NDArray[np.float64]:
+def rgb(name: str, value: ArrayLike, unit: str, *, high: float = MOST_LIGHT) -> NDArray[np.float64]:
     """Return `value` as three numbers within [0, high] (a scalar is repeated), else raise."""
     array = vector(name, value, 3, unit)
     if (array < 0).any() or (array > high).any():
@@ -151,9 +146,7 @@ def plane(
     fits = array.ndim == 3 and array.shape[2] == channels if channels else array.ndim == 2
     if not fits:
         raise ValueError(f"{name} has shape {array.shape}: expected {wanted}")
-    values_in_range(
-        name, array, unit=unit, low=low, high=high, infinite=infinite, above=above
-    )
+    values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite, above=above)
     return array
 
 
@@ -210,9 +203,7 @@ def unmasked(name: str, value: ArrayLike) -> ArrayLike:
     return value
 
 
-def floats(
-    name: str, value: ArrayLike, dtype: type[np.floating[Any]] = np.float32
-) -> NDArray[Any]:
+def floats(name: str, value: ArrayLike, dtype: type[np.floating[Any]] = np.float32) -> NDArray[Any]:
     """Return `value` in C order as `dtype`; raise TypeError unless it holds real numbers."""
     given = as_array(name, value)
     if given.dtype.kind not in "fiu":

@@ -33,9 +33,7 @@ _MOST_ROWS, _MOST_COLUMNS = 1024, 2048  # texels of larger images are summed in 
 _LEAST_ROWS, _LEAST_COLUMNS = 256, 512  # texels of smaller images are divided
 
 
-def sample_environments(
-    environments: Sequence[Environment], count: int
-) -> tuple[Doubles, Doubles]:
+def sample_environments(environments: Sequence[Environment], count: int) -> tuple[Doubles, Doubles]:
     """Return directions that stand for the sum of environments.
 
     Args:
@@ -67,9 +65,7 @@ def solid_angles(rows: int, columns: int) -> Doubles:
     return angles
 
 
-def texels(
-    rows: int, columns: int, some: slice = slice(None)
-) -> tuple[Doubles, Doubles]:
+def texels(rows: int, columns: int, some: slice = slice(None)) -> tuple[Doubles, Doubles]:
     """Return direction [rows, columns, 3] and solid angle [rows, columns] of an image's texels, or
     of some of its rows."""
     edges = np.cos(np.linspace(0.0, math.pi, rows + 1))
@@ -199,7 +195,8 @@ def _halves(flux: Doubles, region: Region, share: float) -> list[tuple[Region, f
     so_far = np.cumsum(along)
     cut = int(np.abs(so_far[:-1] - 0.5 * so_far[-1]).argmin()) + 1
     both = (
-        [(top, top + cut, left, right), (top + cut, bottom, left, right)] if rows
+        [(top, top + cut, left, right), (top + cut, bottom, left, right)]
+        if rows
         else [(top, bottom, left, left + cut), (top, bottom, left + cut, right)]
     )
     return [(_trimmed(flux, each), share) for each in both]
@@ -210,10 +207,7 @@ def _trimmed(flux: Doubles, region: Region) -> Region:
     top, bottom, left, right = region
     lit = flux[top:bottom, left:right] > 0.0
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
-    return (
-        top + int(rows[0]), top + int(rows[-1]) + 1, left + int(columns[0]),
-        left + int(columns[-1]) + 1,
-    )
+    return (top + int(rows[0]), top + int(rows[-1]) + 1, left + int(columns[0]), left + int(columns[-1]) + 1)
 
 
 def _flux(flux: Doubles, region: Region) -> float:

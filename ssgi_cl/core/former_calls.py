@@ -38,8 +38,9 @@ def former_order(*names: str, first: Callable[[Any], bool] | None = None) -> Cal
                 keywords = [name for name in names if name not in positional and name in given]
                 now = ", ".join((*positional, *(f"{name}={name}" for name in keywords)))
                 warnings.warn(
-                    f"{type(self).__name__}.{method.__name__}({', '.join(given)}) is now "
-                    f"{method.__name__}({now})", DeprecationWarning, stacklevel=2,
+                    f"{type(self).__name__}.{method.__name__}({', '.join(given)}) is now {method.__name__}({now})",
+                    DeprecationWarning,
+                    stacklevel=2,
                 )
                 return method(self, **given, **named)
             return method(self, *args, **named)

@@ -75,10 +75,7 @@ class GBuffer:
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
         if checks.choice("nan", self.nan, NAN) == "hole":
             self._fill_nan()
-        depth = _layered(
-            "depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True,
-            infinite=True,
-        )
+        depth = _layered("depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True, infinite=True)
         _in_order(depth)
         self._set("depth", depth)
         margin = np.subtract(depth.shape[-2:], self.camera.size)
@@ -100,14 +97,9 @@ class GBuffer:
             self._same_size("gloss", gloss.shape)
             self._set("gloss", gloss)
         if self.thickness is not None:
-            thickness = checks.plane(
-                "thickness", self.thickness, unit="scene units", low=0.0, infinite=True
-            )
+            thickness = checks.plane("thickness", self.thickness, unit="scene units", low=0.0, infinite=True)
             if thickness.shape != depth.shape[-2:]:
-                raise ValueError(
-                    f"thickness has shape {thickness.shape}: expected {depth.shape[-2:]} as the "
-                    "depth"
-                )
+                raise ValueError(f"thickness has shape {thickness.shape}: expected {depth.shape[-2:]} as the depth")
             self._set("thickness", thickness)
 
     def _fill_nan(self) -> None:
@@ -126,9 +118,7 @@ class GBuffer:
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
 
-    def _attribute(
-        self, name: str, value: ArrayLike, *, low: float, high: float = np.inf
-    ) -> Floats:
+    def _attribute(self, name: str, value: ArrayLike, *, low: float, high: float = np.inf) -> Floats:
         array = _layered(name, value, 3, low=low, high=high)
         self._same_size(name, array.shape[:-1])
         return array
@@ -227,9 +217,7 @@ class ReflectiveShadowMap(Immutable):
     gloss: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        depth = checks.plane(
-            "depth", self.depth, unit="scene units", low=0.0, above=True, infinite=True
-        )
+        depth = checks.plane("depth", self.depth, unit="scene units", low=0.0, above=True, infinite=True)
         heights = sum(camera.height for camera in self.cameras)
         if depth.shape != (heights, self.cameras[0].width):
             raise ValueError(
@@ -273,14 +261,9 @@ def _layered(
         array = checks.floats(name, array)
         if channels and array.shape[-1] != channels:
             raise ValueError(f"{name} has shape {array.shape}: expected {channels} channels")
-        checks.values_in_range(
-            name, array, unit=unit, low=low, high=high, infinite=infinite, above=above
-        )
+        checks.values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite, above=above)
         return array
-    return checks.plane(
-        name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite,
-        above=above,
-    )
+    return checks.plane(name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite, above=above)
 
 
 def _in_order(depth: Floats) -> None:

@@ -35,8 +35,7 @@ def param(
             a number of which 0 is a program of its own. By default nothing of a float, which is
             an argument of kernels, and all of anything else.
     """
-    metadata = {"doc": doc, "low": low, "high": high, "unit": unit, "choices": choices,
-                "above": above, "shape": shape}
+    metadata = {"doc": doc, "low": low, "high": high, "unit": unit, "choices": choices, "above": above, "shape": shape}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -63,14 +62,16 @@ class Params:
             elif rule["choices"]:
                 checks.choice(field.name, value, rule["choices"])
             elif kinds[field.name] is int:
-                value = checks.integer(
-                    field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"]
-                )
+                value = checks.integer(field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"])
             else:
                 value = checks.number(
-                    field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"],
-                    above=rule["above"], infinite=math.isinf(rule["high"]) and rule["high"] > 0
-                    and field.default == math.inf,
+                    field.name,
+                    value,
+                    low=rule["low"],
+                    high=rule["high"],
+                    unit=rule["unit"],
+                    above=rule["above"],
+                    infinite=math.isinf(rule["high"]) and rule["high"] > 0 and field.default == math.inf,
                 )
             object.__setattr__(self, field.name, value)
 
@@ -96,10 +97,7 @@ def _shape_parts(params: Any) -> tuple[tuple[str, Callable[[Any], Hashable]], ..
     """Return of each parameter its name and what of its value is part of the shape."""
     kinds = _kinds(params)
     return tuple(
-        (
-            field.name,
-            field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all),
-        )
+        (field.name, field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all))
         for field in dataclasses.fields(params)
     )
 
@@ -138,9 +136,7 @@ class Prepared(Generic[Q]):
         """Bring what is made of values up to date, before `params` take the place of the others."""
 
 
-def former_params(
-    params: type[Q], owner: str, name: str, given: Any, former: Mapping[str, Any]
-) -> Q:
+def former_params(params: type[Q], owner: str, name: str, given: Any, former: Mapping[str, Any]) -> Q:
     """Return parameters from arguments that a constructor took before, and warn.
 
     Args:
@@ -158,10 +154,7 @@ def former_params(
     values = {**({} if given is None else {name: given}), **former}
     check_names(f"{owner}()", values, parameter_fields(params))
     text = ", ".join(f"{key}={value!r}" for key, value in values.items())
-    warnings.warn(
-        f"{owner}({text}) is now {owner}(params={params.__name__}({text}))", DeprecationWarning,
-        stacklevel=3,
-    )
+    warnings.warn(f"{owner}({text}) is now {owner}(params={params.__name__}({text}))", DeprecationWarning, stacklevel=3)
     return params(**values)
 
 
@@ -178,8 +171,9 @@ def describe(params: type[Params]) -> list[tuple[str, str, str]]:
         limits = _limits(rule["low"], rule["high"]) if rule else ""
         allowed = ", ".join(rule["choices"]) if rule and rule["choices"] else limits
         note = "; ".join(part for part in (allowed, rule["unit"] if rule else "") if part)
-        lines.append((field.name, str(field.default), f"{rule['doc']} ({note})" if note
-                      else str(rule["doc"] if rule else "")))
+        lines.append(
+            (field.name, str(field.default), f"{rule['doc']} ({note})" if note else str(rule["doc"] if rule else ""))
+        )
     return lines
 
 

@@ -17,9 +17,7 @@ TURNS = 8
 """Turns about the direction of which the one with the smallest map is taken."""
 
 
-def sample_views(
-    directions: Doubles, bounds: Doubles, texels: int
-) -> tuple[Doubles, Doubles]:
+def sample_views(directions: Doubles, bounds: Doubles, texels: int) -> tuple[Doubles, Doubles]:
     """Return views along directions over all of a box.
 
     Args:
@@ -31,8 +29,7 @@ def sample_views(
         [n, 3, 4] matrices that take a point to (column, row, depth) of the map, depth > 0 along the
         light's way; and [n] the diagonal of a texel, in the units of the box.
     """
-    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]]
-                        for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     extent = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     least = 1e-4 * extent  # of a map's side: a flat scene seen edge on
     views, diagonals = np.zeros((len(directions), 3, 4)), np.zeros(len(directions))

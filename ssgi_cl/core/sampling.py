@@ -69,9 +69,7 @@ def basis(axis: Floats) -> tuple[Floats, Floats, Floats]:
     return first, second, axis
 
 
-def directions(
-    u: Floats, v: Floats, axes: tuple[Floats, Floats, Floats], weighting: str
-) -> Floats:
+def directions(u: Floats, v: Floats, axes: tuple[Floats, Floats, Floats], weighting: str) -> Floats:
     """Return [..., n, 3] unit vectors of hemispheres from u, v [..., n] in [0, 1)."""
     one = np.float32(1.0)
     if weighting == "cosine":

@@ -52,10 +52,7 @@ class Material:
     transmission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, high in (
-            ("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0),
-            ("transmission", 1.0),
-        ):
+        for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0), ("transmission", 1.0)):
             unit = "W m^-2 sr^-1" if name == "emission" else ""
             values = checks.rgb(name, getattr(self, name), unit, high=high)
             object.__setattr__(self, name, tuple(float(v) for v in values))
@@ -138,14 +135,12 @@ class Scene(Immutable):
             set_(self, name, frozen(checks.plane_list(name, given, width), given))
             if len(getattr(self, name)) != len(self.positions):
                 raise ValueError(
-                    f"{name} has {len(getattr(self, name))} rows: expected {len(self.positions)}, "
-                    "one for each vertex"
+                    f"{name} has {len(getattr(self, name))} rows: expected {len(self.positions)}, one for each vertex"
                 )
         triangles = np.ascontiguousarray(checks.as_array("triangles", self.triangles))
         if triangles.dtype.kind not in "iu" or triangles.ndim != 2 or triangles.shape[1] != 3:
             raise ValueError(
-                f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape "
-                "(triangles, 3)"
+                f"triangles is {triangles.dtype} {triangles.shape}: expected integers of shape (triangles, 3)"
             )
         if len(triangles) == 0:
             raise ValueError("the scene has 0 triangles: expected at least one")
@@ -157,15 +152,12 @@ class Scene(Immutable):
         set_(self, "triangles", frozen(triangles.astype(np.int32), triangles))
         ids = np.ascontiguousarray(checks.as_array("material_ids", self.material_ids))
         if ids.shape != (len(triangles),) or ids.dtype.kind not in "iu":
-            raise ValueError(
-                f"material_ids is {ids.dtype} {ids.shape}: expected {len(triangles)} integers"
-            )
+            raise ValueError(f"material_ids is {ids.dtype} {ids.shape}: expected {len(triangles)} integers")
         if not self.materials:
             raise ValueError("materials is empty: expected at least one")
         if ids.min() < 0 or ids.max() >= len(self.materials):
             raise ValueError(
-                f"material_ids runs from {ids.min()} to {ids.max()}: expected 0 to "
-                f"{len(self.materials) - 1}"
+                f"material_ids runs from {ids.min()} to {ids.max()}: expected 0 to {len(self.materials) - 1}"
             )
         set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
         set_(self, "materials", tuple(self.materials))
@@ -206,15 +198,10 @@ def _textures(given: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ..
     arrays = [checks.as_array(f"textures[{index}]", one) for index, one in enumerate(given)]
     for index, array in enumerate(arrays):
         if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 4 or not array.size:
-            raise ValueError(
-                f"textures[{index}] is {array.dtype} {array.shape}: expected uint8 "
-                "(rows, columns, 4)"
-            )
+            raise ValueError(f"textures[{index}] is {array.dtype} {array.shape}: expected uint8 (rows, columns, 4)")
     texels = sum(mip_texels(*array.shape[:2]) for array in arrays)
     if texels > MOST_TEXELS:
-        raise ValueError(
-            f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}"
-        )
+        raise ValueError(f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}")
     return tuple(map(frozen, arrays, given))
 
 

@@ -40,8 +40,7 @@ class SceneCamera(Immutable):
         if self.kind == "perspective":
             checks.number("height", self.height, low=1e-4, high=3.14, unit="radians")
         else:
-            checks.number("height", self.height, low=LEAST_SCALE, high=MOST_SCALE,
-                          unit="scene units")
+            checks.number("height", self.height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units")
         if self.aspect is not None:
             checks.number("aspect", self.aspect, low=1e-4, high=1e4)
         self.sized(1, 1)  # checks the rest

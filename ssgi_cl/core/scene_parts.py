@@ -49,15 +49,18 @@ def _parts(scene: Scene) -> SceneParts:
     through = np.array([m.is_seen_through for m in scene.materials])[scene.material_ids]
     casts = np.array([not m.is_seen_through or _casts(m) for m in scene.materials])
     solid = _chosen(scene, ~through, scene.materials)
-    blended = _chosen(scene, through, tuple(
-        replace(m, alpha_cutoff=FAINTEST if m.blends and m.texture >= 0 else 0.0)
-        if m.is_seen_through else m for m in scene.materials
-    ))
+    blended = _chosen(
+        scene,
+        through,
+        tuple(
+            replace(m, alpha_cutoff=FAINTEST if m.blends and m.texture >= 0 else 0.0) if m.is_seen_through else m
+            for m in scene.materials
+        ),
+    )
     casting = solid
     if (through & casts[scene.material_ids]).any():
         casting = _chosen(
-            scene, casts[scene.material_ids],
-            tuple(_cast(m) if m.is_seen_through else m for m in scene.materials),
+            scene, casts[scene.material_ids], tuple(_cast(m) if m.is_seen_through else m for m in scene.materials)
         )
     return SceneParts(solid, blended, casting)
 
@@ -80,28 +83,34 @@ def _cast(material: Material) -> Material:
         cutoff = min(STOPS / _stopped(material), 1.0)
         return replace(material, blends=False, transmission=(0.0, 0.0, 0.0), alpha_cutoff=cutoff)
     red, green, blue = (np.array(material.albedo) * material.alpha).tolist()
-    return replace(
-        material, blends=False, transmission=(0.0, 0.0, 0.0), alpha_cutoff=0.0,
-        albedo=(red, green, blue),
-    )
+    return replace(material, blends=False, transmission=(0.0, 0.0, 0.0), alpha_cutoff=0.0, albedo=(red, green, blue))
 
 
-def _chosen(
-    scene: Scene, chosen: NDArray[np.bool_], materials: tuple[Material, ...]
-) -> Scene:
+def _chosen(scene: Scene, chosen: NDArray[np.bool_], materials: tuple[Material, ...]) -> Scene:
     """Return the scene of some triangles, with their vertices alone."""
     if not chosen.any():
         # A scene has a triangle; one without area is never seen. It is as large as the whole.
         corners = (scene.bounds - scene.origin).astype(np.float32)
         none = np.zeros_like(corners)
         return replace(
-            scene, positions=corners, normals=none, uvs=none[:, :2], colors=none,
-            triangles=np.array([[0, 1, 1]], np.int32), material_ids=np.zeros(1, np.int32),
-            materials=(Material(),), textures=(),
+            scene,
+            positions=corners,
+            normals=none,
+            uvs=none[:, :2],
+            colors=none,
+            triangles=np.array([[0, 1, 1]], np.int32),
+            material_ids=np.zeros(1, np.int32),
+            materials=(Material(),),
+            textures=(),
         )
     used, numbers = np.unique(scene.triangles[chosen], return_inverse=True)
     return replace(
-        scene, positions=scene.positions[used], normals=scene.normals[used], uvs=scene.uvs[used],
-        colors=scene.colors[used], triangles=numbers.reshape(-1, 3).astype(np.int32),
-        material_ids=scene.material_ids[chosen], materials=materials,
+        scene,
+        positions=scene.positions[used],
+        normals=scene.normals[used],
+        uvs=scene.uvs[used],
+        colors=scene.colors[used],
+        triangles=numbers.reshape(-1, 3).astype(np.int32),
+        material_ids=scene.material_ids[chosen],
+        materials=materials,
     )

@@ -28,15 +28,11 @@ MOST_SUNS = 4
 
 _MOST_SHIFTS = 16  # of a disc towards the middle of what shines in it
 
-_split: WeakKeyDictionary[Environment, tuple[tuple[DirectionalLight, ...], Environment | None]] = (
-    WeakKeyDictionary()
-)
+_split: WeakKeyDictionary[Environment, tuple[tuple[DirectionalLight, ...], Environment | None]] = WeakKeyDictionary()
 
 
 @checked_keywords
-def split_suns(
-    environment: Environment,
-) -> tuple[tuple[DirectionalLight, ...], Environment]:
+def split_suns(environment: Environment) -> tuple[tuple[DirectionalLight, ...], Environment]:
     """Return the small bright sources of an environment as lights, and the environment without.
 
     A source is a sun if a disc of `SUN_RADIUS` radians holds at least `SUN_SHARE` of all flux,
@@ -68,12 +64,10 @@ def lights_with_suns(lights: Sequence[Light]) -> tuple[tuple[Light, ...], str | 
     if not suns:
         return tuple(lights), None
     each = ", ".join(
-        f"{np.asarray(sun.irradiance) @ LUMINANCE:.3g} W/m^2 from {math.degrees(2 * sun.angle):.2g}"
-        for sun in suns
+        f"{np.asarray(sun.irradiance) @ LUMINANCE:.3g} W/m^2 from {math.degrees(2 * sun.angle):.2g}" for sun in suns
     )
     return (*kept, *suns), (
-        f"environments' small bright sources ({each} degrees) are directional lights with "
-        "shadow maps"
+        f"environments' small bright sources ({each} degrees) are directional lights with shadow maps"
     )
 
 

@@ -54,9 +54,7 @@ class Vpls:
         if len(self) <= count:
             return self
         middle, flux, area = cut_evenly(np.vstack([self.flux.T, self.area]), count)
-        lobe = () if self.axis is None or self.gloss is None else (
-            None, self.axis[middle], self.gloss[middle]
-        )
+        lobe = () if self.axis is None or self.gloss is None else (None, self.axis[middle], self.gloss[middle])
         return Vpls(self.position[middle], self.normal[middle], flux, area, *lobe)
 
 

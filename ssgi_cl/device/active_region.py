@@ -30,8 +30,7 @@ class Region:
 
     @classmethod
     def between(cls, first: Size, end: Size) -> Self:
-        """Return the region from (row, column) `first` to before `end`, empty if that is no pixel.
-        """
+        """Return the region from (row, column) `first` to before `end`, empty if that is no pixel."""
         rows, columns = (max(e - f, 0) for f, e in zip(first, end, strict=True))
         return cls(*first, rows, columns) if rows and columns else cls(0, 0, 0, 0)
 
@@ -85,9 +84,7 @@ class Region:
         return all(f <= p < e for f, p, e in zip(self.first, pixel, self.end, strict=True))
 
 
-def copy_region(
-    source: NDArray[Any], target: NDArray[Any], region: Region | None, beyond: Size | None
-) -> None:
+def copy_region(source: NDArray[Any], target: NDArray[Any], region: Region | None, beyond: Size | None) -> None:
     """Copy an image [rows, columns, channels].
 
     Where `beyond` is a pixel outside the region, it stands for all of them.
@@ -115,9 +112,7 @@ class PreviousRegion:
         self._background: object = None
 
     @contextmanager
-    def over(
-        self, region: Region | None, background: object = None
-    ) -> Iterator[Region | None]:
+    def over(self, region: Region | None, background: object = None) -> Iterator[Region | None]:
         """Give where a run works that shows anything in `region` alone, and note that it did so.
 
         `background` tells the value beyond: where it changes, the run works everywhere. It does

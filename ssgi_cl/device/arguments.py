@@ -21,9 +21,7 @@ class _OtherType(Exception):
 Convert = Callable[[Any], Any]
 """From an argument to what OpenCL takes; raises `_OtherType` if it is of another type."""
 
-_ELEMENTS: dict[str, type[np.generic]] = {
-    "float": np.float32, "int": np.int32, "uint": np.uint32, "uchar": np.uint8,
-}
+_ELEMENTS: dict[str, type[np.generic]] = {"float": np.float32, "int": np.int32, "uint": np.uint32, "uchar": np.uint8}
 _INT2 = struct.Struct("=ii").pack
 
 
@@ -49,9 +47,7 @@ class Arguments:
         self._structs = {struct.name: struct for struct in structs}
         self.takes_size = "size" in self._parameters
         made = [self._made(parameter) for parameter in signature.parameters]
-        self._converts = [
-            (name, convert) for name, (convert, _) in zip(self._parameters, made, strict=True)
-        ]
+        self._converts = [(name, convert) for name, (convert, _) in zip(self._parameters, made, strict=True)]
         self.types = [kind for _, kind in made]
 
     def converted(self, given: Mapping[str, Any]) -> list[Any]:
@@ -64,10 +60,7 @@ class Arguments:
                 the parameter, what was given and what is expected.
         """
         if len(given) != len(self._converts):
-            given = {
-                name: value for name, value in given.items()
-                if value is not None or name not in self._absent
-            }
+            given = {name: value for name, value in given.items() if value is not None or name not in self._absent}
             self._check_names(given)
         try:
             return [convert(given[name]) for name, convert in self._converts]
@@ -81,8 +74,7 @@ class Arguments:
     def _check_names(self, given: Mapping[str, Any]) -> None:
         for name in given:
             if name not in self._parameters:
-                why = "a parameter with other macros alone" if name in self._absent \
-                    else "not a parameter"
+                why = "a parameter with other macros alone" if name in self._absent else "not a parameter"
                 raise TypeError(
                     f"kernel {self._kernel}: {name} ({_shown(given[name])}) is {why}: expected "
                     f"{', '.join(self._parameters)}"
@@ -211,9 +203,10 @@ def _struct(struct: Struct) -> Convert:
     dtype = struct.dtype
 
     def convert(value: Any) -> Any:
-        if isinstance(value, np.ndarray) and value.ndim == 0 and (
-            value.dtype is dtype
-            or (value.dtype == dtype and value.dtype.metadata == dtype.metadata)
+        if (
+            isinstance(value, np.ndarray)
+            and value.ndim == 0
+            and (value.dtype is dtype or (value.dtype == dtype and value.dtype.metadata == dtype.metadata))
         ):
             return value
         raise _OtherType

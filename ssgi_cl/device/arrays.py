@@ -66,9 +66,7 @@ class DeviceArray:
         if not values.size:
             return None
         self.runtime.touch()
-        return cl.enqueue_copy(
-            self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait
-        )
+        return cl.enqueue_copy(self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait)
 
     def download(self) -> NDArray[Any]:
         """Return a copy of the contents."""
@@ -87,9 +85,7 @@ class DeviceArray:
         cl = opencl()
 
         queue, flags = self.runtime.queue, cl.map_flags.READ
-        memory, _ = cl.enqueue_map_buffer(
-            queue, self.buffer, flags, 0, (self.count,), self.dtype
-        )
+        memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, (self.count,), self.dtype)
         try:
             yield memory
         finally:
@@ -121,9 +117,7 @@ class Plane:
         self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
         self._image: Any = None
         self._image_is_current = False
-        opencl().enqueue_fill_buffer(
-            runtime.queue, self.buffer, np.float32(outside), 0, self._rows * self.pitch * 4
-        )
+        opencl().enqueue_fill_buffer(runtime.queue, self.buffer, np.float32(outside), 0, self._rows * self.pitch * 4)
 
     @contextmanager
     def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
@@ -159,9 +153,7 @@ class Plane:
         with self._mapped(write_only=True) as memory:
             np.copyto(self._images(memory), values)
 
-    def download(
-        self, out: NDArray[np.float32] | None = None, region: Region | None = None
-    ) -> NDArray[np.float32]:
+    def download(self, out: NDArray[np.float32] | None = None, region: Region | None = None) -> NDArray[np.float32]:
         """Return a copy [count, rows, columns], written to `out` if given (any strides).
 
         Outside of `region` all pixels of an image are the same.
@@ -174,9 +166,7 @@ class Plane:
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
         beyond = None if region is None else region.beyond(self.size)
         if self.runtime.shares_memory:
-            memory, _ = cl.enqueue_map_buffer(
-                queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32
-            )
+            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32)
         else:
             memory = np.empty(shape, np.float32)
             cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
@@ -192,8 +182,7 @@ class Plane:
         return out
 
     def copy_image(self, index: int, source: Plane, count: int = 1) -> None:
-        """Queue a copy of the first images of `source`, of the same size, to those from `index` on.
-        """
+        """Queue a copy of the first images of `source`, of the same size, to those from `index` on."""
         import pyopencl as cl
 
         if source.size != self.size:
@@ -202,8 +191,12 @@ class Plane:
         self.runtime.touch()
         self._image_is_current = False
         event = cl.enqueue_copy(
-            self.runtime.queue, self.buffer, source.buffer, byte_count=count * size,
-            src_offset=self.pitch * 4, dst_offset=self.pitch * 4 + index * size,
+            self.runtime.queue,
+            self.buffer,
+            source.buffer,
+            byte_count=count * size,
+            src_offset=self.pitch * 4,
+            dst_offset=self.pitch * 4 + index * size,
         )
         self.runtime.record("copy", event)
 
@@ -238,7 +231,9 @@ class Plane:
             for number, first in enumerate(range(0, self._rows, rows)):
                 buffer, start = self._memory
                 event = cl.enqueue_copy(
-                    self.runtime.queue, self._image, buffer,
+                    self.runtime.queue,
+                    self._image,
+                    buffer,
                     offset=start + first * self.pitch * 4,
                     origin=(number * self.pitch, 0),
                     region=(self.pitch, min(self._rows - first, rows)),

@@ -144,7 +144,8 @@ VPL_MEANS = 2
 """Floats behind the importance of all runs: the sums of importance and of lit texels."""
 
 _VALUES = {
-    name: value for name, value in list(globals().items())
+    name: value
+    for name, value in list(globals().items())
     if "_" in name and name.isupper() and isinstance(value, int | float)
 }
 _NAMES = re.compile(r"\b(" + "|".join(_VALUES) + r")\b")

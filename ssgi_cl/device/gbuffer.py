@@ -179,8 +179,7 @@ class DeviceGBuffer:
         shape = (gbuffer.size, gbuffer.margin, gbuffer.layers)
         if shape != (self.size, self.margin, self.layers):
             raise ValueError(
-                f"the G-buffer has size, margin and layers {shape}: expected "
-                f"{(self.size, self.margin, self.layers)}"
+                f"the G-buffer has size, margin and layers {shape}: expected {(self.size, self.margin, self.layers)}"
             )
         self.region = None
         self.has_facets = False
@@ -256,17 +255,20 @@ class DeviceGBuffer:
         if in_place:
             self._normal_world = None  # whatever becomes of the pass
         source = 0 if not given else 2 if in_place else 1
-        kernel = self.runtime.kernel(
-            "gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": source}, (CAMERA, VIEW_ROTATION)
-        )
+        kernel = self.runtime.kernel("gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": source}, (CAMERA, VIEW_ROTATION))
         with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
                 kernel.run(
-                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""), self.whole,
+                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
+                    self.whole,
                     region=region,
-                    depth=self.depth, normal=world if given and not in_place else None,
-                    linear=self.linear, normal_view=self.normal, camera=self.camera_struct,
-                    rotation=rotation, layer=layer,
+                    depth=self.depth,
+                    normal=world if given and not in_place else None,
+                    linear=self.linear,
+                    normal_view=self.normal,
+                    camera=self.camera_struct,
+                    rotation=rotation,
+                    layer=layer,
                 )
 
     def release_world(self) -> None:
@@ -285,9 +287,7 @@ class DeviceGBuffer:
         return None if seen is None else seen.reduced(step)
 
 
-def on_device(
-    gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, place: int = 0
-) -> DeviceGBuffer:
+def on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, place: int = 0) -> DeviceGBuffer:
     """Return the G-buffer in device memory, uploaded unless it is there already.
 
     Memory for uploads is kept by the runtime and used again for G-buffers of the same size;
@@ -298,15 +298,13 @@ def on_device(
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     runtime = runtime or Runtime.open()
-    shapes = [np.shape(a) for a in (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
-              if a is not None]
+    shapes = [np.shape(a) for a in (gbuffer.normal, gbuffer.albedo, gbuffer.emission) if a is not None]
     attributes = gbuffer.layers if any(len(shape) == 4 for shape in shapes) else 1
     key = (DeviceGBuffer, gbuffer.size, gbuffer.margin, gbuffer.layers, attributes, place)
     device: DeviceGBuffer = runtime.prepared(
         key,
         lambda: DeviceGBuffer(
-            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
-            attributes=attributes,
+            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes
         ),
     )
     device.upload(gbuffer)

@@ -62,8 +62,11 @@ _look = _Look()
 def _total() -> int:
     """Return the bytes that this process could have if nothing were in use."""
     limits = [_meminfo()["MemTotal"], *(limit for limit, _ in _groups())]
-    limits += [limit for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)
-               if (limit := resource.getrlimit(kind)[0]) != resource.RLIM_INFINITY]
+    limits += [
+        limit
+        for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)
+        if (limit := resource.getrlimit(kind)[0]) != resource.RLIM_INFINITY
+    ]
     return min(limits)
 
 

@@ -47,8 +47,7 @@ class ImageLimits:
             found = re.fullmatch(r"([1-9]\d*)(?:x([1-9]\d*))?", asked)
             if found is None:
                 raise ValueError(
-                    f"{VARIABLE} is {asked!r}: expected elements, such as 2048, or rows x columns, "
-                    "such as 64x2048"
+                    f"{VARIABLE} is {asked!r}: expected elements, such as 2048, or rows x columns, such as 64x2048"
                 )
             rows = min(rows, int(found[1]))
             columns = min(columns, int(found[2] or found[1]))

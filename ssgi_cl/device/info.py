@@ -18,9 +18,7 @@ class KernelVariant:
     storage: str
 
     def __post_init__(self) -> None:
-        if (self.lanes, self.storage) not in (
-            (1, "buffer"), (1, "image"), (8, "buffer"), (16, "buffer")
-        ):
+        if (self.lanes, self.storage) not in ((1, "buffer"), (1, "image"), (8, "buffer"), (16, "buffer")):
             raise ValueError(
                 f"the kernel variant is {self.lanes} lanes on {self.storage!r}: expected 1, 8 or "
                 "16 lanes on 'buffer', or 1 lane on 'image'"
@@ -30,8 +28,12 @@ class KernelVariant:
         return f"{self.lanes} lane{'s' if self.lanes > 1 else ''}, {self.storage}"
 
 
-KERNEL_VARIANTS = (KernelVariant(1, "image"), KernelVariant(1, "buffer"),
-    KernelVariant(8, "buffer"), KernelVariant(16, "buffer"))
+KERNEL_VARIANTS = (
+    KernelVariant(1, "image"),
+    KernelVariant(1, "buffer"),
+    KernelVariant(8, "buffer"),
+    KernelVariant(16, "buffer"),
+)
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,10 @@ class DeviceInfo:
 
         Kernels compute more for each read than the probe does, which favours wide vectors.
         """
-        timed = [variant for variant in KERNEL_VARIANTS if isinstance(self.speeds.get(str(variant)),
-            float)]
+        timed = [variant for variant in KERNEL_VARIANTS if isinstance(self.speeds.get(str(variant)), float)]
         fastest = max((float(self.speeds[str(variant)]) for variant in timed), default=0.0)
         close = [variant for variant in timed if float(self.speeds[str(variant)]) >= 0.85 * fastest]
-        return max(close, key=lambda variant: (variant.lanes, variant.storage == "buffer"),
-            default=None)
+        return max(close, key=lambda variant: (variant.lanes, variant.storage == "buffer"), default=None)
 
     @property
     def speed(self) -> float:

@@ -46,8 +46,14 @@ class Kernel:
     """
 
     def __init__(
-        self, runtime: Runtime, program: Any, name: str, source: str, text: str,
-        macros: Mapping[str, int], structs: Sequence[Struct],
+        self,
+        runtime: Runtime,
+        program: Any,
+        name: str,
+        source: str,
+        text: str,
+        macros: Mapping[str, int],
+        structs: Sequence[Struct],
     ) -> None:
         cl = opencl()
 
@@ -57,8 +63,7 @@ class Kernel:
             self._kernel = cl.Kernel(program, self.name)
         except cl.Error as error:  # PoCL 3.0 with 16 lanes: the build says nothing and fails here
             raise KernelBuildError(
-                f"{source} has no kernel {self.name} on {runtime.info.label}, "
-                f"{runtime.variant}: {error}"
+                f"{source} has no kernel {self.name} on {runtime.info.label}, {runtime.variant}: {error}"
             ) from error
         self.lanes = macros["SSGI_LANES"]
         self.signature = Signature.of(name, text, macros)
@@ -112,8 +117,7 @@ class Kernel:
         with runtime.lock:
             self._kernel.set_args(*values)
             event = opencl().enqueue_nd_range_kernel(
-                runtime.queue, self._kernel, work, (group[1], group[0]),
-                None if first is None else (first[1], first[0]),
+                runtime.queue, self._kernel, work, (group[1], group[0]), None if first is None else (first[1], first[0])
             )
         runtime.record(name, event)
 

@@ -139,8 +139,7 @@ class DeviceMemory:
         if size > spare:
             more = more or f"a result of {size / _MEBI:.1f} MiB"
             raise DeviceMemoryError(
-                f"{self.label}: no room for {more}; the host can spare "
-                f"{max(spare, 0) / _MEBI:.1f} MiB"
+                f"{self.label}: no room for {more}; the host can spare {max(spare, 0) / _MEBI:.1f} MiB"
             )
 
     def check_piece(self, size: int) -> None:
@@ -171,7 +170,6 @@ def outline(**about: Any) -> Any:
 
 
 class _Outline:
-
     def __init__(self, **about: Any) -> None:
         self.buffer = None
         self.__dict__.update(about)

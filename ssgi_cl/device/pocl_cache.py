@@ -48,9 +48,7 @@ def guard() -> None:
     _mark(folder)
 
 
-def clear_damaged(
-    folder: Path | None = None, *, since: float = 0.0, seconds: float = math.inf
-) -> list[Path]:
+def clear_damaged(folder: Path | None = None, *, since: float = 0.0, seconds: float = math.inf) -> list[Path]:
     """Remove and return the damaged files of PoCL's cache; it compiles these kernels again.
 
     Args:
@@ -76,14 +74,13 @@ def clear_damaged(
             f"file{'s' if len(found) > 1 else ''}, which a full disk or a killed machine leaves "
             f"and which ends every process that reads it; removed: {_named(found, folder)}. These "
             "kernels are compiled again",
-            RuntimeWarning, stacklevel=3,
+            RuntimeWarning,
+            stacklevel=3,
         )
     return found
 
 
-def damaged_files(
-    folder: Path, *, since: float = 0.0, seconds: float = math.inf
-) -> Iterator[Path]:
+def damaged_files(folder: Path, *, since: float = 0.0, seconds: float = math.inf) -> Iterator[Path]:
     """Give the compiled programs and kernels in PoCL's cache that are not whole.
 
     Args:
@@ -102,9 +99,7 @@ def damaged_files(
                 continue
         with suppress(OSError):
             if not since or program.with_name("last_accessed").stat().st_mtime >= since:
-                yield from (
-                    path for path in program.parent.glob("*/*/*.so") if not whole_library(path)
-                )
+                yield from (path for path in program.parent.glob("*/*/*.so") if not whole_library(path))
 
 
 def whole_library(path: Path) -> bool:

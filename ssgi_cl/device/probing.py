@@ -59,10 +59,17 @@ def probe(driver: Path) -> Found:
         devices.append(DeviceInfo(driver=str(driver), speeds=speeds, **entry))
     doubt = doubtful()
     failing = not devices or any(info.failures for info in devices)
-    reason = "" if devices else "; ".join([
-        f"{driver}: the driver lists no device",
-        *(line["reason"] for line in listed.lines if "reason" in line), *([doubt] if doubt else []),
-    ])
+    reason = (
+        ""
+        if devices
+        else "; ".join(
+            [
+                f"{driver}: the driver lists no device",
+                *(line["reason"] for line in listed.lines if "reason" in line),
+                *([doubt] if doubt else []),
+            ]
+        )
+    )
     return Found(devices, lasting=not (doubt and failing), reason=reason)
 
 
@@ -88,8 +95,7 @@ def run_probe(environment: dict[str, str], arguments: Sequence[str]) -> Answers:
     doubt = doubtful()
     patience = (DOUBTFUL_SECONDS if doubt else PROBE_SECONDS) * max(len(arguments) - 2, 1)
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, timeout=patience,
-                              check=False)
+        done = subprocess.run(command, env=environment, capture_output=True, timeout=patience, check=False)
         output, errors = done.stdout, done.stderr
         ending = _ending(done.returncode)
     except subprocess.TimeoutExpired as expired:
@@ -130,12 +136,10 @@ def _timed(environment: dict[str, str], where: list[str]) -> dict[str, float | s
     agreed = consensus(rounds)
     while running and agreed is None and len(rounds) < MOST_ROUNDS:
         answers = run_probe(environment, [*where, *running]).lines
-        rounds.append({answer["variant"]: answer["speed"] for answer in answers
-                       if isinstance(answer["speed"], float)})
+        rounds.append({answer["variant"]: answer["speed"] for answer in answers if isinstance(answer["speed"], float)})
         agreed = consensus(rounds)
     if agreed is None:  # the machine is busy: the medians are the best there is
-        agreed = {variant: median(speeds[variant] for speeds in rounds if variant in speeds)
-                  for variant in running}
+        agreed = {variant: median(speeds[variant] for speeds in rounds if variant in speeds) for variant in running}
     return first | agreed
 
 
@@ -160,8 +164,11 @@ def _one_round(environment: dict[str, str], where: list[str]) -> dict[str, float
             mended = True  # it may have died of that
             continue
         deaths[missing].append(answers.ending or "ends without a word")
-    return speeds | {variant: f"the driver crashes or hangs on it: it {endings[-1]}"
-                     for variant, endings in deaths.items() if len(endings) == most}
+    return speeds | {
+        variant: f"the driver crashes or hangs on it: it {endings[-1]}"
+        for variant, endings in deaths.items()
+        if len(endings) == most
+    }
 
 
 def _ending(status: int) -> str:

@@ -28,9 +28,7 @@ FAILURES_HOLD_SECONDS = 24 * 3600.0
 """A record that holds a failure, or no device, is made anew after this long."""
 USES_TO_CONFIRM = 3
 """The first processes that use a new record check the speed of what they use."""
-_SETTINGS = re.compile(
-    r"(POCL|CUDA|NVIDIA|HIP|ROCR|GPU|HSA|ZE|ONEAPI|SYCL|CL|OCL|RUSTICL|MESA|GALLIUM|LP|DRI)_"
-)
+_SETTINGS = re.compile(r"(POCL|CUDA|NVIDIA|HIP|ROCR|GPU|HSA|ZE|ONEAPI|SYCL|CL|OCL|RUSTICL|MESA|GALLIUM|LP|DRI)_")
 """Variables that choose or change devices."""
 _NO_SETTINGS = ("POCL_CACHE_DIR", "POCL_DEBUG", "POCL_EXTRA_BUILD_FLAGS", "OCL_ICD_VENDORS")
 """Variables among them that don't, or that this library sets itself."""
@@ -41,8 +39,11 @@ _MODULES = ("probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py"
 def record_file(driver: Path) -> Path:
     """Return the file of what is known of a driver's devices as the machine is set up now."""
     parts = [
-        str(driver), sources.flatten("probe/probe_gather.cl"), *_driver_description(driver),
-        *machine_description(), *settings(),
+        str(driver),
+        sources.flatten("probe/probe_gather.cl"),
+        *_driver_description(driver),
+        *machine_description(),
+        *settings(),
     ]
     here = Path(__file__)
     parts += [here.with_name(name).read_text(encoding="utf-8") for name in _MODULES]
@@ -114,8 +115,7 @@ def confirm(driver: Path) -> None:
 def settings() -> list[str]:
     """Return the variables that choose or change devices, as NAME=VALUE, sorted."""
     return sorted(
-        f"{name}={value}" for name, value in os.environ.items()
-        if _SETTINGS.match(name) and name not in _NO_SETTINGS
+        f"{name}={value}" for name, value in os.environ.items() if _SETTINGS.match(name) and name not in _NO_SETTINGS
     )
 
 

@@ -21,10 +21,7 @@ Doubles = NDArray[np.float64]
 
 FACE = Struct(
     "RsmFace",
-    (
-        *floats(*ROTATION, "x", "y", "z", "brightest"),
-        *((name, "int") for name in ("first_row", "rows", "stamp")),
-    ),
+    (*floats(*ROTATION, "x", "y", "z", "brightest"), *((name, "int") for name in ("first_row", "rows", "stamp"))),
 )
 
 LEAST_COSINE = RSM_LEAST_COSINE
@@ -80,9 +77,7 @@ class DeviceRsm:
         brightest: flux of a texel, at most; W.
     """
 
-    def __init__(
-        self, runtime: Runtime, face_size: Size, faces: int = 1, *, glossy: bool = False
-    ) -> None:
+    def __init__(self, runtime: Runtime, face_size: Size, faces: int = 1, *, glossy: bool = False) -> None:
         self.runtime = runtime
         self.face_size = face_size
         self.faces = faces
@@ -123,11 +118,12 @@ class DeviceRsm:
             self.lobes.axis.upload(np.moveaxis(mirrored_axes(rsm).astype(np.float32), -1, 0))
             self.lobes.flux.upload(np.moveaxis(mirrored, -1, 0))
             self.lobes.gloss.upload(
-                np.zeros((1, *self.size), np.float32) if rsm.gloss is None
-                else np.asarray(rsm.gloss)[None]
+                np.zeros((1, *self.size), np.float32) if rsm.gloss is None else np.asarray(rsm.gloss)[None]
             )
         self.begin(
-            rsm.light, rsm.cameras, reach=float(np.abs(position).max()),
+            rsm.light,
+            rsm.cameras,
+            reach=float(np.abs(position).max()),
             brightest=max(float(flux.max()), float(mirrored.max())),
         )
         lengths = np.maximum(np.abs(position).max(axis=-1), np.sqrt(area))[area > 0.0]
@@ -143,8 +139,12 @@ class DeviceRsm:
         self._uploaded = rsm
 
     def begin(
-        self, light: SpotLight | PointLight | DirectionalLight, cameras: tuple[Camera, ...], *,
-        reach: float, brightest: float,
+        self,
+        light: SpotLight | PointLight | DirectionalLight,
+        cameras: tuple[Camera, ...],
+        *,
+        reach: float,
+        brightest: float,
     ) -> None:
         """Note whose map comes next; `write_face` or `upload` bring it.
 
@@ -204,13 +204,19 @@ class DeviceRsm:
             "rows": self.size[0],
             "stamp": self.version,
         }
-        self._face_values = {
-            "camera": CAMERA.pack(camera_values(camera)), "params": FACE.pack(values)
-        }
+        self._face_values = {"camera": CAMERA.pack(camera_values(camera)), "params": FACE.pack(values)}
         self._kernel.run(
-            "rsm face", self.face_size,
-            depth=depth, normal=normal, flux=flux, position=self.position, lit_normal=self.normal,
-            power=self.flux, area=self.area, lit=self._lit, **self._face_values,
+            "rsm face",
+            self.face_size,
+            depth=depth,
+            normal=normal,
+            flux=flux,
+            position=self.position,
+            lit_normal=self.normal,
+            power=self.flux,
+            area=self.area,
+            lit=self._lit,
+            **self._face_values,
         )
 
     def write_lobes(self, depth: Plane, normal: Plane, flux: Plane, gloss: Plane) -> None:
@@ -225,9 +231,17 @@ class DeviceRsm:
         if lobes is None:
             raise ValueError("the device RSM has no room for lobes: expected glossy=True")
         self.runtime.kernel("rsm/rsm_lobe.cl", structs=(CAMERA, FACE)).run(
-            "rsm lobes", self.face_size,
-            depth=depth, normal=normal, flux=flux, gloss=gloss, axis=lobes.axis, power=lobes.flux,
-            sharp=lobes.gloss, lit=self._lit, **self._face_values,
+            "rsm lobes",
+            self.face_size,
+            depth=depth,
+            normal=normal,
+            flux=flux,
+            gloss=gloss,
+            axis=lobes.axis,
+            power=lobes.flux,
+            sharp=lobes.gloss,
+            lit=self._lit,
+            **self._face_values,
         )
 
     def lit(self) -> NDArray[np.bool_]:
@@ -314,9 +328,7 @@ def _faces(array: NDArray[np.float64], rsm: ReflectiveShadowMap) -> list[Doubles
     return np.split(array, len(rsm.cameras))
 
 
-def on_device_rsm(
-    rsm: ReflectiveShadowMap | DeviceRsm, runtime: Runtime | None = None
-) -> DeviceRsm:
+def on_device_rsm(rsm: ReflectiveShadowMap | DeviceRsm, runtime: Runtime | None = None) -> DeviceRsm:
     """Return the map in device memory, uploaded unless it is there already.
 
     Memory for uploads is kept by the runtime and used again for other maps of the same size.
@@ -330,9 +342,7 @@ def on_device_rsm(
             raise ValueError("the device RSM is empty: upload or draw something first")
         return rsm
     if not isinstance(rsm, ReflectiveShadowMap):
-        raise TypeError(
-            f"rsm is {type(rsm).__name__}: expected ReflectiveShadowMap or DeviceRsm"
-        )
+        raise TypeError(f"rsm is {type(rsm).__name__}: expected ReflectiveShadowMap or DeviceRsm")
     runtime = runtime or Runtime.open()
     size, faces = rsm.cameras[0].size, len(rsm.cameras)
     glossy = rsm.specular_flux is not None

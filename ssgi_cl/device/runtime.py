@@ -120,8 +120,7 @@ class Runtime:
         check_groups(info.label, device)
         self._image_limits = ImageLimits.of(device) if variant.storage == "image" else None
         self.memory = DeviceMemory(
-            info.label, device.global_mem_size, device.max_mem_alloc_size,
-            on_host=self.shares_memory,
+            info.label, device.global_mem_size, device.max_mem_alloc_size, on_host=self.shares_memory
         )
         self.short_header = device.platform.name == "Portable Computing Language"
         self.transient = TransientMemory(self)
@@ -145,8 +144,7 @@ class Runtime:
 
     @classmethod
     def open(
-        cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None,
-        keep: int | None = None,
+        cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None, keep: int | None = None
     ) -> Runtime:
         """Return the runtime of a device; the same object for the same arguments.
 
@@ -177,9 +175,7 @@ class Runtime:
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
         name = name or os.environ.get("SSGI_CL_DEVICE") or None
         info, variant = _chosen(name, lanes, storage)
-        key = (
-            info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE)
-        )
+        key = (info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE))
         runtime = _OPENED.get(key)
         if runtime is None:
             _load_driver(info)
@@ -252,9 +248,7 @@ class Runtime:
         if self.memory.counting:
             rows, pitch = plane_shape(count, size)
             self.memory.count(rows * pitch * 4)
-            plane: Plane = outline(
-                runtime=self, count=count, size=size, outside=outside, pitch=pitch
-            )
+            plane: Plane = outline(runtime=self, count=count, size=size, outside=outside, pitch=pitch)
             return plane
         return Plane(self, count, size, outside)
 
@@ -280,15 +274,11 @@ class Runtime:
         """Return new device memory for `count` elements (at least one), not initialised."""
         if self.memory.counting:
             self.memory.count(max(count, 1) * np.dtype(dtype).itemsize)
-            array: DeviceArray = outline(
-                runtime=self, dtype=np.dtype(dtype), count=max(count, 1)
-            )
+            array: DeviceArray = outline(runtime=self, dtype=np.dtype(dtype), count=max(count, 1))
             return array
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
-    def allocate(
-        self, size: int, owner: object, contents: NDArray[Any] | None = None
-    ) -> Any:
+    def allocate(self, size: int, owner: object, contents: NDArray[Any] | None = None) -> Any:
         """Return a new buffer of `size` bytes, which lives as long as `owner`.
 
         `contents` are copied to it: as many bytes, C-contiguous; without, it holds anything.
@@ -358,9 +348,7 @@ class Runtime:
                 return True
         return self.transient.let_go(self._calls)
 
-    def prepared(
-        self, key: object, make: Callable[[], Any], *, of: object | None = None
-    ) -> Any:
+    def prepared(self, key: object, make: Callable[[], Any], *, of: object | None = None) -> Any:
         """Return what `make` returned for `key` before, or its result now.
 
         It is kept for later calls, while there is room: beyond `memory.keep` bytes what was not
@@ -451,18 +439,12 @@ class Runtime:
                 check_not_forked()
                 text = sources.flatten(path, "\n".join(struct.text for struct in structs))
                 name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-                kernel = self._kernel(
-                    name, f"kernels/{path}", text, macros or {}, structs, most_lanes
-                )
+                kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, structs, most_lanes)
                 self._kernels[key] = kernel
             return kernel
 
     def kernel_from_text(
-        self,
-        name: str,
-        text: str,
-        macros: Mapping[str, int] | None = None,
-        structs: Sequence[Struct] = (),
+        self, name: str, text: str, macros: Mapping[str, int] | None = None, structs: Sequence[Struct] = ()
     ) -> Kernel:
         """Return the kernel called `name` in `text`, which may include files of kernels/.
 
@@ -473,8 +455,13 @@ class Runtime:
         return self._kernel(name, f"kernel text {name!r}", flat, macros or {}, structs)
 
     def _kernel(
-        self, name: str, source: str, text: str, macros: Mapping[str, int],
-        structs: Sequence[Struct], most_lanes: int = 16,
+        self,
+        name: str,
+        source: str,
+        text: str,
+        macros: Mapping[str, int],
+        structs: Sequence[Struct],
+        most_lanes: int = 16,
     ) -> Kernel:
         limits = self._image_limits
         defined = {
@@ -516,8 +503,7 @@ class Runtime:
                 program = cl.Program(self.context, text).build(options=options)
             except cl.RuntimeError as error:
                 raise KernelBuildError(
-                    f"{source} does not compile on {self.info.label} with "
-                    f"{' '.join(options)}:\n{error}"
+                    f"{source} does not compile on {self.info.label} with {' '.join(options)}:\n{error}"
                 ) from error
         self.short_header = False  # this version needs the full one
         return program
@@ -546,8 +532,7 @@ class Runtime:
         log = self._log
         if log.events:
             log.events[-1][1].wait()
-        ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6)
-               for name, event in log.events]
+        ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6) for name, event in log.events]
         taken: dict[str, list[float]] = {}
         for p in ran:
             taken.setdefault(p.name, []).append(p.ms)
@@ -596,6 +581,7 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
 
     The device is that of `runtime`, or of an argument in device memory, or the default.
     """
+
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         check_keywords(function, kwargs)
@@ -611,9 +597,7 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def _chosen(
-    name: str | None, lanes: int | None, storage: str | None
-) -> tuple[DeviceInfo, KernelVariant]:
+def _chosen(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, KernelVariant]:
     """Return the device and the kernel variant that `Runtime.open` is asked for."""
     info = drivers.choose(name)
     variant = info.best
@@ -654,7 +638,6 @@ def check_not_forked() -> None:
             "works in the parent alone: start processes that compute by "
             'multiprocessing.get_context("spawn"), or open the device after the fork'
         )
-
 
 
 def _load_driver(info: DeviceInfo) -> None:

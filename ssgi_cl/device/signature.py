@@ -125,8 +125,11 @@ def _parameter(kernel: str, declaration: str) -> Parameter:
             f"can be {OPTIONAL} (put a plane into #if)"
         )
     return Parameter(
-        found["name"], memory or found["value"], bool(memory),
-        bool(found["memory"] and not found["read"]), bool(found["optional"]),
+        found["name"],
+        memory or found["value"],
+        bool(memory),
+        bool(found["memory"] and not found["read"]),
+        bool(found["optional"]),
     )
 
 
@@ -236,8 +239,7 @@ class _Expression:
                 self._next(")")
             return int(name in self._defined)
         if token[0].isdigit():
-            return int(token, 0) if token == "0" or token[0] != "0" or token[1] in "xX" \
-                else int(token, 8)
+            return int(token, 0) if token == "0" or token[0] != "0" or token[1] in "xX" else int(token, 8)
         if self._tokens[0] == "(":  # such as __has_builtin(...)
             while self._next() != ")":
                 pass

@@ -49,10 +49,7 @@ def floats(*names: str) -> tuple[tuple[str, str], ...]:
 
 
 CAMERA = Struct(
-    "SsgiCamera",
-    floats(
-        "to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective"
-    ),
+    "SsgiCamera", floats("to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective")
 )
 
 

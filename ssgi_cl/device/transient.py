@@ -102,15 +102,16 @@ class _Chunk:
         """Return a piece of a gap, the one with the wanted guards if there is one."""
         for piece in self.pieces:
             if (
-                piece.free and piece.size == size and piece.layout == layout
-                and start <= piece.start and piece.end <= start + room
+                piece.free
+                and piece.size == size
+                and piece.layout == layout
+                and start <= piece.start
+                and piece.end <= start + room
             ):
                 break
         else:
             piece = _Piece(self, start, size)
-        self.pieces = [
-            p for p in self.pieces if p.end <= piece.start or p.start >= piece.end
-        ] + [piece]
+        self.pieces = [p for p in self.pieces if p.end <= piece.start or p.start >= piece.end] + [piece]
         return piece
 
 
@@ -135,7 +136,12 @@ class TransientPlane(Plane):
     """
 
     def __init__(
-        self, memory: TransientMemory, piece: _Piece, count: int, size: Size, outside: float,
+        self,
+        memory: TransientMemory,
+        piece: _Piece,
+        count: int,
+        size: Size,
+        outside: float,
         background: Sequence[float],
     ) -> None:
         runtime = memory.runtime
@@ -187,9 +193,7 @@ class TransientPlane(Plane):
 class TransientArray(DeviceArray):
     """An array whose memory others get as soon as nothing refers to it any more."""
 
-    def __init__(
-        self, runtime: Runtime, piece: _Piece, count: int, dtype: type[np.generic]
-    ) -> None:
+    def __init__(self, runtime: Runtime, piece: _Piece, count: int, dtype: type[np.generic]) -> None:
         self.runtime = runtime
         self.dtype = np.dtype(dtype)
         self.count = count
@@ -233,10 +237,7 @@ class TransientMemory:
         """Bytes of these that are given out."""
         return sum(chunk.used for chunk in self._chunks)
 
-    def plane(
-        self, count: int, size: Size, outside: float = 0.0,
-        background: Sequence[float] | None = None,
-    ) -> Plane:
+    def plane(self, count: int, size: Size, outside: float = 0.0, background: Sequence[float] | None = None) -> Plane:
         """Return memory for `count` images; their `background` is the outside value by default."""
         if self.runtime.memory.counting:
             return self.runtime.plane(count, size, outside)
@@ -244,9 +245,7 @@ class TransientMemory:
         with self.runtime.lock:
             layout = rows, pitch, size[1], outside
             piece = self._free(4 * rows * pitch, layout)
-            plane = TransientPlane(
-                self, piece, count, size, outside, background or (outside,) * count
-            )
+            plane = TransientPlane(self, piece, count, size, outside, background or (outside,) * count)
             piece.user = weakref.ref(plane)
             self._border(piece, layout)
             return plane
@@ -287,9 +286,7 @@ class TransientMemory:
         rows, pitch = plane_shape(count, size)
         return self._array(rows * pitch, np.float32, (rows, pitch, size[1], 0.0))
 
-    def _array(
-        self, count: int, dtype: type[np.generic], layout: _Layout | None
-    ) -> DeviceArray:
+    def _array(self, count: int, dtype: type[np.generic], layout: _Layout | None) -> DeviceArray:
         if self.runtime.memory.counting:
             return self.runtime.empty(count, dtype)
         count = max(count, 1)
@@ -306,8 +303,7 @@ class TransientMemory:
         self._fill(array.buffer, 0.0, 0, array.count * array.dtype.itemsize, "clear")
 
     def image(self, shape: Size, user: Plane) -> _Image:
-        """Return an image of such a shape, which may not be made yet, for as long as `user` lives.
-        """
+        """Return an image of such a shape, which may not be made yet, for as long as `user` lives."""
         images = self._images.setdefault(shape, [])
         for image in images:
             if image.user is None or image.user() is None:
@@ -333,8 +329,10 @@ class TransientMemory:
         size = -(-size // ALIGNMENT) * ALIGNMENT
         gaps = [
             (room, start, chunk)
-            for chunk in self._chunks if self._sharing
-            for start, room in chunk.gaps() if room >= size
+            for chunk in self._chunks
+            if self._sharing
+            for start, room in chunk.gaps()
+            if room >= size
         ]
         room, start, chunk = min(gaps, key=lambda gap: gap[:2], default=(0, 0, None))
         if chunk is None:
@@ -353,8 +351,7 @@ class TransientMemory:
         chunk.pieces = []  # which refer to it in turn
 
     def _grown(self, size: int) -> _Chunk:
-        """Return a new chunk of at least `size` bytes, in place of free ones that are too small.
-        """
+        """Return a new chunk of at least `size` bytes, in place of free ones that are too small."""
         dropped = 0
         chunk: _Chunk | None
         self.runtime.queue.finish()  # what is queued may use what goes
@@ -373,9 +370,7 @@ class TransientMemory:
         self._chunks.append(chunk)
         return chunk
 
-    def clear(
-        self, piece: _Piece, count: int, size: Size, outside: float, background: Sequence[float]
-    ) -> None:
+    def clear(self, piece: _Piece, count: int, size: Size, outside: float, background: Sequence[float]) -> None:
         """Queue what sets the images of a plane to their background."""
         rows, pitch = plane_shape(count, size)
         if all(value == outside for value in background):
@@ -402,9 +397,14 @@ class TransientMemory:
         # In the whole chunk: PoCL 3 crashes where rectangles of a part of a buffer are copied.
         row, column = divmod(piece.start + 4 * columns, 4 * pitch)
         cl.enqueue_copy(
-            self.runtime.queue, piece.chunk.buffer, values.buffer,
-            src_origin=(0, 0), dst_origin=(column, row), region=(wide, rows),
-            src_pitches=(wide,), dst_pitches=(4 * pitch,),
+            self.runtime.queue,
+            piece.chunk.buffer,
+            values.buffer,
+            src_origin=(0, 0),
+            dst_origin=(column, row),
+            region=(wide, rows),
+            src_pitches=(wide,),
+            dst_pitches=(4 * pitch,),
         )
         piece.layout = layout
 
@@ -418,9 +418,7 @@ class TransientMemory:
             self._borders[outside] = values
         return values
 
-    def _fill(
-        self, buffer: Any, value: float, start: int, size: int, name: str | None = None
-    ) -> None:
+    def _fill(self, buffer: Any, value: float, start: int, size: int, name: str | None = None) -> None:
         cl = opencl()
 
         self.runtime.touch()
@@ -440,10 +438,7 @@ class Target:
             it.
     """
 
-    def __init__(
-        self, runtime: Runtime, count: int, size: Size, outside: float = 0.0, *,
-        kept: bool = True,
-    ) -> None:
+    def __init__(self, runtime: Runtime, count: int, size: Size, outside: float = 0.0, *, kept: bool = True) -> None:
         self.runtime = runtime
         self.count = count
         self.size = size
@@ -488,4 +483,3 @@ class ImageParts:
 def background_of(plane: Plane) -> tuple[float, ...] | None:
     """Return the value of each image of a transient plane where nothing is, None of others."""
     return plane.background if isinstance(plane, TransientPlane) else None
-

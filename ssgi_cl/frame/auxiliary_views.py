@@ -70,9 +70,7 @@ class AuxiliaryViews:
                 self._rasterizers[extra.size] = Rasterizer(
                     self.runtime, extra.size, regions=True, world="until derived"
                 )
-            target = self._rasterizers[extra.size].render(
-                device_scene(scene, self.runtime), extra
-            )
+            target = self._rasterizers[extra.size].render(device_scene(scene, self.runtime), extra)
             if target.region is not None and target.region.empty:
                 self.runtime.skip("auxiliary view", "the camera sees no triangle")
                 target.release_world()
@@ -85,8 +83,6 @@ class AuxiliaryViews:
         self, scene: Scene, camera: Camera, seen: DeviceGBuffer, punctual_lights: Sequence[AtLight]
     ) -> list[Camera]:
         side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
-        at_lights = [
-            each for light in punctual_lights for each in light_cameras(light, scene.bounds, side)
-        ]
+        at_lights = [each for light in punctual_lights for each in light_cameras(light, scene.bounds, side)]
         more = self.count - len(at_lights)
         return at_lights + auxiliary_cameras(camera, seen, more, size=self.size)

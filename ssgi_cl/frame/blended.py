@@ -31,8 +31,14 @@ class Blended:
         self._layers: BlendedLayers | None = None
 
     def run(
-        self, scene: Scene, camera: Camera, front: DeviceGBuffer, radiance: Plane,
-        shaded: Callable[[DeviceGBuffer], Plane], *, overwritten: Sequence[Plane | None],
+        self,
+        scene: Scene,
+        camera: Camera,
+        front: DeviceGBuffer,
+        radiance: Plane,
+        shaded: Callable[[DeviceGBuffer], Plane],
+        *,
+        overwritten: Sequence[Plane | None],
     ) -> None:
         """Queue the passes.
 
@@ -58,8 +64,12 @@ class Blended:
                 if first:
                     copies = [self._copy(plane) for plane in planes]
                 self._blend(
-                    0 if first else 1, shaded(layer), over, through,
-                    opacity=layer.opacity, transmitted=layer.transmitted,
+                    0 if first else 1,
+                    shaded(layer),
+                    over,
+                    through,
+                    opacity=layer.opacity,
+                    transmitted=layer.transmitted,
                 )
             if copies:
                 self._blend(2, copies[0], over, through)
@@ -73,9 +83,7 @@ class Blended:
         copy.copy_image(0, plane, plane.count)
         return copy
 
-    def _blend(
-        self, step: int, radiance: Plane, over: Plane, through: Plane, **layer: Any
-    ) -> None:
+    def _blend(self, step: int, radiance: Plane, over: Plane, through: Plane, **layer: Any) -> None:
         self.runtime.kernel("blended/blended.cl", {"BLENDED_STEP": step}).run(
             "blend", self._size, radiance=radiance, **layer, over=over, through=through
         )

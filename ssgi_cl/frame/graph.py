@@ -73,8 +73,13 @@ class Graph:
     """
 
     def __init__(
-        self, runtime: Runtime, stages: Sequence[Stage], resources: Sequence[Resource] = (), *,
-        keep: bool = True, costs: dict[str, float] | None = None,
+        self,
+        runtime: Runtime,
+        stages: Sequence[Stage],
+        resources: Sequence[Resource] = (),
+        *,
+        keep: bool = True,
+        costs: dict[str, float] | None = None,
     ) -> None:
         self.runtime = runtime
         self.keep = keep
@@ -84,12 +89,9 @@ class Graph:
         self._writer = writers_of(stages)
         self.stages = ordered(stages, self._writer, self.resources)
         self._names = tuple(
-            StageNames(s.name, s.reads, s.hints, s.writes, keep and s.reuse == "kept")
-            for s in self.stages
+            StageNames(s.name, s.reads, s.hints, s.writes, keep and s.reuse == "kept") for s in self.stages
         )
-        self._inputs = {
-            stage.name: tuple(dict.fromkeys(self._inputs_of(stage))) for stage in stages
-        }
+        self._inputs = {stage.name: tuple(dict.fromkeys(self._inputs_of(stage))) for stage in stages}
         self._compiled: dict[tuple[frozenset[str], frozenset[str]], Compiled] = {}
         self._made: dict[str, tuple[tuple[object, ...], tuple[Any, ...]]] = {}
         self._versions = dict.fromkeys(self._inputs, 0)
@@ -106,9 +108,7 @@ class Graph:
             found = self._compiled[key] = self._compile(*key)
         return found
 
-    def run(
-        self, given: Values, outputs: Iterable[str], also: Iterable[str] = ()
-    ) -> GraphRun:
+    def run(self, given: Values, outputs: Iterable[str], also: Iterable[str] = ()) -> GraphRun:
         """Run what `outputs` need, and wait for it.
 
         Should a stage raise, nothing is taken for made by it.
@@ -139,12 +139,23 @@ class Graph:
         return self._log(compiled, given, runs, ())
 
     def _log(
-        self, compiled: Compiled, given: Iterable[str], runs: Mapping[str, StageRun],
-        passes: tuple[PassTime, ...], also: Iterable[str] = (),
+        self,
+        compiled: Compiled,
+        given: Iterable[str],
+        runs: Mapping[str, StageRun],
+        passes: tuple[PassTime, ...],
+        also: Iterable[str] = (),
     ) -> GraphLog:
         return GraphLog(
-            self.runtime, compiled.outputs, frozenset(also), frozenset(given), self._names, runs,
-            passes, dict(self.costs), dict(self.device_bytes),
+            self.runtime,
+            compiled.outputs,
+            frozenset(also),
+            frozenset(given),
+            self._names,
+            runs,
+            passes,
+            dict(self.costs),
+            dict(self.device_bytes),
         )
 
     # ---- compiling
@@ -154,7 +165,8 @@ class Graph:
             checks.choice("an output", name, tuple(self._writer))
         culled = {
             stage.name: f"the caller gives {', '.join(stage.writes)}"
-            for stage in self.stages if given.issuperset(stage.writes)
+            for stage in self.stages
+            if given.issuperset(stage.writes)
         }
         unneeded = self._unneeded(outputs, culled, lambda stage: None)
         culled |= dict.fromkeys(unneeded, "no output needs it")
@@ -165,8 +177,7 @@ class Graph:
         return Compiled(outputs, self.stages, culled)
 
     def _unneeded(
-        self, outputs: frozenset[str], without: Mapping[str, str],
-        idle: Callable[[Stage], str | None],
+        self, outputs: frozenset[str], without: Mapping[str, str], idle: Callable[[Stage], str | None]
     ) -> set[str]:
         """Return the stages, `without` some, that nothing needs which is not idle itself.
 
@@ -194,11 +205,8 @@ class Graph:
 
     # ---- running
 
-    def _run(
-        self, compiled: Compiled, given: Values, log: dict[str, StageRun]
-    ) -> dict[str, Any]:
-        """Run stages in their order; return all resources, and note in `log` what became of each.
-        """
+    def _run(self, compiled: Compiled, given: Values, log: dict[str, StageRun]) -> dict[str, Any]:
+        """Run stages in their order; return all resources, and note in `log` what became of each."""
         values = dict(given)
         facts = {**given, "outputs": compiled.outputs}
         reasons: dict[str, str] = {}

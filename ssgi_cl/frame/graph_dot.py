@@ -10,8 +10,12 @@ if TYPE_CHECKING:
     from ssgi_cl.frame.graph_record import GraphRecord
 
 _STYLES = {
-    "ran": "filled", "reused": "filled", "planned": "filled", "idle": "dashed",
-    "unneeded": "dashed", "culled": "dotted",
+    "ran": "filled",
+    "reused": "filled",
+    "planned": "filled",
+    "idle": "dashed",
+    "unneeded": "dashed",
+    "culled": "dotted",
 }
 
 
@@ -24,15 +28,12 @@ def dot(record: GraphRecord) -> str:
         skips = "".join(f"\n{skip.name}: {skip.skipped}" for skip in stage.skips)
         label = f"{stage.name}\n{text}{why}{'' if stage.why else skips}"
         lines.append(
-            f"  {_quoted('stage ' + stage.name)} [shape=box, style={_STYLES[stage.state]}, "
-            f"label={_quoted(label)}];"
+            f"  {_quoted('stage ' + stage.name)} [shape=box, style={_STYLES[stage.state]}, label={_quoted(label)}];"
         )
     for each in record.resources:
         size = f"\n{mebibytes(each.device_bytes)}" if each.device_bytes else ""
         output = ", peripheries=2" if each.output else ""
-        lines.append(
-            f"  {_quoted(each.name)} [shape=ellipse{output}, label={_quoted(each.name + size)}];"
-        )
+        lines.append(f"  {_quoted(each.name)} [shape=ellipse{output}, label={_quoted(each.name + size)}];")
     for stage in record.stages:
         node = _quoted("stage " + stage.name)
         lines += [f"  {_quoted(name)} -> {node};" for name in stage.reads]

@@ -85,16 +85,13 @@ def layout(record: GraphRecord, box: float) -> Layout:
         for row in order:
             near, step = (above, -1) if down else (below, 1)
             wished = {
-                node: _mean([x[row + step, n] for n in near.get((row, node), [])], x[row, node])
-                for node in layers[row]
+                node: _mean([x[row + step, n] for n in near.get((row, node), [])], x[row, node]) for node in layers[row]
             }
             layers[row].sort(key=lambda node: wished[node])
             _place(row, layers[row], [wished[node] for node in layers[row]], width, x)
     least = min((x[key] - width[key[1][0]] / 2 for key in x), default=0.0)
     most = max((x[key] + width[key[1][0]] / 2 for key in x), default=0.0)
-    return Layout(
-        tuple(map(tuple, layers)), {key: place - least for key, place in x.items()}, most - least
-    )
+    return Layout(tuple(map(tuple, layers)), {key: place - least for key, place in x.items()}, most - least)
 
 
 def _levels(record: GraphRecord) -> dict[str, int]:
@@ -113,8 +110,7 @@ def _levels(record: GraphRecord) -> dict[str, int]:
 
 
 def _place(
-    row: int, nodes: list[Node], wished: list[float], width: Mapping[str, float],
-    x: dict[tuple[int, Node], float],
+    row: int, nodes: list[Node], wished: list[float], width: Mapping[str, float], x: dict[tuple[int, Node], float]
 ) -> None:
     """Place nodes in their order as near as may be to where they are wished."""
     places: list[float] = []

@@ -126,15 +126,18 @@ class GraphRecord:
         for stage in self.stages:
             entry = {**asdict(stage), "ms": round(stage.ms, 4), "host_ms": round(stage.host_ms, 4)}
             entry["passes"] = [{"name": p.name, "ms": round(p.ms, 4)} for p in stage.passes]
-            entry["skips"] = [
-                {"name": p.name, "why": p.skipped, "saved_ms": round(p.saved, 4)}
-                for p in stage.skips
-            ]
+            entry["skips"] = [{"name": p.name, "why": p.skipped, "saved_ms": round(p.saved, 4)} for p in stage.skips]
             stages.append(entry)
-        return json.dumps({
-            "device": self.device, "outputs": self.outputs, "memory": self.memory,
-            "stages": stages, "resources": [asdict(each) for each in self.resources],
-        }, indent=1)
+        return json.dumps(
+            {
+                "device": self.device,
+                "outputs": self.outputs,
+                "memory": self.memory,
+                "stages": stages,
+                "resources": [asdict(each) for each in self.resources],
+            },
+            indent=1,
+        )
 
     def to_dot(self) -> str:
         """Return the graph in the language of Graphviz: stages are boxes, resources ellipses."""
@@ -189,14 +192,26 @@ class GraphLog:
             run = self.runs[stage.name]
             own = self.passes[run.first : run.end]
             ran = tuple(p for p in own if not p.skipped)
-            stages.append(StageRecord(
-                stage.name, run.state, run.why, sum(p.ms for p in ran), run.host_ms,
-                self.costs.get(stage.name), stage.reads, stage.hints, stage.writes, ran,
-                tuple(p for p in own if p.skipped),
-            ))
+            stages.append(
+                StageRecord(
+                    stage.name,
+                    run.state,
+                    run.why,
+                    sum(p.ms for p in ran),
+                    run.host_ms,
+                    self.costs.get(stage.name),
+                    stage.reads,
+                    stage.hints,
+                    stage.writes,
+                    ran,
+                    tuple(p for p in own if p.skipped),
+                )
+            )
         memory, info = self.runtime.memory, self.runtime.info
         return GraphRecord(
-            f"{info.label}, {self.runtime.variant}", tuple(sorted(self.outputs)), tuple(stages),
+            f"{info.label}, {self.runtime.variant}",
+            tuple(sorted(self.outputs)),
+            tuple(stages),
             tuple(self._resources(stages)),
             {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
         )
@@ -208,17 +223,20 @@ class GraphLog:
         for name in dict.fromkeys((*read, *writers)):
             writer = writers.get(name)
             touching = [
-                stage.name for stage in stages
-                if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
+                stage.name for stage in stages if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
             ]
             if writer is not None and not writer.live:
                 touching = []
             given = writer is None
             yield ResourceRecord(
-                name, None if given or not touching else self.device_bytes.get(name), given,
-                name in self.outputs | self.also, not given and name in kept,
+                name,
+                None if given or not touching else self.device_bytes.get(name),
+                given,
+                name in self.outputs | self.also,
+                not given and name in kept,
                 None if writer is None else writer.name,
-                touching[0] if touching else None, touching[-1] if touching else None,
+                touching[0] if touching else None,
+                touching[-1] if touching else None,
             )
 
 

@@ -25,16 +25,31 @@ COLUMNS = 39
 MOST_SKIPS = 3
 """Skips that a box lists; more are counted."""
 COLORS = (
-    "#2f6db3", "#b3552f", "#3f8f4f", "#8a4fa3", "#b08a1e", "#1f8f8f", "#a33f66", "#5b6b7b",
-    "#6a7f1f", "#4f4fa3", "#9a6a3f", "#2f7f5f", "#7f3f3f", "#3f5f8f",
+    "#2f6db3",
+    "#b3552f",
+    "#3f8f4f",
+    "#8a4fa3",
+    "#b08a1e",
+    "#1f8f8f",
+    "#a33f66",
+    "#5b6b7b",
+    "#6a7f1f",
+    "#4f4fa3",
+    "#9a6a3f",
+    "#2f7f5f",
+    "#7f3f3f",
+    "#3f5f8f",
 )
 GREY = "#b5b9be"
 LABEL = 'text-anchor="middle"'
 """Attributes of the names of resources, which stand on lines."""
 _FILLS = {
-    "ran": ("#e8f0fb", "#2f6db3", ""), "planned": ("#e8f0fb", "#2f6db3", ""),
-    "reused": ("#e6f4e8", "#3f8f4f", ""), "idle": ("#ffffff", "#8a8f96", "5 3"),
-    "unneeded": ("#ffffff", "#8a8f96", "5 3"), "culled": ("#fafafa", GREY, "1.5 3"),
+    "ran": ("#e8f0fb", "#2f6db3", ""),
+    "planned": ("#e8f0fb", "#2f6db3", ""),
+    "reused": ("#e6f4e8", "#3f8f4f", ""),
+    "idle": ("#ffffff", "#8a8f96", "5 3"),
+    "unneeded": ("#ffffff", "#8a8f96", "5 3"),
+    "culled": ("#fafafa", GREY, "1.5 3"),
 }
 _LEGEND = {"ran": "ran", "reused": "reused", "idle": "idle or not needed", "culled": "culled"}
 
@@ -75,12 +90,17 @@ def svg(record: GraphRecord) -> str:
                 parts += _draw_box(boxes[name], x, tops[row], most)
     parts += _lifetimes(record, y)
     height = y + 70.0 + 22.0 * sum(not each.given for each in record.resources)
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
-        f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="Helvetica, Arial, sans-serif" '
-        'font-size="11">',
-        f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>', *parts, "</svg>", "",
-    ])
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
+            f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="Helvetica, Arial, sans-serif" '
+            'font-size="11">',
+            f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
+            *parts,
+            "</svg>",
+            "",
+        ]
+    )
 
 
 def _head(record: GraphRecord, width: float) -> tuple[list[str], float]:
@@ -103,8 +123,7 @@ def _head(record: GraphRecord, width: float) -> tuple[list[str], float]:
         fill, stroke, dash = _FILLS[state]
         parts.append(
             f'<rect x="{x:.0f}" y="{y - 9:.0f}" width="16" height="10" rx="2" fill="{fill}" '
-            f'stroke="{stroke}" stroke-dasharray="{dash or "none"}"/>'
-            + _text(x + 21, y, text, "#555")
+            f'stroke="{stroke}" stroke-dasharray="{dash or "none"}"/>' + _text(x + 21, y, text, "#555")
         )
         x += 40 + 6 * len(text)
     parts.append(
@@ -145,31 +164,24 @@ def _draw_box(box: _Box, x: float, y: float, most: float) -> list[str]:
     parts = [
         f'<rect x="{x:.1f}" y="{y:.1f}" width="{BOX:.0f}" height="{box.height:.1f}" rx="5" '
         f'fill="{fill}" stroke="{stroke}" stroke-dasharray="{dash or "none"}"/>',
-        _text(x + 10, y + 18, f"{box.number}  {stage.name}", color,
-              'font-size="13" font-weight="bold"'),
+        _text(x + 10, y + 18, f"{box.number}  {stage.name}", color, 'font-size="13" font-weight="bold"'),
     ]
     if stage.state == "ran":
-        parts.append(_text(x + BOX - 10, y + 18, f"{stage.ms:.2f} ms", color,
-                           'font-size="13" text-anchor="end"'))
+        parts.append(_text(x + BOX - 10, y + 18, f"{stage.ms:.2f} ms", color, 'font-size="13" text-anchor="end"'))
         share = (BOX - 20) * stage.ms / most if most > 0.0 else 0.0
-        parts.append(f'<rect x="{x + 10:.1f}" y="{y + 23:.1f}" width="{share:.1f}" height="3" '
-                     f'fill="{stroke}"/>')
+        parts.append(f'<rect x="{x + 10:.1f}" y="{y + 23:.1f}" width="{share:.1f}" height="3" fill="{stroke}"/>')
     for number, line in enumerate(box.lines):
         parts.append(_text(x + 10, y + 40 + LINE * number, line, "#444" if stage.live else "#777"))
     return parts
 
 
 def _wires(
-    record: GraphRecord, places: Layout, boxes: dict[str, _Box], left: float,
-    tops: list[float], heights: list[float],
+    record: GraphRecord, places: Layout, boxes: dict[str, _Box], left: float, tops: list[float], heights: list[float]
 ) -> list[str]:
     """Return the lines from writers to readers, and the names of resources."""
     reading, color = readers(record), _colors(record)
     lines, names = [], []
-    row_of = {
-        name: row for row, layer in enumerate(places.layers) for kind, name in layer
-        if kind == "stage"
-    }
+    row_of = {name: row for row, layer in enumerate(places.layers) for kind, name in layer if kind == "stage"}
     shown = {each.name: _shown(each) for each in record.resources}
     for stage in record.stages:
         row = row_of[stage.name]
@@ -223,10 +235,7 @@ def _entry(record: GraphRecord, reader: str, name: str) -> float:
 
 def _curve(x: float, y: float, to: float, to_y: float, style: str) -> str:
     middle = (y + to_y) / 2
-    return (
-        f'<path d="M{x:.1f} {y:.1f}C{x:.1f} {middle:.1f} {to:.1f} {middle:.1f} {to:.1f} {to_y:.1f}"'
-        f" {style}/>"
-    )
+    return f'<path d="M{x:.1f} {y:.1f}C{x:.1f} {middle:.1f} {to:.1f} {middle:.1f} {to:.1f} {to_y:.1f}" {style}/>'
 
 
 def _arrow(x: float, y: float, style: str) -> str:
@@ -239,8 +248,7 @@ def _lifetimes(record: GraphRecord, y: float) -> list[str]:
     color = _colors(record)
     start = EDGE + NAMES + SIZES
     parts = [
-        _text(EDGE, y, "Lifetimes of resources, by the numbers of stages", "#111",
-              'font-size="13" font-weight="bold"'),
+        _text(EDGE, y, "Lifetimes of resources, by the numbers of stages", "#111", 'font-size="13" font-weight="bold"'),
         _text(start - 16, y + 22, "device memory", "#555", 'text-anchor="end"'),
     ]
     column = {stage.name: start + CELL * i for i, stage in enumerate(record.stages)}

@@ -25,9 +25,7 @@ class Lobes:
         radiosity: knows what surfaces send that are not seen.
     """
 
-    def __init__(
-        self, runtime: Runtime, size: Size, gather: MultiresSplat, radiosity: Radiosity
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, gather: MultiresSplat, radiosity: Radiosity) -> None:
         self.runtime = runtime
         self._size = size
         self._gather = gather
@@ -47,7 +45,11 @@ class Lobes:
         return self.runtime.transient.plane(3, self._size)
 
     def run(
-        self, gbuffer: DeviceGBuffer, radiance: Plane, light: Plane, lights: Sequence[Light],
+        self,
+        gbuffer: DeviceGBuffer,
+        radiance: Plane,
+        light: Plane,
+        lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None],
     ) -> None:
         """Queue the passes; see `Reflections.run`. `light` is what `needs` returned, filled."""
@@ -57,6 +59,12 @@ class Lobes:
         if self._reflections is None:
             self._reflections = Reflections(self.runtime, self._size)
         self._reflections.run(
-            gbuffer, radiance, light=light, lights=lights, shadows=shadows,
-            occupancy=gather.occupancy, rays=gather.rays, volume=volume,
+            gbuffer,
+            radiance,
+            light=light,
+            lights=lights,
+            shadows=shadows,
+            occupancy=gather.occupancy,
+            rays=gather.rays,
+            volume=volume,
         )

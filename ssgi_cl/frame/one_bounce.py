@@ -14,19 +14,13 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.device_scene import DeviceScene
-from ssgi_cl.techniques.indirect.multires_published import (
-    MultiresPublished,
-    MultiresPublishedParams,
-)
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams
 from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
 
-OneBounceParams = (
-    MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams
-    | RsmPublishedParams
-)
+OneBounceParams = MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams | RsmPublishedParams
 
 
 class OneBounce(Protocol):
@@ -50,9 +44,7 @@ class OneBounce(Protocol):
     @params.setter
     def params(self, params: OneBounceParams) -> None: ...
 
-    def run(
-        self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None) -> Plane:
         """Queue the passes; return the plane of irradiance.
 
         Args:
@@ -87,9 +79,7 @@ class _Technique:
     def params(self, params: OneBounceParams) -> None:
         self.technique.params = params
 
-    def run(
-        self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, rsm: DeviceRsm, *, scene: DeviceScene | None = None) -> Plane:
         return self.queue(gbuffer, rsm, scene)
 
     def levels(self) -> NDArray[np.int32] | None:
@@ -99,8 +89,7 @@ class _Technique:
 def _multires(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
     splat = MultiresSplat(runtime, size, params)
     return _Technique(
-        splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene),
-        lambda: splat.grid.computed(),
+        splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene), lambda: splat.grid.computed()
     )
 
 
@@ -111,9 +100,7 @@ def _multires_published(runtime: Runtime, size: Size, params: Any, margin: Size)
 
 def _vpl(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
     splat = VplSplat(runtime, size, params)
-    return _Technique(
-        splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene)
-    )
+    return _Technique(splat, True, lambda seen, rsm, scene: splat.run(seen, rsms=[rsm], scene=scene))
 
 
 def _gather(runtime: Runtime, size: Size, params: Any, margin: Size) -> OneBounce:
@@ -135,9 +122,7 @@ _MAKERS: dict[type, Callable[[Runtime, Size, Any, Size], OneBounce]] = {
 }
 
 
-def one_bounce(
-    runtime: Runtime, size: Size, params: OneBounceParams, margin: Size
-) -> OneBounce:
+def one_bounce(runtime: Runtime, size: Size, params: OneBounceParams, margin: Size) -> OneBounce:
     """Return the technique that has such parameters, prepared.
 
     Args:

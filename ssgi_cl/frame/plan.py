@@ -21,8 +21,7 @@ OUTPUTS = ("image", "radiance", "ao", "indirect", "gbuffer")
 for the image."""
 
 SKIPS = {
-    "outputs": "passes whose results no requested output reads, such as light where only AO is "
-    "requested",
+    "outputs": "passes whose results no requested output reads, such as light where only AO is requested",
     "dark": "ambient occlusion in frames without ambient light",
     "maps": "shadow maps and reflective shadow maps whose light and scene did not change, and "
     "reads of kept shadow maps where a block of 8 x 8 texels is proven all lit or all in shadow",
@@ -31,8 +30,7 @@ SKIPS = {
     "tiles": "ambient occlusion or SSDO, and its blur, in tiles proven to have visibility 1 and no "
     "indirect light: empty, flat, or so far away that the radius covers less than a pixel",
     "region": "pixels outside the active region: the rectangle of tiles that triangles may cover",
-    "lights": "lights that reach no visible surface, as all are turned away or outside the cone; "
-    "and their shadow maps",
+    "lights": "lights that reach no visible surface, as all are turned away or outside the cone; and their shadow maps",
     "layers": "depth layers without pixels",
 }
 """Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
@@ -57,9 +55,7 @@ def chosen_skips(skips: object) -> frozenset[str]:
         skips = list(skips)
         for former, name in _FORMER_SKIPS.items():
             if former in skips:
-                warnings.warn(
-                    f"the skip {former!r} is called {name!r} now", DeprecationWarning, stacklevel=2
-                )
+                warnings.warn(f"the skip {former!r} is called {name!r} now", DeprecationWarning, stacklevel=2)
                 skips = [name if each == former else each for each in skips]
     return frozenset(_names("skips", skips, tuple(SKIPS)))
 
@@ -118,7 +114,10 @@ class Needs:
         picture = all_ or "image" in names
         light = picture or "radiance" in names
         return cls(
-            names, ao=chosen is not None and "ao" in names, light=light, picture=picture,
+            names,
+            ao=chosen is not None and "ao" in names,
+            light=light,
+            picture=picture,
             given=names | ({"ao", "indirect"} if chosen is None else set()),
         )
 

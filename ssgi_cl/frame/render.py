@@ -37,7 +37,6 @@ def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
     return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
 
 
-
 @serialised
 def render(
     scene: Scene,
@@ -143,9 +142,7 @@ def render(
     shadow_size = checks.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
     rsm_size = checks.integer("rsm_size", rsm_size, low=16, high=8192, unit="texels")
     checks.choice("curve", curve, CURVES)
-    for name, switch in (
-        ("multi_bounce", multi_bounce), ("gbuffer", gbuffer), ("indirect_ao", indirect_ao)
-    ):
+    for name, switch in (("multi_bounce", multi_bounce), ("gbuffer", gbuffer), ("indirect_ao", indirect_ao)):
         checks.switch(name, switch)
     outputs, skips = outputs if outputs is None else tuple(outputs), chosen_skips(skips)
     Needs.of(outputs, skips)
@@ -160,14 +157,10 @@ def render(
             "needs ambient occlusion and the bounce of lights"
         )
     if glossy_vpls and indirect != "vpl":
-        raise ValueError(
-            f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of "
-            "'vpl'"
-        )
+        raise ValueError(f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of 'vpl'")
     if extra_cameras is not None:
         warnings.warn(
-            "render(extra_cameras=...) is now render(auxiliary_cameras=...)", DeprecationWarning,
-            stacklevel=2,
+            "render(extra_cameras=...) is now render(auxiliary_cameras=...)", DeprecationWarning, stacklevel=2
         )
         auxiliary_cameras = extra_cameras
     auxiliary_cameras = checks.integer("auxiliary_cameras", auxiliary_cameras, low=0, high=64)
@@ -192,19 +185,39 @@ def render(
         samples = {} if ao_samples is None else {"samples": ao_samples}
         params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
     key = (
-        Renderer, camera.size, shape_of(params), shape_of(bounce), layers, margin,
-        auxiliary_cameras, shadow_size, rsm_size, curve, indirect_ao, whole, skips,
+        Renderer,
+        camera.size,
+        shape_of(params),
+        shape_of(bounce),
+        layers,
+        margin,
+        auxiliary_cameras,
+        shadow_size,
+        rsm_size,
+        curve,
+        indirect_ao,
+        whole,
+        skips,
     )
     renderer: Renderer = runtime.prepared(
         key,
         lambda: Renderer(
-            runtime, camera.size, ao=params, indirect=bounce, layers=layers, margin=margin,
-            views=auxiliary_cameras, shadow_size=shadow_size, rsm_size=rsm_size,
-            curve=curve, indirect_ao=indirect_ao, whole=whole, skips=skips,
+            runtime,
+            camera.size,
+            ao=params,
+            indirect=bounce,
+            layers=layers,
+            margin=margin,
+            views=auxiliary_cameras,
+            shadow_size=shadow_size,
+            rsm_size=rsm_size,
+            curve=curve,
+            indirect_ao=indirect_ao,
+            whole=whole,
+            skips=skips,
         ),
     )
     renderer.set_params(params, bounce)
     return renderer(
-        scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce,
-        outputs=outputs,
+        scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce, outputs=outputs
     )

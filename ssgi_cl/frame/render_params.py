@@ -49,10 +49,7 @@ def ao_technique(
     runtime: Runtime, size: Size, params: OcclusionParams, margin: Size, layers: int
 ) -> tuple[str, OcclusionTechnique]:
     """Return name and technique of the ambient occlusion that has such parameters."""
-    name, kind = next(
-        (name, entry.technique) for name, entry in TECHNIQUES.items()
-        if type(params) is entry.params
-    )
+    name, kind = next((name, entry.technique) for name, entry in TECHNIQUES.items() if type(params) is entry.params)
     return name, kind(runtime, size, params, margin, layers)
 
 
@@ -61,9 +58,7 @@ def bounce_name(indirect: object) -> str | None:
     if isinstance(indirect, bool):
         return BOUNCES[0] if indirect else None
     if indirect is not None and not isinstance(indirect, str):
-        raise TypeError(
-            f"indirect is {indirect!r}: expected True, False, None or the name of a technique"
-        )
+        raise TypeError(f"indirect is {indirect!r}: expected True, False, None or the name of a technique")
     return None if indirect is None else checks.choice("indirect", indirect, BOUNCES)
 
 
@@ -87,15 +82,12 @@ def bounce_method(name: str | None, method: object) -> str | None:
     if method is None:
         return None
     if not methods:
-        raise ValueError(
-            f"method is {method!r}: expected None with indirect={name!r}, which has no methods"
-        )
+        raise ValueError(f"method is {method!r}: expected None with indirect={name!r}, which has no methods")
     return checks.choice("method", method, methods)
 
 
 def bounce_params(
-    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0,
-    method: str | None = None,
+    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0, method: str | None = None
 ) -> BounceParams | None:
     """Return the parameters of a bounce by its name, or None; `radius` is that of SSDO."""
     if name is None:
@@ -104,9 +96,7 @@ def bounce_params(
         return MultiresPublishedParams(vpls=vpls)
     if name == "multires":
         # Shadow rays are shared by lights, which a hundredth would not show.
-        return MultiresSplatParams(
-            vpls=vpls, visibility=True, grid=MOST_CELLS, error=0.05, light_error=0.05
-        )
+        return MultiresSplatParams(vpls=vpls, visibility=True, grid=MOST_CELLS, error=0.05, light_error=0.05)
     if name == "ssdo":
         chosen: dict[str, Any] = {} if method is None else {"method": method}
         return SsdoParams(radius=radius, resolution="half", emission=False, **chosen)
@@ -115,6 +105,5 @@ def bounce_params(
     if name == "gather":
         return RsmGatherParams(resolution="adaptive")
     return VplSplatParams(
-        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True,
-        grid=MOST_CELLS,
+        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True, grid=MOST_CELLS
     )

@@ -118,13 +118,22 @@ class Renderer:
         ssdo = isinstance(indirect, SsdoParams)
         attributes = layers if ssdo else 1
         self.rasterizer = Rasterizer(
-            runtime, size, layers=layers, margin=margin, attributes=attributes,
-            regions="region" in self.skips, world="until released" if ssdo else "until derived",
-            matt=whole is None, lobes=whole is not None,
+            runtime,
+            size,
+            layers=layers,
+            margin=margin,
+            attributes=attributes,
+            regions="region" in self.skips,
+            world="until released" if ssdo else "until derived",
+            matt=whole is None,
+            lobes=whole is not None,
         )
         maps = LightMaps(
-            runtime, shadow_size, flux=whole is not None or (indirect is not None and not ssdo),
-            glossy=getattr(indirect, "glossy_vpls", 0) > 0, rsm_size=rsm_size,
+            runtime,
+            shadow_size,
+            flux=whole is not None or (indirect is not None and not ssdo),
+            glossy=getattr(indirect, "glossy_vpls", 0) > 0,
+            rsm_size=rsm_size,
         )
         keep = "maps" in self.skips
         tiles: Tiles | None = None
@@ -154,9 +163,7 @@ class Renderer:
             self._openers.append(opener)
             near = [
                 maps_stage(maps, None, keep=keep, reflects=False, all_lights=True),
-                *ssdo_stages(
-                    technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None
-                ),
+                *ssdo_stages(technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None),
             ]
             light.append(INDIRECT)
         else:
@@ -169,20 +176,14 @@ class Renderer:
                 self._openers.append(occluder)
                 self._ao = occluder
                 near.append(
-                    occlusion_stage(
-                        occluder, tiles, self.skips,
-                        dims_indirect=indirect_ao or whole is not None,
-                    )
+                    occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao or whole is not None)
                 )
                 light.append(AO)
             if "lights" in self.skips:
                 near.append(idle_lights_stage(runtime, costs))
             # What reflects light is in one map of all lights, idle or not.
             near += [
-                maps_stage(
-                    maps, SeenDepths(runtime, size), keep=keep, reflects=reflects,
-                    all_lights=reflects,
-                ),
+                maps_stage(maps, SeenDepths(runtime, size), keep=keep, reflects=reflects, all_lights=reflects),
                 direct,
             ]
             if whole is not None:
@@ -199,16 +200,19 @@ class Renderer:
             *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(
-                shade, light, ambient=not ssdo and whole is None, indirect_ao=indirect_ao,
-                gaps=whole is not None, lobes=lobes,
-                blended=Blended(runtime, size, matt=whole is None), layer_stages=of_layers,
+                shade,
+                light,
+                ambient=not ssdo and whole is None,
+                indirect_ao=indirect_ao,
+                gaps=whole is not None,
+                lobes=lobes,
+                blended=Blended(runtime, size, matt=whole is None),
+                layer_stages=of_layers,
                 layer_ambient=whole is None,
             ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
-        self._graph = Graph(
-            runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs
-        )
+        self._graph = Graph(runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs)
         self._light = frozenset(light)
         self._splits_suns = whole is not None
         self._log: GraphLog | None = None
@@ -245,8 +249,7 @@ class Renderer:
         """Render one frame; see `render`."""
         return self.runtime.exclusively(
             lambda: self._frame(
-                scene, camera, lights, exposure=exposure, gbuffer=gbuffer,
-                multi_bounce=multi_bounce, outputs=outputs,
+                scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce, outputs=outputs
             )
         )
 
@@ -278,16 +281,29 @@ class Renderer:
         return wanted | {IMAGE} if needs.picture else wanted
 
     def _frame(
-        self, scene: Scene, camera: Camera, lights: Sequence[Light], *, exposure: float | None,
-        gbuffer: bool, multi_bounce: bool, outputs: Iterable[str] | None,
+        self,
+        scene: Scene,
+        camera: Camera,
+        lights: Sequence[Light],
+        *,
+        exposure: float | None,
+        gbuffer: bool,
+        multi_bounce: bool,
+        outputs: Iterable[str] | None,
     ) -> Frame:
         start = perf_counter()
         needs = Needs.of(outputs, self.skips)
         shown = tuple(lights)
         lights, suns = lights_with_suns(shown) if self._splits_suns else (shown, None)
         given = {
-            SCENE: scene, CASTING: scene_parts(scene).casting, CAMERA: camera, LIGHTS: lights,
-            SKY: shown, MULTI_BOUNCE: multi_bounce, EXPOSURE: exposure, **self._params(),
+            SCENE: scene,
+            CASTING: scene_parts(scene).casting,
+            CAMERA: camera,
+            LIGHTS: lights,
+            SKY: shown,
+            MULTI_BOUNCE: multi_bounce,
+            EXPOSURE: exposure,
+            **self._params(),
         }
         self._rest.begin(scene.key, len(lights))
         if gbuffer or "gbuffer" in needs.outputs:

@@ -85,10 +85,7 @@ def writers_of(stages: Sequence[Stage]) -> dict[str, Stage]:
         checks.choice(f"reuse of stage {stage.name!r}", stage.reuse, REUSE)
         for name in stage.writes:
             if name in writers:
-                raise ValueError(
-                    f"stages {writers[name].name!r} and {stage.name!r} both write {name!r}: "
-                    "expected one"
-                )
+                raise ValueError(f"stages {writers[name].name!r} and {stage.name!r} both write {name!r}: expected one")
             writers[name] = stage
     return writers
 

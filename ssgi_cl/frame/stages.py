@@ -63,9 +63,7 @@ RESOURCES = (
 """Of which more than the name is to be known."""
 
 
-def gbuffer_stage(
-    rasterizer: Rasterizer, look: Callable[[DeviceGBuffer], None] | None
-) -> Stage:
+def gbuffer_stage(rasterizer: Rasterizer, look: Callable[[DeviceGBuffer], None] | None) -> Stage:
     """Return the stage that draws the G-buffer.
 
     Args:
@@ -89,16 +87,18 @@ def gbuffer_stage(
         seen.release_world()
         return seen
 
-    return Stage(
-        name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run, releases=("ssdo",)
-    )
+    return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run, releases=("ssdo",))
 
 
 def tiles_stage(tiles: Tiles, condition: Callable[[Values], str | None]) -> Stage:
     """Return the stage that classifies tiles of the G-buffer; see `Stage.condition`."""
     return Stage(
-        name="tile summary", reads=(GBUFFER,), writes=(TILES,),
-        run=lambda r: tiles.look(r[GBUFFER]), condition=condition, silent=True,
+        name="tile summary",
+        reads=(GBUFFER,),
+        writes=(TILES,),
+        run=lambda r: tiles.look(r[GBUFFER]),
+        condition=condition,
+        silent=True,
     )
 
 
@@ -106,6 +106,7 @@ def ssdo_tiles_condition(
     ssdo: Ssdo, seen: DeviceGBuffer, condition: Callable[[Values], str | None]
 ) -> Callable[[Values], str | None]:
     """Return `condition`, and that SSDO says how far it looks in the G-buffer `seen`."""
+
     def both(facts: Values) -> str | None:
         if ssdo.reach(seen) is None:
             return "no tile is proven open where planes hide themselves"
@@ -114,9 +115,7 @@ def ssdo_tiles_condition(
     return both
 
 
-def occlusion_stage(
-    ao: TiledOcclusion, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool
-) -> Stage:
+def occlusion_stage(ao: TiledOcclusion, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool) -> Stage:
     """Return the stage of ambient occlusion.
 
     Args:
@@ -125,6 +124,7 @@ def occlusion_stage(
         skips: see `plan.SKIPS`; "dark", "tiles" and "layers" count.
         dims_indirect: whether indirect light is dimmed too.
     """
+
     def condition(facts: Values) -> str | None:
         if AO in facts["outputs"] or dims_indirect or "dark" not in skips:
             return None
@@ -133,7 +133,11 @@ def occlusion_stage(
 
     hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
-        name=ao.name, reads=(GBUFFER, AO_PARAMS), hints=hints, writes=(AO,), condition=condition,
+        name=ao.name,
+        reads=(GBUFFER, AO_PARAMS),
+        hints=hints,
+        writes=(AO,),
+        condition=condition,
         run=lambda r: ao.run(r[GBUFFER], tiles=tiles, summary=r.get(TILES)),
         culled="no output that it changes",
     )
@@ -144,6 +148,7 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
 
     `costs` are those of the graph.
     """
+
     def condition(facts: Values) -> str | None:
         punctual_lights = any(not isinstance(light, Environment) for light in facts[LIGHTS])
         return None if punctual_lights else "no spot, point or directional light"
@@ -152,14 +157,13 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
         if r[TILES] is None:
             return set()
         punctual_lights = {
-            index: light for index, light in enumerate(r[LIGHTS])
+            index: light
+            for index, light in enumerate(r[LIGHTS])
             if not isinstance(light, Environment) and power(light).any()
         }
         reach = reaching(list(punctual_lights.values()), r[TILES].boxes, r[CAMERA])
         idle = {
-            index: light for (index, light),
-            reaches in zip(punctual_lights.items(), reach, strict=True)
-            if not reaches
+            index: light for (index, light), reaches in zip(punctual_lights.items(), reach, strict=True) if not reaches
         }
         for light in idle.values():
             kind = kind_name(light)
@@ -169,14 +173,18 @@ def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
         return set(idle)
 
     return Stage(
-        name="idle lights", reads=(CAMERA, LIGHTS), hints=(TILES,), writes=(IDLE_LIGHTS,), run=run,
-        condition=condition, reuse="every frame", silent=True,
+        name="idle lights",
+        reads=(CAMERA, LIGHTS),
+        hints=(TILES,),
+        writes=(IDLE_LIGHTS,),
+        run=run,
+        condition=condition,
+        reuse="every frame",
+        silent=True,
     )
 
 
-def maps_stage(
-    maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflects: bool, all_lights: bool
-) -> Stage:
+def maps_stage(maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflects: bool, all_lights: bool) -> Stage:
     """Return the stage that draws the maps of lights.
 
     Args:
@@ -186,6 +194,7 @@ def maps_stage(
         reflects: whether what reflects light is asked for too.
         all_lights: whether lights have maps that light nothing that is seen.
     """
+
     def run(r: Values) -> Any:
         idle = r.get(IDLE_LIGHTS) or ()
         lit = any(
@@ -197,25 +206,24 @@ def maps_stage(
         return (shadows, rsm) if reflects else shadows
 
     return Stage(
-        name="shadow maps", reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
+        name="shadow maps",
+        reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
         hints=() if all_lights else (IDLE_LIGHTS,),
-        writes=(SHADOWS, RSM) if reflects else (SHADOWS,), run=run, reuse="on demand",
+        writes=(SHADOWS, RSM) if reflects else (SHADOWS,),
+        run=run,
+        reuse="on demand",
     )
 
 
 def direct_stage(shade: Shade) -> Stage:
     """Return the stage of direct light."""
+
     def run(r: Values) -> Plane | None:
         lights, shadows, idle = r[LIGHTS], r[SHADOWS], r[IDLE_LIGHTS] or ()
         lit = [i for i in range(len(lights)) if i not in idle]
-        return shade.light(
-            r[GBUFFER], [lights[i] for i in lit], shadows=[shadows[i] for i in lit]
-        )
+        return shade.light(r[GBUFFER], [lights[i] for i in lit], shadows=[shadows[i] for i in lit])
 
-    return Stage(
-        name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,),
-        writes=(DIRECT,), run=run,
-    )
+    return Stage(name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,), writes=(DIRECT,), run=run)
 
 
 def radiosity_stage(radiosity: Radiosity) -> Stage:
@@ -223,45 +231,53 @@ def radiosity_stage(radiosity: Radiosity) -> Stage:
 
     It depends on scene and lights alone, so that a moving camera does not run it again.
     """
+
     def run(r: Values) -> WorldVpls | None:
         maps = r.get(RSM)
         return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 
-    return Stage(
-        name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run
-    )
+    return Stage(name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SCENE_LIGHT,), run=run)
 
 
 def sky_light_stage(sky: SampledLights) -> Stage:
     """Return the stage of the light of environments, which all triangles block."""
     return Stage(
-        name="sky light", reads=(GBUFFER, CASTING, LIGHTS), writes=(SKY_LIGHT,),
+        name="sky light",
+        reads=(GBUFFER, CASTING, LIGHTS),
+        writes=(SKY_LIGHT,),
         run=lambda r: sky.run(r[GBUFFER], r[LIGHTS], scene=r[CASTING]),
-        condition=lambda given: None if any(map(_is_ambient, given[LIGHTS]))
-        else "no environment shines",
+        condition=lambda given: None if any(map(_is_ambient, given[LIGHTS])) else "no environment shines",
     )
 
 
 def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect and emit: of punctual lights once by
     virtual point lights of their maps, all else by surfels."""
+
     def run(r: Values) -> Plane:
         maps = r.get(RSM)
         other = [r.get(name) for name in (SKY_LIGHT, DIRECT)]
         return splat.run(
-            r[GBUFFER], rsms=[] if maps is None else [maps],
-            scene=device_scene(r[CASTING], runtime), surfels=r[SCENE_LIGHT],
+            r[GBUFFER],
+            rsms=[] if maps is None else [maps],
+            scene=device_scene(r[CASTING], runtime),
+            surfels=r[SCENE_LIGHT],
             other_light=[plane for plane in other if plane is not None],
         )
 
     return Stage(
-        name="bounce", reads=(GBUFFER, CASTING, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT),
-        hints=(RSM,), writes=(INDIRECT,), run=run, label=splat.name,
+        name="bounce",
+        reads=(GBUFFER, CASTING, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT),
+        hints=(RSM,),
+        writes=(INDIRECT,),
+        run=run,
+        label=splat.name,
     )
 
 
 def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect once."""
+
     def run(r: Values) -> Plane:
         scene = device_scene(r[CASTING], runtime) if bounce.blocked else None
         return bounce.run(r[GBUFFER], r[RSM], scene=scene)
@@ -269,13 +285,13 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     return Stage(
         name="bounce",
         reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((CASTING,) if bounce.blocked else ())),
-        writes=(INDIRECT,), run=run, label=bounce.name,
+        writes=(INDIRECT,),
+        run=run,
+        label=bounce.name,
     )
 
 
-def ssdo_stages(
-    ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: AuxiliaryViews | None
-) -> list[Stage]:
+def ssdo_stages(ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: AuxiliaryViews | None) -> list[Stage]:
     """Return the stage of directional occlusion, and that of the occlusion which it replaces.
 
     Args:
@@ -284,6 +300,7 @@ def ssdo_stages(
         tiles: what classifies tiles, if any may be left out.
         views: draws what auxiliary cameras see.
     """
+
     def run(r: Values) -> tuple[Plane | None, Plane | None]:
         seen, lights = r[GBUFFER], r[LIGHTS]
         extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
@@ -293,18 +310,35 @@ def ssdo_stages(
         return found.direct, found.bounce
 
     replaced = Stage(
-        name="ambient occlusion", reads=(GBUFFER,), writes=(AO,), run=lambda r: None,
+        name="ambient occlusion",
+        reads=(GBUFFER,),
+        writes=(AO,),
+        run=lambda r: None,
         condition=lambda facts: "ssdo hides ambient light by itself",
     )
-    return [replaced, Stage(
-        name="ssdo", reads=(GBUFFER, CASTING, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
-        hints=(AO,) if tiles is None else (AO, TILES), writes=(DIRECT, INDIRECT), run=run,
-    )]
+    return [
+        replaced,
+        Stage(
+            name="ssdo",
+            reads=(GBUFFER, CASTING, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
+            hints=(AO,) if tiles is None else (AO, TILES),
+            writes=(DIRECT, INDIRECT),
+            run=run,
+        ),
+    ]
 
 
 def combine_stage(
-    shade: Shade, reads: Iterable[str], *, ambient: bool, indirect_ao: bool, gaps: bool,
-    lobes: Lobes | None, blended: Blended, layer_stages: Sequence[Stage], layer_ambient: bool,
+    shade: Shade,
+    reads: Iterable[str],
+    *,
+    ambient: bool,
+    indirect_ao: bool,
+    gaps: bool,
+    lobes: Lobes | None,
+    blended: Blended,
+    layer_stages: Sequence[Stage],
+    layer_ambient: bool,
 ) -> Stage:
     """Return the stage that sums up all light.
 
@@ -325,9 +359,17 @@ def combine_stage(
         seen = r[GBUFFER]
         light = None if lobes is None else lobes.needs(seen, r[CASTING])
         radiance = shade.combine(
-            seen, r[SKY], r[DIRECT], ambient=ambient, visibility=r.get(AO),
-            indirect=r.get(INDIRECT), multi_bounce=r[MULTI_BOUNCE], indirect_ao=indirect_ao,
-            gaps=gaps, sky_light=r.get(SKY_LIGHT), light=light,
+            seen,
+            r[SKY],
+            r[DIRECT],
+            ambient=ambient,
+            visibility=r.get(AO),
+            indirect=r.get(INDIRECT),
+            multi_bounce=r[MULTI_BOUNCE],
+            indirect_ao=indirect_ao,
+            gaps=gaps,
+            sky_light=r.get(SKY_LIGHT),
+            light=light,
         )
         if lobes is not None and light is not None:
             lobes.run(seen, radiance, light, r[LIGHTS], r[SHADOWS])
@@ -343,38 +385,42 @@ def combine_stage(
     def run(r: Values) -> Plane:
         radiance = combined(r, ambient=ambient)
         blended.run(
-            r[SCENE], r[CAMERA], r[GBUFFER], radiance, lambda layer: shaded(r, layer),
+            r[SCENE],
+            r[CAMERA],
+            r[GBUFFER],
+            radiance,
+            lambda layer: shaded(r, layer),
             overwritten=[r.get(name) for name in sorted(made)],
         )
         return radiance
 
     of_layers = {name for stage in layer_stages for name in stage.reads} - made - {GBUFFER}
     also = () if lobes is None else (CASTING, LIGHTS, SHADOWS, SCENE_LIGHT)
-    names = dict.fromkeys(
-        (GBUFFER, SCENE, CAMERA, SKY, MULTI_BOUNCE, *reads, *also, *sorted(of_layers))
-    )
+    names = dict.fromkeys((GBUFFER, SCENE, CAMERA, SKY, MULTI_BOUNCE, *reads, *also, *sorted(of_layers)))
     hints = {name for stage in layer_stages for name in stage.hints} - set(names)
-    return Stage(
-        name="combine", reads=tuple(names), hints=tuple(sorted(hints)), writes=(RADIANCE,), run=run
-    )
+    return Stage(name="combine", reads=tuple(names), hints=tuple(sorted(hints)), writes=(RADIANCE,), run=run)
 
 
 def picture_stages(shade: Shade, tonemap: Tonemap) -> list[Stage]:
     """Return the stages from radiance to the picture: read-back, exposure, tone mapping."""
+
     def expose(r: Values) -> float:
         return auto_exposure(r[PIXELS], shade.seen(r[GBUFFER]))
 
     return [
         Stage(
-            name="read-back", reads=(RADIANCE, GBUFFER), writes=(PIXELS,), reuse="on demand",
+            name="read-back",
+            reads=(RADIANCE, GBUFFER),
+            writes=(PIXELS,),
+            reuse="on demand",
             run=lambda r: pixels(r[RADIANCE], shade.seen(r[GBUFFER])),
         ),
         Stage(name="exposure", reads=(PIXELS, GBUFFER), writes=(EXPOSURE,), run=expose),
         Stage(
-            name="picture", reads=(RADIANCE, GBUFFER, EXPOSURE), writes=(IMAGE,),
-            run=lambda r: tonemap.run(
-                r[RADIANCE], exposure=r[EXPOSURE], region=shade.seen(r[GBUFFER])
-            ),
+            name="picture",
+            reads=(RADIANCE, GBUFFER, EXPOSURE),
+            writes=(IMAGE,),
+            run=lambda r: tonemap.run(r[RADIANCE], exposure=r[EXPOSURE], region=shade.seen(r[GBUFFER])),
         ),
     ]
 

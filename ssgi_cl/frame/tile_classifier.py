@@ -67,9 +67,7 @@ class OpenTileFinder:
         self._busy = 0  # tiles that the latest frame computed
         self._speed = (0, 0.0)  # of the frame with the most: their number, ms for each
 
-    def find(
-        self, seen: DeviceGBuffer, tiles: Tiles | None, reach: Reach | None
-    ) -> OpenTiles | None:
+    def find(self, seen: DeviceGBuffer, tiles: Tiles | None, reach: Reach | None) -> OpenTiles | None:
         """Queue the passes that find open tiles; None if none is, or nothing is known of tiles or
         of how far the technique looks."""
         self._busy = 0
@@ -105,8 +103,7 @@ class TiledOcclusion:
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: OcclusionParams, margin: Size, layers: int,
-        skips: frozenset[str],
+        self, runtime: Runtime, size: Size, params: OcclusionParams, margin: Size, layers: int, skips: frozenset[str]
     ) -> None:
         self.runtime = runtime
         self.name, self._technique = ao_technique(runtime, size, params, margin, layers)
@@ -117,10 +114,7 @@ class TiledOcclusion:
         self.pays = False
         self._opener = OpenTileFinder(runtime, self.name, self.name)
 
-    def run(
-        self, gbuffer: DeviceGBuffer, *, tiles: Tiles | None = None,
-        summary: TileSummary | None = None,
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, *, tiles: Tiles | None = None, summary: TileSummary | None = None) -> Plane:
         """Queue the passes; return the plane of A.
 
         `summary` are what `tiles` found in the G-buffer, both None if nothing is to be left out.

@@ -53,20 +53,17 @@ class WholeParams:
     def stages(self, runtime: Runtime, size: Size) -> tuple[list[Stage], Lobes]:
         """Return the stages of a frame that compute it, prepared for pictures of one size, and
         what adds the reflections of glossy surfaces to their sum."""
-        radiosity = Radiosity(
-            runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces)
+        radiosity = Radiosity(runtime, RadiosityParams(surfels=self.surfels, bounces=self.bounces))
+        splat = MultiresSplat(
+            runtime,
+            size,
+            MultiresSplatParams(
+                vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error, light_error=self.error
+            ),
+            surfels=SURFEL_CAPACITY * self.surfels,
         )
-        splat = MultiresSplat(runtime, size, MultiresSplatParams(
-            vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error,
-            light_error=self.error,
-        ), surfels=SURFEL_CAPACITY * self.surfels)
-        sky = SampledLights(
-            runtime, size,
-            SampledLightsParams(directions=self.directions, map_size=self.map_size),
-        )
-        stages = [
-            radiosity_stage(radiosity), sky_light_stage(sky), final_gather_stage(splat, runtime)
-        ]
+        sky = SampledLights(runtime, size, SampledLightsParams(directions=self.directions, map_size=self.map_size))
+        stages = [radiosity_stage(radiosity), sky_light_stage(sky), final_gather_stage(splat, runtime)]
         return stages, Lobes(runtime, size, splat, radiosity)
 
 
@@ -103,8 +100,7 @@ def whole_params(bounces: object, preset: object, indirect: object) -> WholePara
     if bounces == 0:
         if preset is not None:
             raise ValueError(
-                f"preset is {preset!r}: expected None without bounces; it applies to the whole "
-                "picture only"
+                f"preset is {preset!r}: expected None without bounces; it applies to the whole picture only"
             )
         return None
     assert isinstance(bounces, (int, str))  # noqa: S101  checked above

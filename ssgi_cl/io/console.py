@@ -29,8 +29,9 @@ DEFAULT_FOV = 50.0
 """Degrees, vertical."""
 
 device_option = click.option(
-    "--device", metavar="WORDS", help="Words of the device's label, such as 'pocl 3.1'; by default "
-    "SSGI_CL_DEVICE, else the fastest found.",
+    "--device",
+    metavar="WORDS",
+    help="Words of the device's label, such as 'pocl 3.1'; by default SSGI_CL_DEVICE, else the fastest found.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 VECTOR: dict[str, Any] = {"nargs": 3, "type": float, "metavar": "X Y Z"}
@@ -96,8 +97,12 @@ def progress(silent: bool) -> Iterator[Callable[[str], None]]:
     """Give a function that names the step under way; shown on a terminal, on standard error."""
     console = Console(stderr=True)
     with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
-        console=console, transient=True, disable=silent or not console.is_terminal,
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=silent or not console.is_terminal,
     ) as progress:
         task = progress.add_task("", total=None)
         yield lambda text: progress.update(task, description=escape(printable(text)))
@@ -106,9 +111,7 @@ def progress(silent: bool) -> Iterator[Callable[[str], None]]:
 def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
     """Raise if `path` has another suffix or can't be written, before work is spent on it."""
     if path.suffix.lower() not in suffixes:
-        raise click.UsageError(
-            f"--output is {path}: expected a name that ends in {' or '.join(suffixes)}"
-        )
+        raise click.UsageError(f"--output is {path}: expected a name that ends in {' or '.join(suffixes)}")
     if not path.parent.is_dir():
         raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
     if path.is_dir():
@@ -125,24 +128,42 @@ def yfov_of(options: dict[str, Any], default: float) -> float:
 
 def wrapped(text: str, indent: str) -> str:
     width = max(40, min(100, shutil.get_terminal_size().columns))
-    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent,
-                         break_long_words=False, break_on_hyphens=False)
+    return textwrap.fill(
+        text, width, initial_indent=indent, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def report(
-    as_json: bool, runtime: Runtime, passes: list[PassTime] | tuple[PassTime, ...],
-    files: list[Path], facts: dict[str, Any], *, explain: bool = False,
+    as_json: bool,
+    runtime: Runtime,
+    passes: list[PassTime] | tuple[PassTime, ...],
+    files: list[Path],
+    facts: dict[str, Any],
+    *,
+    explain: bool = False,
 ) -> None:
     """Print what ran; with `explain` also what was left out, why, and what that saves."""
     if as_json:
-        print(json.dumps({
-            **facts,
-            "device": runtime.info.label,
-            "form": str(runtime.variant),
-            "passes": [{"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None,
-                        "saved_ms": round(p.saved, 4)} for p in passes],
-            "files": [printable(str(path)) for path in files],
-        }, indent=1))
+        print(
+            json.dumps(
+                {
+                    **facts,
+                    "device": runtime.info.label,
+                    "form": str(runtime.variant),
+                    "passes": [
+                        {
+                            "name": p.name,
+                            "ms": round(p.ms, 4),
+                            "skipped": p.skipped or None,
+                            "saved_ms": round(p.saved, 4),
+                        }
+                        for p in passes
+                    ],
+                    "files": [printable(str(path)) for path in files],
+                },
+                indent=1,
+            )
+        )
         return
     click.echo(f"{runtime.info.label}, {runtime.variant}")
     table = Table("pass", "ms")

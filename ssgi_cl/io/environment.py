@@ -34,9 +34,7 @@ def read_environment(path: str | os.PathLike[str]) -> Environment:
     file = Path(path)
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
-        raise ValueError(
-            f"the environment {file} ends in {file.suffix!r}: expected {', '.join(_READERS)}"
-        )
+        raise ValueError(f"the environment {file} ends in {file.suffix!r}: expected {', '.join(_READERS)}")
     if not file.exists():
         raise FileNotFoundError(f"the environment {file}: there is no such file")
     image = reader(file)
@@ -83,6 +81,4 @@ def _read_exr(file: Path) -> Image:
     return np.stack([present[name].astype(np.float32, copy=False) for name in names], axis=-1)
 
 
-_READERS: dict[str, Callable[[Path], Image]] = {
-    ".exr": _read_exr, ".hdr": radiance_hdr.read, ".pic": radiance_hdr.read
-}
+_READERS: dict[str, Callable[[Path], Image]] = {".exr": _read_exr, ".hdr": radiance_hdr.read, ".pic": radiance_hdr.read}

@@ -63,9 +63,7 @@ def write(
     rows, columns = next(iter(channels.values())).shape
     data = (0, 0, columns - 1, rows - 1) if data is None else data
     if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
-        raise ValueError(
-            f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays"
-        )
+        raise ValueError(f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays")
     _save(path, {"dataWindow": _box(data), "displayWindow": _box(display or data)}, channels)
 
 
@@ -134,9 +132,7 @@ def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
     for name, value in arrays.items():
         array = checks.floats(name, value)
         if array.ndim not in (2, 3) or array.shape[2:] not in ((), (1,), (3,)) or array.size == 0:
-            raise ValueError(
-                f"{name} has shape {array.shape}: expected (rows, columns) or (rows, columns, 3)"
-            )
+            raise ValueError(f"{name} has shape {array.shape}: expected (rows, columns) or (rows, columns, 3)")
         size = size or array.shape[:2]
         if array.shape[:2] != size:
             raise ValueError(
@@ -195,18 +191,14 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _decoded(
-    name: str, size: tuple[int, int]
-) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _decoded(name: str, size: tuple[int, int]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the attributes of a file and its channels, of the size of the data window."""
     try:
         with _utf8(name, os.O_RDONLY) as readable:
             file = OpenEXR.File(readable, separate_channels=True)
             header, channels = file.header(), file.channels()
     except MemoryError as error:
-        raise ValueError(
-            f"{name}: {size[1]} x {size[0]} pixels need more memory than there is"
-        ) from error
+        raise ValueError(f"{name}: {size[1]} x {size[0]} pixels need more memory than there is") from error
     except (RuntimeError, ValueError) as error:
         raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
     for key, channel in channels.items():
@@ -247,9 +239,7 @@ def read_gbuffer(
     given = dict(channels or {})
     unknown = sorted(set(given) - {"depth", *_STEMS_OF})
     if unknown:
-        raise ValueError(
-            f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'"
-        )
+        raise ValueError(f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'")
     present = read(name)
     arrays: dict[str, NDArray[np.float32]] = {}
     for key in ("depth", *_STEMS_OF):
@@ -283,9 +273,7 @@ def _check_regions(name: str, size: tuple[int, int]) -> None:
         )
 
 
-def _given(
-    path: str, key: str, wanted: str | tuple[str, ...], present: Mapping[str, object]
-) -> tuple[str, ...]:
+def _given(path: str, key: str, wanted: str | tuple[str, ...], present: Mapping[str, object]) -> tuple[str, ...]:
     if isinstance(wanted, str) and key != "depth":
         return next(_triples((wanted,), present), None) or _missing(path, f"{wanted}.*", present)
     names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
@@ -311,9 +299,7 @@ def _matches(patterns: tuple[str, ...], present: Mapping[str, object]) -> Iterat
                 yield channel
 
 
-def _triples(
-    stems: tuple[str, ...], present: Mapping[str, object]
-) -> Iterator[tuple[str, str, str]]:
+def _triples(stems: tuple[str, ...], present: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
     for stem in stems:
         for first, second, third in (("X", "Y", "Z"), ("R", "G", "B"), ("x", "y", "z")):
             for channel in _matches((f"{stem}.{first}",), present):

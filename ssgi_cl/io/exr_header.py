@@ -26,8 +26,18 @@ _MOST_RATIO = 2000
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}  # unsigned, half, float
 # By the number of the compression: its name, and the lines of a chunk.
 _COMPRESSIONS = (
-    ("none", 1), ("RLE", 1), ("ZIPS", 1), ("ZIP", 16), ("PIZ", 32), ("PXR24", 16), ("B44", 32),
-    ("B44A", 32), ("DWAA", 32), ("DWAB", 256), ("HTJ2K256", 256), ("HTJ2K32", 32),
+    ("none", 1),
+    ("RLE", 1),
+    ("ZIPS", 1),
+    ("ZIP", 16),
+    ("PIZ", 32),
+    ("PXR24", 16),
+    ("B44", 32),
+    ("B44A", 32),
+    ("DWAA", 32),
+    ("DWAB", 256),
+    ("HTJ2K256", 256),
+    ("HTJ2K32", 32),
 )
 
 
@@ -93,9 +103,7 @@ def _parsed(head: bytes, length: int, path: Path) -> ExrHeader:
             raise ValueError(f"{path} has {parts} parts: expected a file with one")
     kind = attributes.get("type", b"").rstrip(b"\0").decode("ascii", "replace")
     if version & _DEEP or kind not in ("", "scanlineimage", "tiledimage"):
-        raise ValueError(
-            f"{path} holds {shown(kind or 'deep pixels')}: expected flat pixels"
-        )
+        raise ValueError(f"{path} holds {shown(kind or 'deep pixels')}: expected flat pixels")
     compression = attributes["compression"][0]
     if compression >= len(_COMPRESSIONS):
         raise ValueError(
@@ -123,10 +131,7 @@ def _attributes(head: bytes, place: int, path: Path) -> tuple[dict[str, bytes], 
         (size,) = struct.unpack_from("<i", head, place)
         place += 4
         if not 0 <= size <= len(head) - place:
-            raise ValueError(
-                f"{path} is damaged or cut short: {shown(name)} in its header has {size} "
-                "bytes"
-            )
+            raise ValueError(f"{path} is damaged or cut short: {shown(name)} in its header has {size} bytes")
         found[name] = head[place : place + size]
         place += size
     return found, place + 1
@@ -143,8 +148,7 @@ def _window(value: bytes, path: Path) -> Window:
     left, top, right, bottom = struct.unpack("<4i", value)
     if not (0 <= right - left < _LARGEST_SIDE and 0 <= bottom - top < _LARGEST_SIDE):
         raise ValueError(
-            f"{path} is damaged: its window runs from column {left} to {right}, from row {top} to "
-            f"{bottom}"
+            f"{path} is damaged: its window runs from column {left} to {right}, from row {top} to {bottom}"
         )
     return left, top, right, bottom
 
@@ -156,16 +160,12 @@ def _channels(value: bytes, path: Path) -> tuple[Channel, ...]:
         kind, _, across, down = struct.unpack_from("<iIii", value, place)
         place += 16
         if across < 1 or down < 1:
-            raise ValueError(
-                f"{path} is damaged: channel {shown(name)} is sampled {across} x {down}"
-            )
+            raise ValueError(f"{path} is damaged: channel {shown(name)} is sampled {across} x {down}")
         channels.append(Channel(name, _PIXEL_BYTES[kind], (across, down)))
     return tuple(channels)
 
 
-def _check_size(
-    header: ExrHeader, tile: tuple[int, ...] | None, lines: int, left: int, path: Path
-) -> None:
+def _check_size(header: ExrHeader, tile: tuple[int, ...] | None, lines: int, left: int, path: Path) -> None:
     """Raise unless `left` bytes of data, in chunks of `lines`, may hold the claimed pixels."""
     rows, columns = header.size
     pixel = sum(channel.bytes for channel in header.channels)

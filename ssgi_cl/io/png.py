@@ -28,9 +28,7 @@ def write(path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
     if image.dtype != np.uint8:
         raise TypeError(f"image has dtype {image.dtype}: expected uint8")
     if image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)) or image.size == 0:
-        raise ValueError(
-            f"image has shape {image.shape}: expected (rows, columns) or (rows, columns, 3)"
-        )
+        raise ValueError(f"image has shape {image.shape}: expected (rows, columns) or (rows, columns, 3)")
     picture = Image.fromarray(np.ascontiguousarray(image))
     with atomic.replacement(path) as temporary:
         picture.save(temporary, format="PNG")

@@ -38,10 +38,7 @@ def share_view(share: Floats) -> Picture:
     return _bytes(np.clip(share, 0.0, 1.0) * np.float32(255.0))
 
 
-LEVELS = {
-    32: (255, 255, 255), 16: (255, 255, 255), 8: (90, 90, 255), 4: (0, 210, 210),
-    2: (0, 210, 0), 1: (255, 70, 0),
-}
+LEVELS = {32: (255, 255, 255), 16: (255, 255, 255), 8: (90, 90, 255), 4: (0, 210, 210), 2: (0, 210, 0), 1: (255, 70, 0)}
 """Colours of the levels of a `MultiresGrid`, by pixels between points: coarse, finer, finest."""
 
 

@@ -50,9 +50,7 @@ def read(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     exposure, found, start = _header(name, data)
     lines, length = int(found[3]), int(found[6])
     if lines * length > MOST_TEXELS:
-        raise ValueError(
-            f"{name} has {lines} lines of {length} texels: expected at most {MOST_TEXELS} in all"
-        )
+        raise ValueError(f"{name} has {lines} lines of {length} texels: expected at most {MOST_TEXELS} in all")
     if lines * length == 0 or lines * _least_bytes(length) > len(data) - start:
         raise ValueError(
             f"{name} is damaged or cut short: {lines} lines of {length} texels do not fit into "
@@ -63,9 +61,7 @@ def read(path: str | os.PathLike[str]) -> NDArray[np.float32]:
         try:
             texels[line], start = _line(data, start, length)
         except (IndexError, ValueError) as error:
-            raise ValueError(
-                f"{name} is damaged or cut short in line {line} of {lines}"
-            ) from error
+            raise ValueError(f"{name} is damaged or cut short in line {line} of {lines}") from error
     with np.errstate(over="ignore"):  # the caller's limits apply
         scale = np.ldexp(1.0 / exposure, texels[..., 3].astype(np.int32) - _BIAS)
         scale[texels[..., 3] == 0] = 0.0
@@ -119,10 +115,7 @@ def _upright(image: NDArray[np.float32], found: re.Match[str]) -> NDArray[np.flo
 def _line(data: bytes, start: int, length: int) -> tuple[Bytes, int]:
     """Return the texels [length, 4] of the line at `start`, and where it ends."""
     head = data[start : start + 4]
-    if (
-        _LEAST_RUN_LENGTH <= length <= _MOST_RUN_LENGTH
-        and head[:2] == b"\x02\x02" and head[2] < 128
-    ):
+    if _LEAST_RUN_LENGTH <= length <= _MOST_RUN_LENGTH and head[:2] == b"\x02\x02" and head[2] < 128:
         if head[2] << 8 | head[3] != length:
             raise ValueError("a line of another length")
         return _runs_per_channel(data, start + 4, length)

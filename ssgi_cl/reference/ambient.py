@@ -48,9 +48,7 @@ def ambient_reference(environments: Sequence[Environment], normal: Doubles) -> D
     return result
 
 
-def irradiance(
-    environments: Sequence[Environment], normal: Doubles, rows: int = 90, columns: int = 180
-) -> Doubles:
+def irradiance(environments: Sequence[Environment], normal: Doubles, rows: int = 90, columns: int = 180) -> Doubles:
     """Return E [n, 3] = Int L max(0, n.w) dw in W/m^2 for normals [n, 3] in world space.
 
     Args:
@@ -76,9 +74,7 @@ def irradiance(
         along = 0.5 * np.sin(2.0 * polar) * np.sin(polar_step)
         chord = 2.0 * np.sin(0.5 * step)
         vector = np.stack(
-            np.broadcast_arrays(
-                across * chord * np.sin(azimuth), along * step, -across * chord * np.cos(azimuth)
-            ),
+            np.broadcast_arrays(across * chord * np.sin(azimuth), along * step, -across * chord * np.cos(azimuth)),
             axis=-1,
         ).reshape(-1, 3)
         lit = image.reshape(-1, 3)

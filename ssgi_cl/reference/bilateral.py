@@ -55,11 +55,7 @@ def bilateral_reference(
 
 
 def off_plane(
-    view: SurfaceView,
-    row: Doubles,
-    column: Doubles,
-    other: Doubles,
-    pixel: tuple[Doubles, Doubles, Doubles, Doubles],
+    view: SurfaceView, row: Doubles, column: Doubles, other: Doubles, pixel: tuple[Doubles, Doubles, Doubles, Doubles]
 ) -> Doubles:
     """Return how far surfaces lie off the tangent planes of pixels, relative to the depth.
 
@@ -100,8 +96,7 @@ def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Dou
 
 
 def _blurred(
-    value: Doubles, view: SurfaceView, params: BilateralParams | Blur,
-    offsets: list[tuple[int, int]],
+    value: Doubles, view: SurfaceView, params: BilateralParams | Blur, offsets: list[tuple[int, int]]
 ) -> Doubles:
     rows, columns = view.size
     depth, normal = view.inner(view.depth), view.inner(view.normal)
@@ -118,8 +113,7 @@ def _blurred(
         ty, tx = np.clip(ty, 0, rows - 1), np.clip(tx, 0, columns - 1)
         other_there = np.isfinite(depth[ty, tx])
         off = off_plane(
-            view, row + dy, column + dx, np.where(other_there, depth[ty, tx], 1.0),
-            (row, column, safe, normal),
+            view, row + dy, column + dx, np.where(other_there, depth[ty, tx], 1.0), (row, column, safe, normal)
         )
         cosine = np.sum(normal * normal[ty, tx], axis=-1)
         fit = np.where(inside & other_there, fit_of(off, cosine, params), 0.0)

@@ -22,15 +22,10 @@ MOST_TAPS = 64
 """Of a side of a slice."""
 
 
-def bitmask_reference(
-    gbuffer: GBuffer, params: BitmaskParams
-) -> NDArray[np.float64]:
+def bitmask_reference(gbuffer: GBuffer, params: BitmaskParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
     first = replace(params, taps=taps_of(params, gbuffer.layers)[0])
-    return finished(
-        gbuffer, first, lambda scan: visibility(scan, params),
-        params.thickness, params.end,
-    )
+    return finished(gbuffer, first, lambda scan: visibility(scan, params), params.thickness, params.end)
 
 
 def taps_of(params: BitmaskParams, layers: int) -> tuple[int, int]:
@@ -54,9 +49,7 @@ def visibility(scan: Scan, params: BitmaskParams) -> Doubles:
         for side in (1, -1):
             for layer in range(len(scan.depths)):
                 for where, *between in hidden_by(scan, plane, side, layer, params):
-                    ends = (
-                        sector_of(cot, plane, side, params.sectors)[..., None] for cot in between
-                    )
+                    ends = (sector_of(cot, plane, side, params.sectors)[..., None] for cot in between)
                     first, last = sorted_pair(*ends)
                     covered |= where[..., None] & (number >= first) & (number < last)
         weight = plane.weight
@@ -79,9 +72,17 @@ def hidden_by(
         return
     zero = np.zeros(scan.depth.shape)
     receiver = Tap(
-        there=scan.active if layer == 0 else zero > 1.0, counts=zero > 1.0,
-        cot=side * plane.edge, back=zero, distance=zero, depth=zero, f=zero, behind=zero,
-        x=zero, y=zero, px=zero,
+        there=scan.active if layer == 0 else zero > 1.0,
+        counts=zero > 1.0,
+        cot=side * plane.edge,
+        back=zero,
+        distance=zero,
+        depth=zero,
+        f=zero,
+        behind=zero,
+        x=zero,
+        y=zero,
+        px=zero,
     )
     points = [receiver, *taps]
     slopes = [_slope(one, other) for one, other in pairwise(points)]
@@ -142,9 +143,7 @@ def whole_of(plane: Slice) -> Doubles:
     return _seen(plane.edge, plane, 1) + _seen(-plane.edge, plane, -1)
 
 
-def sorted_pair(
-    one: NDArray[np.int64], other: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def sorted_pair(one: NDArray[np.int64], other: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the lesser and the greater of two sectors."""
     return np.minimum(one, other), np.maximum(one, other)
 

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 
 
-def blended_reference(
-    layers: Sequence[tuple[Doubles, Doubles, Doubles]], behind: Doubles
-) -> Doubles:
+def blended_reference(layers: Sequence[tuple[Doubles, Doubles, Doubles]], behind: Doubles) -> Doubles:
     """Return the radiance [..., 3] that reaches the eye, from the back to the front.
 
     Args:

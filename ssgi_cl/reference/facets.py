@@ -14,9 +14,7 @@ ALIKE = 0.2
 """Least cosine between the facet's normal and the interpolated one."""
 
 
-def facets_reference(
-    depth: NDArray[np.floating], normal: Doubles, camera: Camera
-) -> tuple[NDArray[np.bool_], Doubles]:
+def facets_reference(depth: NDArray[np.floating], normal: Doubles, camera: Camera) -> tuple[NDArray[np.bool_], Doubles]:
     """Return where the facet is known, and its normal [rows, columns, 3], the given one elsewhere.
 
     Args:

@@ -56,9 +56,7 @@ class SurfaceView:
         size = (-(-self.size[0] // step), -(-self.size[1] // step))
         margin = (self.margin[0] // step, self.margin[1] // step)
         first = tuple(self.margin[i] - margin[i] * step for i in (0, 1))
-        rows, columns = (
-            first[i] + step * np.arange(size[i] + 2 * margin[i]) for i in (0, 1)
-        )
+        rows, columns = (first[i] + step * np.arange(size[i] + 2 * margin[i]) for i in (0, 1))
         return SurfaceView(
             camera=self.camera,
             depth=self.depth[np.ix_(rows, columns)],
@@ -119,9 +117,7 @@ class SurfaceView:
     def pixels_per_unit(self, depth: Doubles) -> Doubles:
         """Return how many pixels a scene unit covers at a depth, the greater of both axes."""
         camera = self.camera
-        focal = 0.5 * max(
-            camera.width * camera.projection[0, 0], camera.height * camera.projection[1, 1]
-        )
+        focal = 0.5 * max(camera.width * camera.projection[0, 0], camera.height * camera.projection[1, 1])
         k = np.ones_like(depth) if camera.is_orthographic else depth
         result: Doubles = focal / self.step / k
         return result
@@ -187,9 +183,7 @@ def _smaller_difference(
     for ahead in (True, False):
         here = [slice(None), slice(None)]
         other = [slice(None), slice(None)]
-        here[axis], other[axis] = (
-            (slice(None, -1), slice(1, None)) if ahead else (slice(1, None), slice(None, -1))
-        )
+        here[axis], other[axis] = (slice(None, -1), slice(1, None)) if ahead else (slice(1, None), slice(None, -1))
         a, b = tuple(here), tuple(other)
         difference = (position[b] - position[a]) * (1.0 if ahead else -1.0)
         change = np.abs(difference[..., 2])
@@ -199,9 +193,7 @@ def _smaller_difference(
     return best, np.isfinite(least)
 
 
-def _borrowed(
-    difference: Doubles, has: NDArray[np.bool_], there: NDArray[np.bool_], axis: int
-) -> Doubles:
+def _borrowed(difference: Doubles, has: NDArray[np.bool_], there: NDArray[np.bool_], axis: int) -> Doubles:
     """Where a pixel has no difference, take that of the next or previous pixel along `axis`."""
     result, open_ = difference.copy(), there & ~has
     for shift in (-1, 1):

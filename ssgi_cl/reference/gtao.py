@@ -27,8 +27,7 @@ def gtao_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
 def bent_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
     """Return bent normals [rows, columns, 3], world space; 0 where nothing is."""
     scan, full = scanned(gbuffer, params)
-    bend = complete(np.where(scan.active[..., None], bends(scan, params), 0.0), scan.view, full,
-                    params)
+    bend = complete(np.where(scan.active[..., None], bends(scan, params), 0.0), scan.view, full, params)
     normal = full.inner(full.normal)
     there = np.isfinite(full.inner(full.depth))[..., None]
     bent = normal + np.where(there, bend, 0.0)
@@ -63,9 +62,7 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
     view_ray = np.stack(np.broadcast_arrays(*slope), axis=-1) / np.sqrt(scan.ray_squared)[..., None]
     hidden, whole = np.zeros(view_ray.shape), np.full(scan.depth.shape, 1e-30)
     for plane in scan.slices():
-        offset = np.stack(
-            [plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros(scan.depth.shape)], axis=-1
-        )
+        offset = np.stack([plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros(scan.depth.shape)], axis=-1)
         across = offset - np.sum(offset * view_ray, axis=-1, keepdims=True) * view_ray
         across /= np.linalg.norm(across, axis=-1, keepdims=True)
         weight = plane.weight * plane.length
@@ -79,9 +76,7 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
     return bend
 
 
-def horizons(
-    scan: Scan, params: GtaoParams, plane: Slice, side: int
-) -> tuple[Doubles, Doubles]:
+def horizons(scan: Scan, params: GtaoParams, plane: Slice, side: int) -> tuple[Doubles, Doubles]:
     """Return the angles of the tangent plane and of the horizon from the view ray."""
     edge = np.arctan2(1.0, side * plane.edge)
     cosine = np.cos(edge)

@@ -25,9 +25,7 @@ NEAREST_END = 0.01
 """A way that comes nearer to the eye than this share of the receiver's depth ends there."""
 
 
-def light_shadows_reference(
-    gbuffer: GBuffer, lights: Sequence[Light], params: LightShadowParams
-) -> Doubles:
+def light_shadows_reference(gbuffer: GBuffer, lights: Sequence[Light], params: LightShadowParams) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 of all lights, none with a shadow map."""
     view = SurfaceView.of(gbuffer)
     depth = np.asarray(gbuffer.depth, np.float64)
@@ -43,9 +41,7 @@ def light_shadows_reference(
         if isinstance(light, Environment):
             continue
         direct = direct_reference(light, (position - shift) @ turn, normal @ turn)
-        shadow = _shadow(
-            view, layers, gbuffer.first("thickness"), position, normal, light, params
-        )
+        shadow = _shadow(view, layers, gbuffer.first("thickness"), position, normal, light, params)
         total += direct * (1.0 - shadow)[..., None]
     return np.where(there[..., None], total, 0.0)
 

@@ -84,8 +84,7 @@ class _Level:
         there = (y == to[0]) & (x == to[1]) & np.isfinite(depth[y, x]) & np.isfinite(depth[at])
         own = np.where(np.isfinite(depth[at]), depth[at], 1.0)
         off = off_plane(
-            view, rows[y, x], columns[y, x], np.where(there, depth[y, x], 1.0),
-            (rows[at], columns[at], own, normal[at]),
+            view, rows[y, x], columns[y, x], np.where(there, depth[y, x], 1.0), (rows[at], columns[at], own, normal[at])
         )
         cosine = np.sum(normal[at] * normal[y, x], axis=-1)
         fit = (
@@ -117,15 +116,11 @@ class _Level:
             most = np.maximum(np.where(fits[a], apart[a], 0.0), np.where(fits[b], apart[b], 0.0))
             slopes.append(np.where(fits[a] | fits[b], most, UNKNOWN))
             second_difference = np.abs(beside[a] + beside[b] - 2.0 * values).max(-1)
-            second_differences.append(np.where(fits[a] & fits[b], second_difference,
-                np.where(ends[a // 2], 0.0, -1.0)))
+            second_differences.append(np.where(fits[a] & fits[b], second_difference, np.where(ends[a // 2], 0.0, -1.0)))
         spread = np.max(apart, axis=0)
         even = spread <= bound
         unknown = even | (np.minimum(*second_differences) < 0.0) | (ends[0] & ends[1])
-        return (
-            np.where(even, spread, np.maximum(*slopes)),
-            np.where(unknown, -1.0, np.maximum(*second_differences)),
-        )
+        return (np.where(even, spread, np.maximum(*slopes)), np.where(unknown, -1.0, np.maximum(*second_differences)))
 
     def interpolate(self, values: Doubles, bound: float) -> tuple[Doubles, Doubles]:
         """Return values at this level's points, and which share of them is to be computed."""
@@ -156,8 +151,9 @@ class _Level:
                 widest = np.where(counts, np.maximum(widest, apart), widest)
                 fits = weight > 0.0
                 slopes = np.where(fits, np.maximum(slopes, slope[near]), slopes)
-                second_differences = np.where(fits,
-                    np.maximum(second_differences, second_difference[near]), second_differences)
+                second_differences = np.where(
+                    fits, np.maximum(second_differences, second_difference[near]), second_differences
+                )
         lines = odd_row + odd
         mean /= np.where(total > 0.0, total, 1.0)[..., None]
         weight_imbalance = 1.0 - least / np.where(total > 0.0, total, 1.0) * 2.0**lines

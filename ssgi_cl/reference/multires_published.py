@@ -46,9 +46,7 @@ def multires_published_reference(
     return light, kept
 
 
-def subsplats(
-    view: SurfaceView, levels: int, depth_threshold: float, normal_threshold: float
-) -> Masks:
+def subsplats(view: SurfaceView, levels: int, depth_threshold: float, normal_threshold: float) -> Masks:
     """Return which texels of each level are subsplats, from the finest level on."""
     depth, normal = view.inner(view.depth), view.inner(view.normal)[..., :2]
     there = np.isfinite(depth)
@@ -60,17 +58,10 @@ def subsplats(
     high = np.where(there[..., None], near.max(0), -1.0)
     enough: Masks = [there]
     for level in range(1, levels):
-        variation, low, high = (
-            _mip(values, largest) for values, largest in ((variation, 1), (low, 0), (high, 1))
-        )
+        variation, low, high = (_mip(values, largest) for values, largest in ((variation, 1), (low, 0), (high, 1)))
         extent = (high - low).max(-1)
-        enough.append(
-            (extent >= -1.0) & (extent <= normal_threshold)
-            & (variation <= depth_threshold * 3.0 / level)
-        )
-    finer = [
-        own & ~_doubled(coarser, own.shape) for own, coarser in pairwise(enough)
-    ]
+        enough.append((extent >= -1.0) & (extent <= normal_threshold) & (variation <= depth_threshold * 3.0 / level))
+    finer = [own & ~_doubled(coarser, own.shape) for own, coarser in pairwise(enough)]
     return [*finer, enough[-1]]
 
 
@@ -127,8 +118,7 @@ def upsampled(
         taps[i, j] = np.where(coarse_lit[up][..., None], coarse[up], fine[own])
     # The nearer neighbour of the parent has 3/4, the farther 1/4.
     tents = [
-        np.where(at % 2, *(np.array(ends).reshape(3, 1, 1) for ends in ((0.25, 1.0, 0.75),
-                                                                       (0.75, 1.0, 0.25))))
+        np.where(at % 2, *(np.array(ends).reshape(3, 1, 1) for ends in ((0.25, 1.0, 0.75), (0.75, 1.0, 0.25))))
         for at in (y, x)
     ]
     weight = tents[0][:, None] * tents[1] * there

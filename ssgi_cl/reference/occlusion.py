@@ -22,7 +22,9 @@ def blur_of(params: Any) -> Blur:
     step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
     joined = getattr(params, "joined", False)
     return Blur(
-        radius=params.blur_radius, passes=params.blur_passes, depth_sigma=DEPTH_SIGMA * step,
+        radius=params.blur_radius,
+        passes=params.blur_passes,
+        depth_sigma=DEPTH_SIGMA * step,
         sigma=JOINED_SIGMA * (params.blur_radius + 1) if joined else 0.0,
     )
 

@@ -45,8 +45,7 @@ class OccupancyGridReference:
     """
 
     def __init__(
-        self, inside: Doubles, images: Sequence[Doubles], cells: int,
-        triangles: Doubles | None = None,
+        self, inside: Doubles, images: Sequence[Doubles], cells: int, triangles: Doubles | None = None
     ) -> None:
         low, high = inside.min(axis=0), inside.max(axis=0)
         self.cell = (high - low).max() / (cells - 6)
@@ -71,8 +70,7 @@ class OccupancyGridReference:
             self.held[z, y, x] = True
 
     def hidden(
-        self, point: Doubles, normal: Doubles, light: Doubles, axis: Doubles,
-        eye: Doubles | None = None,
+        self, point: Doubles, normal: Doubles, light: Doubles, axis: Doubles, eye: Doubles | None = None
     ) -> NDArray[np.bool_]:
         """Return [n] whether a surface blocks the ray from points [n, 3] to a light or [n, 3].
 
@@ -94,9 +92,7 @@ class OccupancyGridReference:
         cuts[:, -1] = 1.0
         enter = cuts[:, :-1]
         middle = 0.5 * (enter + cuts[:, 1:])
-        x, y, z = np.moveaxis(
-            np.floor(start[:, None] + way[:, None] * middle[..., None]).astype(np.int64), -1, 0
-        )
+        x, y, z = np.moveaxis(np.floor(start[:, None] + way[:, None] * middle[..., None]).astype(np.int64), -1, 0)
         # Pieces of no length lie on the sides of cells, where rounding decides.
         real = np.diff(cuts, axis=1) * length[:, None] > 1e-9
         full, empty = real & self.held[z, y, x], real & ~self.held[z, y, x]
@@ -137,8 +133,7 @@ def voxelized(triangle: Doubles, cells: int) -> NDArray[np.int64]:
         low = np.clip(np.floor(triangle.min(axis=0)).astype(np.int64), 0, cells)
         high = np.clip(np.floor(triangle.max(axis=0)).astype(np.int64) + 1, 0, cells)
         column = np.stack(
-            np.meshgrid(np.arange(low[u], high[u]), np.arange(low[v], high[v]), indexing="ij"),
-            axis=-1,
+            np.meshgrid(np.arange(low[u], high[u]), np.arange(low[v], high[v]), indexing="ij"), axis=-1
         ).reshape(-1, 2)
         p, q = column[:, 0] + 0.5 - a[u], column[:, 1] + 0.5 - a[v]
         of_b = (p * edge_c[v] - q * edge_c[u]) / area
@@ -160,10 +155,7 @@ def seen_surfaces(gbuffer: GBuffer, rsms: Sequence[ReflectiveShadowMap]) -> list
     ]
     images += [(np.asarray(rsm.position, np.float64), np.asarray(rsm.depth)) for rsm in rsms]
     view = gbuffer.camera.view
-    return [
-        np.where(np.isfinite(depth)[..., None], at, np.nan) @ view[:3, :3].T + view[:3, 3]
-        for at, depth in images
-    ]
+    return [np.where(np.isfinite(depth)[..., None], at, np.nan) @ view[:3, :3].T + view[:3, 3] for at, depth in images]
 
 
 def _between(at: Doubles) -> Doubles:

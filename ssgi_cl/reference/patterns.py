@@ -127,9 +127,7 @@ def tile_disk() -> tuple[Doubles, Doubles]:
 
 def square_points(count: int) -> Doubles:
     """Return [count, 2] of Hammersley's points of the unit square, moved by half a step each."""
-    return np.array(
-        [((n + 0.5) / count, (radical_inverse(n) + 0.5 / count) % 1.0) for n in range(count)]
-    )
+    return np.array([((n + 0.5) / count, (radical_inverse(n) + 0.5 / count) % 1.0) for n in range(count)])
 
 
 def disk_pattern(count: int, weights: str) -> Doubles:
@@ -159,7 +157,9 @@ def cap_pattern(count: int, weights: str, reach: float) -> Doubles:
         xi, turn = (n + 0.5) / count, 2.0 * np.pi * n / GOLDEN_RATIO
         polar = reach * xi
         pattern[n] = (
-            np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar),
+            np.sin(polar) * np.cos(turn),
+            np.sin(polar) * np.sin(turn),
+            np.cos(polar),
             np.sin(polar) if weights == "unbiased" else xi**2,
         )
     pattern[:, 3] *= 4.0 * np.pi * np.sin(0.5 * reach) ** 2 / pattern[:, 3].sum()

@@ -50,10 +50,7 @@ class Lobes:
         bend = _bend(normals, 0) + _bend(normals, 1)
         rows, columns = gbuffer.margin
         inner = bend[rows : bend.shape[0] - rows, columns : bend.shape[1] - columns]
-        return cls(
-            own, np.clip(gbuffer.inner(gloss), 1.0, 1e6).astype(np.float64),
-            view - 2.0 * along * normal, inner,
-        )
+        return cls(own, np.clip(gbuffer.inner(gloss), 1.0, 1e6).astype(np.float64), view - 2.0 * along * normal, inner)
 
     def widened(self) -> Self:
         """Return lobes as wide as what a pixel of a bent surface mirrors.

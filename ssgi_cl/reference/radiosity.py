@@ -13,9 +13,7 @@ MOST_ROW = 1.5
 """Factor by which a row of form factors is raised, at most."""
 
 
-def form_factors(
-    position: Doubles, normal: Doubles, area: Doubles, visible: NDArray[np.bool_]
-) -> Doubles:
+def form_factors(position: Doubles, normal: Doubles, area: Doubles, visible: NDArray[np.bool_]) -> Doubles:
     """Return [receivers, senders] form factors from a point to discs, 0 where not `visible`.
 
     A cos cos / (pi d^2 + A); Wallace et al. 1989, "A Ray Tracing Algorithm for Progressive
@@ -30,8 +28,7 @@ def form_factors(
 
 
 def radiosity_reference(
-    factors: Doubles, open_part: Doubles, albedo: Doubles, exitance: Doubles, sky: Doubles,
-    first: Doubles, bounces: int,
+    factors: Doubles, open_part: Doubles, albedo: Doubles, exitance: Doubles, sky: Doubles, first: Doubles, bounces: int
 ) -> Doubles:
     """Return irradiance [n, 3] of patches after some bounces.
 

@@ -105,10 +105,14 @@ def hilbert_order(rows: int, columns: int) -> NDArray[np.intp]:
     curve = np.zeros((1, 2), int)  # column, row
     for level in range(max(order, 1)):
         half = 2**level
-        curve = np.concatenate([
-            curve[:, ::-1], curve + np.array([0, half]), curve + half,
-            np.array([2 * half - 1, half - 1]) - curve[:, ::-1],
-        ])
+        curve = np.concatenate(
+            [
+                curve[:, ::-1],
+                curve + np.array([0, half]),
+                curve + half,
+                np.array([2 * half - 1, half - 1]) - curve[:, ::-1],
+            ]
+        )
     inside = curve[(curve[:, 0] < columns) & (curve[:, 1] < rows)]
     index: NDArray[np.intp] = inside[:, 1] * columns + inside[:, 0]
     return index

@@ -35,21 +35,20 @@ class Discs:
         position, normal, area = texels(rsm)
         flux = np.asarray(rsm.flux, np.float64) * np.isfinite(rsm.depth)[..., None]
         return cls(
-            position=position.reshape(-1, 3), normal=normal.reshape(-1, 3),
-            flux=flux.reshape(-1, 3), area=area.ravel(),
+            position=position.reshape(-1, 3), normal=normal.reshape(-1, 3), flux=flux.reshape(-1, 3), area=area.ravel()
         )
 
     def weighted(self, index: NDArray[np.intp], count: Doubles) -> Discs:
         """Return those of an index, each for `count` such texels, but no smaller than one."""
         return Discs(
-            position=self.position[index], normal=self.normal[index],
-            flux=self.flux[index] * count[..., None], area=self.area[index] * np.maximum(count, 1),
+            position=self.position[index],
+            normal=self.normal[index],
+            flux=self.flux[index] * count[..., None],
+            area=self.area[index] * np.maximum(count, 1),
         )
 
 
-def rsm_gather_reference(
-    gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams
-) -> Doubles:
+def rsm_gather_reference(gbuffer: GBuffer, rsm: ReflectiveShadowMap, params: RsmGatherParams) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by one map, gathered for every pixel."""
     return gathered(SurfaceView.of(gbuffer), rsm, params)
 
@@ -63,10 +62,7 @@ def gathered(view: SurfaceView, rsm: ReflectiveShadowMap, params: RsmGatherParam
         samples = discs if params.pattern == "all" else drawn_by_flux(rsm, params.samples)
         row = [irradiance(p, n, samples) for p, n in zip(points, normals, strict=True)]
     else:
-        row = [
-            irradiance(points[y], normals[y], _round_pixels(points[y], y, rsm, discs, params))
-            for y in range(rows)
-        ]
+        row = [irradiance(points[y], normals[y], _round_pixels(points[y], y, rsm, discs, params)) for y in range(rows)]
     there = np.isfinite(view.inner(view.depth))
     return np.where(there[..., None], np.reshape(row, (rows, columns, 3)), 0.0)
 
@@ -95,9 +91,7 @@ def drawn_by_flux(rsm: ReflectiveShadowMap, count: int) -> Discs:
     levels = [power]
     while levels[-1].shape != (1, 1):
         grown = np.pad(levels[-1], [(0, size % 2) for size in levels[-1].shape])
-        levels.append(
-            grown[::2, ::2] + grown[::2, 1::2] + grown[1::2, ::2] + grown[1::2, 1::2]
-        )
+        levels.append(grown[::2, ::2] + grown[::2, 1::2] + grown[1::2, ::2] + grown[1::2, 1::2])
     index = np.zeros(count, np.intp)
     if levels[-1][0, 0] > 0.0:
         index = np.array([_descended(levels, u, v) for u, v in square_points(count)], np.intp)
@@ -125,9 +119,7 @@ def _descended(levels: list[Doubles], u: float, v: float) -> int:
     return int(y * levels[0].shape[1] + x)
 
 
-def _round_pixels(
-    points: Doubles, row: int, rsm: ReflectiveShadowMap, texels: Discs, params: RsmGatherParams
-) -> Discs:
+def _round_pixels(points: Doubles, row: int, rsm: ReflectiveShadowMap, texels: Discs, params: RsmGatherParams) -> Discs:
     """Return [columns, samples] discs of the pattern round each pixel of a row of the image."""
     turn = np.zeros(len(points))
     if params.pattern == "rotated":
@@ -157,10 +149,7 @@ def _round_pixels(
     return texels.weighted(line * columns + column, count)
 
 
-def _in_cap(
-    points: Doubles, turn: Doubles, rsm: ReflectiveShadowMap, texels: Discs,
-    params: RsmGatherParams,
-) -> Discs:
+def _in_cap(points: Doubles, turn: Doubles, rsm: ReflectiveShadowMap, texels: Discs, params: RsmGatherParams) -> Discs:
     """Return [columns, samples] discs in directions round each pixel's, of a point light."""
     length = np.sqrt(np.maximum(np.sum(points**2, axis=-1, keepdims=True), LEAST))
     x, y, z = np.moveaxis(points / length, -1, 0)

@@ -48,9 +48,7 @@ def rsm_published_reference(
             _gathered(points[y, x], normals[y, x], view, rsm, made, settings)
             for rsm, made in zip(rsms, of_texels, strict=True)
         )
-    low_rows, low_columns = (
-        np.minimum(np.arange(0, length, step) + step // 2, length - 1) for length in view.size
-    )
+    low_rows, low_columns = (np.minimum(np.arange(0, length, step) + step // 2, length - 1) for length in view.size)
     gathered = np.zeros((rows, columns), np.bool_)
     gathered[np.ix_(low_rows, low_columns)] = there[np.ix_(low_rows, low_columns)]
     if step == 1:
@@ -71,12 +69,8 @@ def rsm_published_reference(
                 k = 1.0 if view.camera.is_orthographic else -points[y, x, 2]
                 far = settings.position_tolerance * step * pixel * k
                 near = np.linalg.norm(points[at] - points[y, x]) <= far
-                if there[at] and near and normals[at] @ normals[y, x] >= math.cos(
-                    settings.normal_tolerance
-                ):
-                    weights.append(
-                        (1.0 - abs(across - left - j)) * (1.0 - abs(down - top - i))
-                    )
+                if there[at] and near and normals[at] @ normals[y, x] >= math.cos(settings.normal_tolerance):
+                    weights.append((1.0 - abs(across - left - j)) * (1.0 - abs(down - top - i)))
                     values.append(full[at])
         if len(weights) >= 3 and sum(weights) > 0.0:
             result[y, x] = np.array(weights) @ np.array(values) / sum(weights)
@@ -86,8 +80,12 @@ def rsm_published_reference(
 
 
 def _gathered(
-    point: Doubles, normal: Doubles, view: SurfaceView, rsm: ReflectiveShadowMap,
-    made: tuple[Doubles, Doubles, Doubles], settings: Settings,
+    point: Doubles,
+    normal: Doubles,
+    view: SurfaceView,
+    rsm: ReflectiveShadowMap,
+    made: tuple[Doubles, Doubles, Doubles],
+    settings: Settings,
 ) -> Doubles:
     """Return [3] the irradiance at a point of the camera's view space, by samples of one map, of
     whose texels `made` is what `texels` says."""
@@ -95,9 +93,7 @@ def _gathered(
     turn = view.camera.view[:3, :3]
     x = point @ turn + (view.camera.position - rsm.cameras[0].position)
     row, column, weight = _in_disk(x, rsm, settings)
-    flux = np.asarray(rsm.flux, np.float64)[row, column] * np.isfinite(
-        np.asarray(rsm.depth)[row, column]
-    )[:, None]
+    flux = np.asarray(rsm.flux, np.float64)[row, column] * np.isfinite(np.asarray(rsm.depth)[row, column])[:, None]
     n = towards[row, column]
     way = position[row, column] - settings.offset * np.sqrt(area[row, column])[:, None] * n - x
     square = np.maximum(np.sum(way**2, axis=1), 1e-18)
@@ -134,8 +130,7 @@ def _in_disk(
 
 
 def _in_cap(
-    x: Doubles, rsm: ReflectiveShadowMap, settings: Settings, xi1: Doubles, angle: Doubles,
-    share: Doubles,
+    x: Doubles, rsm: ReflectiveShadowMap, settings: Settings, xi1: Doubles, angle: Doubles, share: Doubles
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Doubles]:
     """Return what `_in_disk` does for a point light: directions round that of the point."""
     reach = min(0.5 * math.pi * settings.radius, math.pi)
@@ -146,7 +141,8 @@ def _in_cap(
     s = np.array([-w[0] * w[1] * a, 1.0 - w[1] ** 2 * a, -w[1]])
     polar = reach * xi1
     way = (
-        np.outer(np.sin(polar) * np.cos(angle), t) + np.outer(np.sin(polar) * np.sin(angle), s)
+        np.outer(np.sin(polar) * np.cos(angle), t)
+        + np.outer(np.sin(polar) * np.sin(angle), s)
         + np.outer(np.cos(polar), w)
     )
     rows, columns, count = (np.empty(len(xi1)) for _ in range(3))

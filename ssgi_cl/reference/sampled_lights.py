@@ -16,8 +16,14 @@ OFFSET = 1.0
 
 
 def sampled_lights_reference(
-    gbuffer: GBuffer, scene: Scene, towards: Doubles, flux: Doubles, views: Doubles,
-    diagonals: Doubles, order: NDArray[np.int64], texels: int,
+    gbuffer: GBuffer,
+    scene: Scene,
+    towards: Doubles,
+    flux: Doubles,
+    views: Doubles,
+    diagonals: Doubles,
+    order: NDArray[np.int64],
+    texels: int,
 ) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by environments, not blurred.
 

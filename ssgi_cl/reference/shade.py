@@ -139,9 +139,7 @@ def sky_reference(environments: Sequence[Environment], camera: Camera) -> Double
     return result
 
 
-def shadow_reference(
-    rsm: ReflectiveShadowMap, position: Doubles, normal: Doubles, extent: float = 0.0
-) -> Doubles:
+def shadow_reference(rsm: ReflectiveShadowMap, position: Doubles, normal: Doubles, extent: float = 0.0) -> Doubles:
     """Return the share of light [rows, columns] that reaches surfaces in world space.
 
     Args:
@@ -151,6 +149,7 @@ def shadow_reference(
     """
     cameras = rsm.cameras
     depth = np.asarray(rsm.depth, np.float64).reshape(len(cameras), *cameras[0].size)
+
     def of_face(camera: Camera, seen: Doubles) -> Doubles:
         if extent > 0.0:
             return soft_face_shadow_reference(camera, seen, position, normal, extent)
@@ -164,15 +163,12 @@ def shadow_reference(
     face = 2 * axis + (main < 0.0)
     result = np.ones(face.shape)
     for index, camera in enumerate(cameras):
-        result = np.where(
-            face == index, of_face(camera, depth[index]), result
-        )
+        result = np.where(face == index, of_face(camera, depth[index]), result)
     return result
 
 
 def face_shadow_reference(
-    camera: Camera, seen: Doubles, position: Doubles, normal: Doubles,
-    is_facet: NDArray[np.bool_] | None = None,
+    camera: Camera, seen: Doubles, position: Doubles, normal: Doubles, is_facet: NDArray[np.bool_] | None = None
 ) -> Doubles:
     """Return the share of light by one image of a map.
 
@@ -223,7 +219,11 @@ class MapReceiver:
 
     @classmethod
     def of(
-        cls, camera: Camera, seen: Doubles, position: Doubles, normal: Doubles,
+        cls,
+        camera: Camera,
+        seen: Doubles,
+        position: Doubles,
+        normal: Doubles,
         is_facet: NDArray[np.bool_] | None = None,
     ) -> MapReceiver:
         """Return those of surfaces in world space; see `face_shadow_reference`."""

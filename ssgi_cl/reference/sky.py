@@ -12,9 +12,7 @@ from ssgi_cl.reference.gbuffer import Doubles
 from ssgi_cl.reference.slices import Scan, Slice
 
 
-def looked_up(
-    sky: Doubles, scan: Scan, plane: Slice, free: NDArray[np.bool_], cones: int
-) -> Doubles:
+def looked_up(sky: Doubles, scan: Scan, plane: Slice, free: NDArray[np.bool_], cones: int) -> Doubles:
     """Return the mean radiance [rows, columns, 3] of a slice's sectors, 0 of those not `free`.
 
     Args:
@@ -28,9 +26,7 @@ def looked_up(
     return total
 
 
-def cones_of(
-    scan: Scan, plane: Slice, chosen: NDArray[np.bool_], cones: int
-) -> Iterator[tuple[Doubles, Doubles]]:
+def cones_of(scan: Scan, plane: Slice, chosen: NDArray[np.bool_], cones: int) -> Iterator[tuple[Doubles, Doubles]]:
     """Give the share of a slice's sectors that are `chosen` and in a cone, and its direction.
 
     Args:
@@ -51,10 +47,7 @@ def cones_of(
 def _turned(plane: Slice, sine: float) -> tuple[Doubles, Doubles]:
     """Return sine and cosine from the view ray of an angle from the projected normal."""
     cosine = np.sqrt(1.0 - sine * sine)
-    return (
-        plane.sin_normal * cosine + plane.cos_normal * sine,
-        plane.cos_normal * cosine - plane.sin_normal * sine,
-    )
+    return (plane.sin_normal * cosine + plane.cos_normal * sine, plane.cos_normal * cosine - plane.sin_normal * sine)
 
 
 def _sector(plane: Slice, sine: float, sectors: int) -> NDArray[np.int64]:
@@ -68,9 +61,7 @@ def _direction(scan: Scan, plane: Slice, s: Doubles, c: Doubles) -> Doubles:
     """Return the world-space direction in a slice with this sine and cosine."""
     view_ray = np.stack([*scan.slope, -np.ones_like(s)], axis=-1)
     view_ray = view_ray / np.linalg.norm(view_ray, axis=-1, keepdims=True)
-    offset = np.stack(
-        [plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros_like(s)], axis=-1
-    )
+    offset = np.stack([plane.cosine * scan.to_x, plane.sine * scan.to_y, np.zeros_like(s)], axis=-1)
     across = offset - np.sum(offset * view_ray, axis=-1, keepdims=True) * view_ray
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
     view = across * s[..., None] - view_ray * c[..., None]
@@ -85,8 +76,6 @@ def texel(sky: Doubles, direction: Doubles) -> Doubles:
     x, y, z = d[..., 0], d[..., 1], d[..., 2]
     u = np.where(y < 0.0, np.copysign(1.0 - np.abs(z), x), x)
     v = np.where(y < 0.0, np.copysign(1.0 - np.abs(x), z), z)
-    column, row = (
-        np.clip(((w + 1.0) * 0.5 * size).astype(int), 0, size - 1) for w in (u, v)
-    )
+    column, row = (np.clip(((w + 1.0) * 0.5 * size).astype(int), 0, size - 1) for w in (u, v))
     result: Doubles = sky[row, column]
     return result

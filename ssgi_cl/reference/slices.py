@@ -212,9 +212,7 @@ class Scan:
             towards = -self.clamped / length
             projected = np.hypot(across, towards)
             central = np.sqrt(self.middle**2 + self.slope[1] ** 2 + 1.0)
-            reach = np.minimum(
-                self.reach * central * self._inverse(ax, ay, self.middle), self._farthest()
-            )
+            reach = np.minimum(self.reach * central * self._inverse(ax, ay, self.middle), self._farthest())
             span = np.maximum(reach - NEAREST_TAP, 0.0)
             offset: dict[int, list[tuple[Doubles, Doubles]]] = {}
             for side in (1, -1):
@@ -256,9 +254,7 @@ class Scan:
         start = own // TILE // GROUP * GROUP * TILE + own % TILE + self.view.margin[1]
         across = np.where(along > 0.0, columns - start, start + TILE * GROUP)
         high = np.where(down > 0.0, rows - row, row + 1.0)
-        reach = np.minimum(
-            across / np.maximum(np.abs(along), 1e-6), high / np.maximum(np.abs(down), 1e-6)
-        )
+        reach = np.minimum(across / np.maximum(np.abs(along), 1e-6), high / np.maximum(np.abs(down), 1e-6))
         result: Doubles = np.maximum(reach - NEAREST_TAP, 0.0)
         return result
 
@@ -309,9 +305,7 @@ class Scan:
         """Return (squared distance - squared radius) of a point, times its scale squared."""
         scale = self.scale(f)
         q = x * self.slope[0] + y * self.slope[1]
-        result: Doubles = (
-            f * (f * self.ray_squared + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2
-        )
+        result: Doubles = f * (f * self.ray_squared + 2.0 * q) + x * x + y * y - (self.radius * scale) ** 2
         return result
 
     def scale(self, f: Doubles) -> Doubles:
@@ -322,10 +316,7 @@ class Scan:
         rows, columns = self.view.depth.shape
         row, column = self.row + dy, self.column + dx
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        at = (
-            np.clip(row, 0, rows - 1).astype(int),
-            np.clip(column, 0, columns - 1).astype(int),
-        )
+        at = (np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int))
         x, y = dx * self.to_x, dy * self.to_y
         inverse = plane.across * self._inverse(x, y, self.middle)
         along = self.normal[..., 0] * x + self.normal[..., 1] * y
@@ -356,9 +347,7 @@ class Scan:
             px=side * (dx * plane.cosine + dy * plane.sine),
         )
 
-    def _behind(
-        self, f: Doubles, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]
-    ) -> Doubles:
+    def _behind(self, f: Doubles, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]) -> Doubles:
         """Return `Tap.behind` of taps at array elements that may lie inside the image."""
         thick = self.thick
         if self.given is not None and layer == 0:
@@ -409,9 +398,7 @@ def scanned(
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
     depths = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *full.depth.shape)
-    rows, columns = (
-        view.origin[i] - full.origin[i] + step * np.arange(view.depth.shape[i]) for i in (0, 1)
-    )
+    rows, columns = (view.origin[i] - full.origin[i] + step * np.arange(view.depth.shape[i]) for i in (0, 1))
     given = None if thickness is None else gbuffer.first("thickness")
     thick = None if given is None else given.astype(np.float64)[rows[:, None], columns]
     layers = depths[:, rows[:, None], columns]

@@ -69,9 +69,7 @@ def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = N
         limit_px = params.max_radius_px / view.step
         radius_px = np.minimum(wanted_px, limit_px)
         radius = np.where(wanted_px > limit_px, wanted * limit_px / wanted_px, wanted)
-        count = np.clip(
-            radius_px * view.step * params.samples / params.near_px, fewest, most
-        ).astype(int)
+        count = np.clip(radius_px * view.step * params.samples / params.near_px, fewest, most).astype(int)
         count[radius_px < 1.0] = 0
         occlusion = np.zeros((rows, columns))
         known = np.zeros((rows, columns))
@@ -86,12 +84,7 @@ def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = N
 
 
 def _sample(
-    view: SurfaceView,
-    params: SsaoParams,
-    position: Doubles,
-    normal: Doubles,
-    radius: Doubles,
-    point: Doubles,
+    view: SurfaceView, params: SsaoParams, position: Doubles, normal: Doubles, radius: Doubles, point: Doubles
 ) -> tuple[NDArray[np.bool_], Doubles]:
     """Return whether one sample of every pixel counts, and how much it is occluded."""
     if params.hemisphere:
@@ -103,10 +96,7 @@ def _sample(
     row, column = view.pixel(np.where(counted[..., None], at, position))
     rows, columns = view.depth.shape
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    tap = (
-        np.clip(np.floor(row), 0, rows - 1).astype(int),
-        np.clip(np.floor(column), 0, columns - 1).astype(int),
-    )
+    tap = (np.clip(np.floor(row), 0, rows - 1).astype(int), np.clip(np.floor(column), 0, columns - 1).astype(int))
     seen = view.depth[tap]
     if params.outside == "unknown":
         counted = counted & inside

@@ -65,13 +65,10 @@ def ssdo_bitmask_reference(
     """
     scan, full = scanned(gbuffer, params, params.thickness, params.end, within=True)
     rows, columns = (
-        scan.view.origin[i] - full.origin[i] + scan.view.step * np.arange(scan.view.depth.shape[i])
-        for i in (0, 1)
+        scan.view.origin[i] - full.origin[i] + scan.view.step * np.arange(scan.view.depth.shape[i]) for i in (0, 1)
     )
     sent = None if radiance is None else np.asarray(radiance)[:, rows[:, None], columns]
-    slopes, sides = (
-        found(gbuffer, full)[..., rows[:, None], columns] for found in (slopes_of, sides_of)
-    )
+    slopes, sides = (found(gbuffer, full)[..., rows[:, None], columns] for found in (slopes_of, sides_of))
     layers = len(scan.depths)
     thick = params.thickness > 0.0 or scan.given is not None
     shape = scan.depth.shape
@@ -126,8 +123,7 @@ def _irradiance(total: Doubles, whole: Doubles, there: NDArray[np.bool_]) -> Dou
 
 
 def pieces(
-    scan: Scan, plane: Slice, side: int, slopes: Doubles, sides: Doubles, sectors: int, *,
-    thick: bool,
+    scan: Scan, plane: Slice, side: int, slopes: Doubles, sides: Doubles, sectors: int, *, thick: bool
 ) -> Iterator[Piece]:
     """Give what the taps of a side stand for, from near to far, of each the layers front to back.
 
@@ -144,9 +140,7 @@ def pieces(
         last = index + 1 == len(px)
         end = 2.0 * px[index] - half if last else 0.5 * (px[index] + px[index + 1])
         for layer, tap in enumerate(layers):
-            along, down = (
-                gain * _at_tap(slope[..., None], scan, tap)[..., 0] for slope in slopes[layer]
-            )
+            along, down = (gain * _at_tap(slope[..., None], scan, tap)[..., 0] for slope in slopes[layer])
             own = tap.f - along * tap.x - down * tap.y
             start = np.where(own >= 0.0, FIRST, half) if index == 0 else half
 
@@ -231,9 +225,7 @@ def _slopes_of_depth(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
         before, behind = (np.roll(each, shift, axis) for each, shift in ((down, 1), (up, -1)))
         misses = (np.abs(down - before), np.abs(behind - up))
         down_miss, up_miss = (np.where(np.isnan(miss), bend, miss) for miss in misses)
-        lesser = (down_miss < up_miss) | (
-            (down_miss == up_miss) & (np.abs(down) <= np.abs(up))
-        )
+        lesser = (down_miss < up_miss) | ((down_miss == up_miss) & (np.abs(down) <= np.abs(up)))
         one = np.where(np.isnan(up) | (~np.isnan(down) & lesser), down, up)
         alike = bend <= 2.0 * np.minimum(down_miss, up_miss)
         found.append(np.nan_to_num(np.where(alike, 0.5 * (down + up), one)) / unit)

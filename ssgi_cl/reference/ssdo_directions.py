@@ -34,9 +34,7 @@ class Directions:
     light: Doubles | None
 
 
-def directions(
-    count: int, sky: Doubles | None = None, *, equal: bool = False
-) -> Directions:
+def directions(count: int, sky: Doubles | None = None, *, equal: bool = False) -> Directions:
     """Return the directions of all pixels of the tile, one after the other.
 
     Args:
@@ -59,8 +57,7 @@ def directions(
     root = _root_of_r3()
     shape = (ROWS, COLUMNS, count)
     result = Directions(
-        np.empty((*shape, 3)), np.empty(shape), np.empty(shape),
-        None if sky is None else np.zeros((*shape, 2, 3)),
+        np.empty((*shape, 3)), np.empty(shape), np.empty(shape), None if sky is None else np.zeros((*shape, 2, 3))
     )
     for y, x in np.ndindex(ROWS, COLUMNS):
         first = 4 * _bayer(y % 4, x) + (0, 2, 1, 3)[y // 4]

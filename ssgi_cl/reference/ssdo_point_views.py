@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.reference.ssdo_points import (
-    NEAREST,
-    Gathered,
-    camera_of,
-    gathered,
-    layers_of,
-    receivers,
-)
+from ssgi_cl.reference.ssdo_points import NEAREST, Gathered, camera_of, gathered, layers_of, receivers
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.indirect.ssdo_points import PointsParams

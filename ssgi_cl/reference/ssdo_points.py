@@ -102,7 +102,9 @@ def ssdo_points_reference(
     at = receivers(camera.layers[0], params, step)
     shape = at.there.shape
     before = Gathered(
-        np.ones(shape), sky_irradiance(gbuffer, at, params, sky), np.zeros((*shape, 3)),
+        np.ones(shape),
+        sky_irradiance(gbuffer, at, params, sky),
+        np.zeros((*shape, 3)),
         np.zeros((params.samples, *shape), bool),
     )
     nearest = NEAREST * -at.position[..., 2]
@@ -140,8 +142,7 @@ def gathered(
         way, cosine, length, solid_angle, side = _direction(gbuffer, at, chosen, number)
         open_ = at.active & ~before.met[number]
         search = _tap if params.method == "published" else _ray
-        hit = search(camera, seen, way @ turn.T, cosine, length, solid_angle, open_, nearest,
-                     params)
+        hit = search(camera, seen, way @ turn.T, cosine, length, solid_angle, open_, nearest, params)
         weight = solid_angle * cosine
         hidden += weight * hit.hides
         total += weight
@@ -155,14 +156,14 @@ def gathered(
     visibility = np.clip(before.visibility - hidden / total, 0.0, 1.0)
     there = at.there[..., None]
     return Gathered(
-        np.where(at.there, visibility, 1.0), np.where(there, np.maximum(light, 0.0), 0.0),
-        before.bounce + np.where(there, bounce, 0.0), met,
+        np.where(at.there, visibility, 1.0),
+        np.where(there, np.maximum(light, 0.0), 0.0),
+        before.bounce + np.where(there, bounce, 0.0),
+        met,
     )
 
 
-def sky_irradiance(
-    gbuffer: GBuffer, at: Receivers, params: PointsParams, sky: ArrayLike | None
-) -> Doubles:
+def sky_irradiance(gbuffer: GBuffer, at: Receivers, params: PointsParams, sky: ArrayLike | None) -> Doubles:
     """Return [rows, columns, 3]: the sky's irradiance where nothing hides it, W/m^2."""
     result = np.zeros((*at.there.shape, 3))
     if sky is not None:
@@ -173,9 +174,7 @@ def sky_irradiance(
     return result
 
 
-def camera_of(
-    gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False
-) -> Camera:
+def camera_of(gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False) -> Camera:
     """Return what a G-buffer's camera sees."""
     sent = None if radiance is None else np.asarray(radiance, np.float64)
     return Camera(layers_of(gbuffer), gbuffer.first("thickness"), sent, auxiliary)
@@ -264,8 +263,14 @@ def _surface(view: SurfaceView, row: NDArray[np.int_], column: NDArray[np.int_])
 
 
 def _cut(
-    view: SurfaceView, at: Receivers, way: Doubles, cosine: Doubles, t: Doubles,
-    nearest: Doubles | float, *, beside: bool = False,
+    view: SurfaceView,
+    at: Receivers,
+    way: Doubles,
+    cosine: Doubles,
+    t: Doubles,
+    nearest: Doubles | float,
+    *,
+    beside: bool = False,
 ) -> tuple[Masks, Masks, Doubles, Doubles, Doubles, NDArray[np.int_], NDArray[np.int_]]:
     """Cut rays by the tangent planes of the pixels that show their points at t.
 
@@ -292,8 +297,15 @@ def _cut(
 
 
 def _ray(
-    camera: Camera, at: Receivers, way: Doubles, cosine: Doubles, length: Doubles,
-    solid_angle: Doubles, open_: Masks, nearest: Doubles | float, params: PointsParams,
+    camera: Camera,
+    at: Receivers,
+    way: Doubles,
+    cosine: Doubles,
+    length: Doubles,
+    solid_angle: Doubles,
+    open_: Masks,
+    nearest: Doubles | float,
+    params: PointsParams,
 ) -> Hit:
     """Return the nearest point of each ray at which a surface agrees to be cut."""
     best = np.full(cosine.shape, np.inf)
@@ -302,13 +314,9 @@ def _ray(
         t = at.radius * ((length + tap) / params.taps) ** 1.5
         looks = open_ & (t < best)
         for number, view in enumerate(camera.layers):
-            there, ok, next_, height, gap, row, column = _cut(
-                view, at, way, cosine, t, nearest
-            )
+            there, ok, next_, height, gap, row, column = _cut(view, at, way, cosine, t, nearest)
             next_ = np.where(ok, next_, at.radius)
-            _, again, second, next_height, _, next_row, next_column = _cut(
-                view, at, way, cosine, next_, nearest
-            )
+            _, again, second, next_height, _, next_row, next_column = _cut(view, at, way, cosine, next_, nearest)
             with np.errstate(invalid="ignore"):
                 found = looks & ok & again & (np.abs(second - next_) <= AGREE * second)
             if camera.auxiliary:
@@ -333,8 +341,15 @@ def _ray(
 
 
 def _tap(
-    camera: Camera, at: Receivers, way: Doubles, cosine: Doubles, length: Doubles,
-    solid_angle: Doubles, open_: Masks, nearest: Doubles | float, params: PointsParams,
+    camera: Camera,
+    at: Receivers,
+    way: Doubles,
+    cosine: Doubles,
+    length: Doubles,
+    solid_angle: Doubles,
+    open_: Masks,
+    nearest: Doubles | float,
+    params: PointsParams,
 ) -> Hit:
     """Return what one tap of each direction finds: Ritschel, Grosch and Seidel 2009, section 4."""
     front = camera.layers[0]

@@ -24,13 +24,12 @@ def sides_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
     if gbuffer.normal is not None:
         of_layers = np.asarray(gbuffer.normal, np.float64).reshape(-1, *view.depth.shape, 3)
         normals[: len(of_layers)] = of_layers
-    turned = np.stack([
-        np.sum(
-            view_normals(replace(view, depth=depth), normal)
-            * (normal @ gbuffer.camera.view[:3, :3].T), axis=-1,
-        )
-        for depth, normal in zip(depths, normals, strict=True)
-    ])
+    turned = np.stack(
+        [
+            np.sum(view_normals(replace(view, depth=depth), normal) * (normal @ gbuffer.camera.view[:3, :3].T), axis=-1)
+            for depth, normal in zip(depths, normals, strict=True)
+        ]
+    )
     for row, column in np.argwhere(np.isfinite(depths[0])):
         begun: list[int] = []
         found = np.zeros(len(depths))

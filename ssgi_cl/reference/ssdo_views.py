@@ -95,9 +95,7 @@ def ssdo_views_reference(
     shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
     active = there & (wanted_px * shrink >= 1.0)
     radius = slices.radius * shrink
-    further = _other(
-        gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params
-    )
+    further = _other(gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params)
     turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
     tile_row, tile_column = np.indices(depth.shape)
     made = slice_pattern(slices)
@@ -149,8 +147,7 @@ class _Slice:
         to_x, to_y, _, _ = view.camera.pixel_to_view
         # One pixel along the slice.
         pixel = np.stack(
-            [np.cos(angle) * to_x * view.step, np.sin(angle) * to_y * view.step,
-             np.zeros(angle.shape)], axis=-1,
+            [np.cos(angle) * to_x * view.step, np.sin(angle) * to_y * view.step, np.zeros(angle.shape)], axis=-1
         )
         across = pixel - np.sum(pixel * eye, axis=-1, keepdims=True) * eye
         self.across = across / np.linalg.norm(across, axis=-1, keepdims=True)
@@ -222,9 +219,7 @@ def _other(
     ]
     place = position @ turn.T + shift
     to_x, to_y, _, _ = other.camera.pixel_to_view
-    ahead = 1.0 if other.camera.is_orthographic else np.maximum(
-        -place[..., 2], 1e-3 * slices.radius
-    )
+    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-place[..., 2], 1e-3 * slices.radius)
     pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
     return _Other(
         view=views[0],
@@ -239,26 +234,17 @@ def _other(
     )
 
 
-def _pixel(
-    other: _Other, point: Doubles, reach: float
-) -> tuple[NDArray[np.bool_], NDArray[np.int_], NDArray[np.int_]]:
+def _pixel(other: _Other, point: Doubles, reach: float) -> tuple[NDArray[np.bool_], NDArray[np.int_], NDArray[np.int_]]:
     """Return whether points are seen, and the row and column of their pixels."""
     ahead = -point[..., 2] > 1e-3 * reach
     row, column = other.view.pixel(np.where(ahead[..., None], point, [0.0, 0.0, -1.0]))
     rows, columns = other.view.depth.shape
     inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    return (
-        inside, np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int)
-    )
+    return (inside, np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int))
 
 
 def _march(
-    other: _Other,
-    way: Doubles,
-    open_: NDArray[np.bool_],
-    shift: Doubles,
-    slices: SliceParams,
-    params: ViewsParams,
+    other: _Other, way: Doubles, open_: NDArray[np.bool_], shift: Doubles, slices: SliceParams, params: ViewsParams
 ) -> tuple[NDArray[np.bool_], Doubles]:
     """Return where a surface is met on the way, and the radiance that comes from it."""
     met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))

@@ -43,9 +43,7 @@ def _shown(earlier: GBuffer, point: Doubles, normal: Doubles, nearest: float) ->
     safe = np.where(ahead[..., None], point, [0.0, 0.0, -1.0])
     row, column = views[0].pixel(safe)
     inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    pixel = max(abs(to_x), abs(to_y)) * (
-        np.ones(ahead.shape) if earlier.camera.is_orthographic else -safe[..., 2]
-    )
+    pixel = max(abs(to_x), abs(to_y)) * (np.ones(ahead.shape) if earlier.camera.is_orthographic else -safe[..., 2])
     shown = np.zeros(ahead.shape, bool)
     for down in (-0.5, 0.5):
         for along in (-0.5, 0.5):

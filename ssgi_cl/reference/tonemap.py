@@ -9,9 +9,7 @@ MIDDLE_GREY = 0.18
 """Reflectance of a photographer's grey card (Reinhard et al. 2002, eq. 2)."""
 
 
-def encoded_reference(
-    radiance: ArrayLike, exposure: float, curve: str = "filmic"
-) -> NDArray[np.float64]:
+def encoded_reference(radiance: ArrayLike, exposure: float, curve: str = "filmic") -> NDArray[np.float64]:
     """Return sRGB values in [0, 255], not rounded, of linear radiance of any shape."""
     value = np.maximum(np.asarray(radiance, np.float64) * exposure, 0.0)
     if curve == "filmic":

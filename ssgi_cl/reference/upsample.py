@@ -44,10 +44,7 @@ def upsample_reference(
         total += weight
         result += weight[..., None] * sample
     lost = total < LEAST_WEIGHT
-    result = np.where(
-        lost[..., None], _best(value, view, params, step),
-        result / np.where(lost, 1.0, total)[..., None],
-    )
+    result = np.where(lost[..., None], _best(value, view, params, step), result / np.where(lost, 1.0, total)[..., None])
     result = np.where(np.isfinite(view.inner(view.depth))[..., None], result, background)
     return result[..., 0] if flat else result
 
@@ -88,8 +85,7 @@ def upsample_blur_reference(
     params = replace(params, radius=max(params.radius, step - 1))
     y, x = np.indices(view.size)
     wide, fitted = _pass(
-        np.asarray(image, np.float64), np.ones(np.shape(image), bool), view, params, step,
-        y[::step], x[::step], along=1,
+        np.asarray(image, np.float64), np.ones(np.shape(image), bool), view, params, step, y[::step], x[::step], along=1
     )
     fine, fitted = _pass(wide, fitted, view, params, step, y, x, along=0)
     coarse = np.asarray(image, np.float64)[..., None]
@@ -98,8 +94,15 @@ def upsample_blur_reference(
 
 
 def _pass(
-    value: Doubles, known: Bools, view: SurfaceView, params: BilateralParams | Blur, step: int,
-    y: Integers, x: Integers, *, along: int,
+    value: Doubles,
+    known: Bools,
+    view: SurfaceView,
+    params: BilateralParams | Blur,
+    step: int,
+    y: Integers,
+    x: Integers,
+    *,
+    along: int,
 ) -> tuple[Doubles, Bools]:
     """Return the mean of the `known` samples along rows (1) or columns (0), and where any fits.
 
@@ -124,8 +127,7 @@ def _pass(
 
 
 def _fit(
-    view: SurfaceView, at: tuple[Integers, Integers], other: tuple[Integers, Integers],
-    params: BilateralParams | Blur,
+    view: SurfaceView, at: tuple[Integers, Integers], other: tuple[Integers, Integers], params: BilateralParams | Blur
 ) -> tuple[Doubles, Integers, Integers]:
     """Return how well the pixels (rows, columns) `other` fit the surfaces of those `at`.
 

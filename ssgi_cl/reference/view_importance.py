@@ -22,9 +22,7 @@ GROUP, LEAST = 16, 0.01
 """VPL_GROUP and VPL_LEAST in kernels/vpl/curve.clh."""
 
 
-def view_importance_reference(
-    rsm: ReflectiveShadowMap, gbuffer: GBuffer, occupancy: OccupancyGridReference
-) -> Doubles:
+def view_importance_reference(rsm: ReflectiveShadowMap, gbuffer: GBuffer, occupancy: OccupancyGridReference) -> Doubles:
     """Return [2, runs] the importance of the runs of a map and how many of their texels count.
 
     In squared scene units to the -1.
@@ -45,9 +43,7 @@ def view_importance_reference(
     texels = np.full((runs, RUN), -1)
     for face in range(faces):
         padded = np.pad(one, (0, face_runs * RUN - len(one)), constant_values=-1 - face * len(one))
-        texels[face * face_runs : (face + 1) * face_runs] = (
-            padded + face * len(one)
-        ).reshape(-1, RUN)
+        texels[face * face_runs : (face + 1) * face_runs] = (padded + face * len(one)).reshape(-1, RUN)
     depth = gbuffer.inner(gbuffer.first("depth"))  # type: ignore[arg-type]
     seen = gbuffer.inner(gbuffer.first("normal"))  # type: ignore[arg-type]
     points = gbuffer.camera.unproject(np.where(np.isfinite(depth), depth, 1.0))
@@ -58,9 +54,7 @@ def view_importance_reference(
         texel = texels[number, number % EVERY + i * EVERY]
         taken = (texel >= 0) & lit.ravel()[texel]
         step = number * (RUN // EVERY) + i
-        column, row = (
-            step * k % 2**BITS * n >> BITS for k, n in zip(R2, (columns, rows), strict=True)
-        )
+        column, row = (step * k % 2**BITS * n >> BITS for k, n in zip(R2, (columns, rows), strict=True))
         light = (position.reshape(-1, 3)[texel] + rsm.cameras[0].position) @ turn + view[:3, 3]
         axis = normal.reshape(-1, 3)[texel] @ turn
         at = points[row, column] @ turn + view[:3, 3]

@@ -46,17 +46,12 @@ def receivers(gbuffer: GBuffer) -> tuple[NDArray[np.bool_], Doubles, Doubles]:
     camera = gbuffer.camera
     point = camera.unproject(np.where(seen, depth, 1.0))[seen]
     normal = gbuffer.inner(given.astype(np.float64))[seen]
-    if camera.is_orthographic:
-        to_eye = np.broadcast_to(camera.view[2, :3], point.shape)
-    else:
-        to_eye = camera.position - point
+    to_eye = np.broadcast_to(camera.view[2, :3], point.shape) if camera.is_orthographic else camera.position - point
     behind = np.sum(normal * to_eye, axis=-1, keepdims=True) < 0.0
     return seen, point, np.where(behind, -normal, normal)
 
 
-def vpl_splat_reference(
-    gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams | EveryLight
-) -> Doubles:
+def vpl_splat_reference(gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams | EveryLight) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by all lights, without visibility or blur.
 
     With `interleave`, pixel (x, y) takes the lights i with i % 16 = (y % 4) * 4 + x % 4, times 16;
@@ -85,11 +80,7 @@ def vpl_splat_reference(
 
 
 def vpl_visibility_reference(
-    gbuffer: GBuffer,
-    vpls: Vpls,
-    params: VplSplatParams,
-    lists: NDArray[np.object_],
-    hidden: Blocked,
+    gbuffer: GBuffer, vpls: Vpls, params: VplSplatParams, lists: NDArray[np.object_], hidden: Blocked
 ) -> Doubles:
     """Return irradiance [rows, columns, 3] with visibility and without blur, of one batch.
 
@@ -112,9 +103,7 @@ def vpl_visibility_reference(
         lights = lists[row, column, s]
         for first in range(0, len(lights), params.share):
             group = lights[first : first + params.share]
-            weights = np.stack(
-                [form_factor(point[own], normal[own], vpls, i, params) for i in group]
-            )
+            weights = np.stack([form_factor(point[own], normal[own], vpls, i, params) for i in group])
             flux = vpls.flux[group]
             before = np.cumsum(flux @ LUMINANCE)
             x, y = 4 * column + s % 4, 4 * row + s // 4
@@ -138,8 +127,7 @@ def share_number(x: int, y: int, group: int) -> float:
 
 
 def form_factor(
-    point: Doubles, normal: Doubles, vpls: Vpls, index: int,
-    params: VplSplatParams | EveryLight,
+    point: Doubles, normal: Doubles, vpls: Vpls, index: int, params: VplSplatParams | EveryLight
 ) -> Doubles:
     """Return irradiance per flux [points] by light `index`, cut as the parameters say."""
     way = vpls.position[index] - point
@@ -188,6 +176,7 @@ def lobe_share_exact(exponent: float, cosine: float) -> float:
         exponent: n >= 1.
         cosine: of the axis to the normal, in [0, 1] or clipped to it.
     """
+
     def swept(angle: float) -> float:
         node, weight = _gauss_points()
         return float(weight @ np.sin(0.5 * angle * (node + 1.0)) ** exponent) * angle

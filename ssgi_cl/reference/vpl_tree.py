@@ -43,8 +43,12 @@ def group_of(point: Doubles, normal: Doubles) -> Group:
     """Return the bounds of samples [n, 3] in view space."""
     height = np.sum(point * normal, axis=1)
     return Group(
-        point.min(axis=0), point.max(axis=0), normal.min(axis=0), normal.max(axis=0),
-        float(height.min()), float(height.max()),
+        point.min(axis=0),
+        point.max(axis=0),
+        normal.min(axis=0),
+        normal.max(axis=0),
+        float(height.min()),
+        float(height.max()),
     )
 
 
@@ -90,9 +94,7 @@ class VplTreeReference:
                     found = int(np.searchsorted(flux, wanted, side="right"))
                     self.target[start + run] = lights.start + min(found, len(flux) - 1)
 
-    def _make(
-        self, record: int, position: Doubles, normal: Doubles, flux: Doubles, area: Doubles
-    ) -> None:
+    def _make(self, record: int, position: Doubles, normal: Doubles, flux: Doubles, area: Doubles) -> None:
         weight = flux @ LUMINANCE + 1e-300
         weight = weight / weight.sum()
         self.position[record] = at = weight @ position
@@ -138,9 +140,7 @@ class VplTreeReference:
         less = self._sends_less(records, group, limit, 2)
         return ~less & ~self.faint(records, group, tolerance)
 
-    def _sends_less(
-        self, records: Numbers, group: Group, limit: float, wanted: int
-    ) -> NDArray[np.bool_]:
+    def _sends_less(self, records: Numbers, group: Group, limit: float, wanted: int) -> NDArray[np.bool_]:
         level = np.searchsorted(self.first, records, side="right") - 1
         number = records - np.array(self.first)[level]
         # Of a run that is longer, the first of those of the wanted length.
@@ -174,9 +174,15 @@ class VplTreeReference:
         return np.concatenate(found)
 
     def irradiance(
-        self, records: Numbers, point: Doubles, normal: Doubles,
-        occupancy: OccupancyGridReference | None = None, share: int = 16, refine: float = 0.0,
-        shared: NDArray[np.bool_] | None = None, bright: NDArray[np.bool_] | None = None,
+        self,
+        records: Numbers,
+        point: Doubles,
+        normal: Doubles,
+        occupancy: OccupancyGridReference | None = None,
+        share: int = 16,
+        refine: float = 0.0,
+        shared: NDArray[np.bool_] | None = None,
+        bright: NDArray[np.bool_] | None = None,
     ) -> Doubles:
         """Return irradiance [samples, 3] in W/m^2 by records at samples in view space.
 
@@ -205,9 +211,7 @@ class VplTreeReference:
                 eye = -point / np.linalg.norm(point, axis=1, keepdims=True)
             for run in np.unique(runs):
                 end = self.target[run]
-                hidden = occupancy.hidden(
-                    point, normal, self.position[end], self.normal[end], eye
-                )
+                hidden = occupancy.hidden(point, normal, self.position[end], self.normal[end], eye)
                 visible[np.ix_(hidden, runs == run)] = 0.0
         near = np.zeros(weight.shape)
         if self._parts is not None and refine > 0.0:
@@ -233,9 +237,7 @@ class VplTreeReference:
         return result
 
 
-def _products(
-    a_low: Doubles, a_high: Doubles, b_low: Doubles, b_high: Doubles
-) -> tuple[Doubles, Doubles]:
+def _products(a_low: Doubles, a_high: Doubles, b_low: Doubles, b_high: Doubles) -> tuple[Doubles, Doubles]:
     """Return the least and greatest dot product of vectors between bounds."""
     every = np.stack([a * b for a in (a_low, a_high) for b in (b_low, b_high)])
     return every.min(axis=0).sum(axis=-1), every.max(axis=0).sum(axis=-1)

@@ -27,9 +27,7 @@ def choose_vpls_reference(
 ) -> Vpls:
     """Return virtual point lights; see `ssgi_cl.choose_vpls`."""
     rows = [_lit_texels(rsm, glossy=glossy) for rsm in rsms]
-    position, normal, amounts, axis, gloss = (
-        np.concatenate(values) for values in zip(*rows, strict=True)
-    )
+    position, normal, amounts, axis, gloss = (np.concatenate(values) for values in zip(*rows, strict=True))
 
     def lit_by(index: NDArray[np.intp], flux: Doubles, area: Doubles) -> Vpls:
         lobes = (axis[index], gloss[index]) if glossy else (None, None)
@@ -45,9 +43,7 @@ def choose_vpls_reference(
     return replace(cut(count), parts=cut(PARTS * count) if parts else None)
 
 
-def _lit_texels(
-    rsm: ReflectiveShadowMap, *, glossy: bool
-) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+def _lit_texels(rsm: ReflectiveShadowMap, *, glossy: bool) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Return position, normal, flux and area, axis and exponent of lit texels along the curve."""
     position, normal, area = texels(rsm)
     power, gloss = (rsm.specular_flux, rsm.gloss) if glossy else (rsm.flux, np.ones_like(area))
@@ -67,9 +63,7 @@ def _lit_texels(
     )
 
 
-def cut_evenly(
-    amounts: Doubles, count: int, importance: Doubles
-) -> tuple[NDArray[np.intp], Doubles, Doubles]:
+def cut_evenly(amounts: Doubles, count: int, importance: Doubles) -> tuple[NDArray[np.intp], Doubles, Doubles]:
     """Cut a row of texels into pieces of equal luminous flux times importance.
 
     Piece by piece along the row; a texel at a border is divided in proportion.

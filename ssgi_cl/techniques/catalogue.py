@@ -17,10 +17,19 @@ from ssgi_cl.techniques.technique import Technique
 CATALOGUE: dict[str, Technique] = {
     module.DESCRIPTOR.name: module.DESCRIPTOR
     for module in (
-        ssao, hbao, gtao, bitmask_ao,
-        ssdo, rsm_gather, vpl_splat, multires_splat,
-        sampled_lights, shade, tonemap,
-        bilateral, upsample,
+        ssao,
+        hbao,
+        gtao,
+        bitmask_ao,
+        ssdo,
+        rsm_gather,
+        vpl_splat,
+        multires_splat,
+        sampled_lights,
+        shade,
+        tonemap,
+        bilateral,
+        upsample,
     )
 }
 """All techniques by name."""
@@ -43,8 +52,14 @@ def table(techniques: Iterable[Technique] = CATALOGUE.values()) -> str:
     rows = [("technique", "kind", "paper", "methods", "reads", "gives"), ("---",) * 6]
     for each in techniques:
         rows.append(
-            (f"`{each.name}`", each.kind, each.paper, ", ".join(each.methods),
-             ", ".join(each.reads), ", ".join(each.writes))
+            (
+                f"`{each.name}`",
+                each.kind,
+                each.paper,
+                ", ".join(each.methods),
+                ", ".join(each.reads),
+                ", ".join(each.writes),
+            )
         )
     return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
 

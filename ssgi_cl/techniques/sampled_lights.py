@@ -42,14 +42,15 @@ class SampledLightsParams(Params):
     """Parameters of sampled lights."""
 
     directions: int = param(
-        128, "directions that stand for all environments; rounded up to a multiple of 16", low=16,
-        high=1024,
+        128, "directions that stand for all environments; rounded up to a multiple of 16", low=16, high=1024
     )
-    map_size: int = param(256, "side of each direction's depth map", low=16, high=2048,
-                          unit="texels")
+    map_size: int = param(256, "side of each direction's depth map", low=16, high=2048, unit="texels")
     blur: int = param(
-        7, "radius of the edge-aware blur that averages the 4 x 4 sets of directions; 0 for none",
-        low=0, high=16, unit="px",
+        7,
+        "radius of the edge-aware blur that averages the 4 x 4 sets of directions; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
     )
 
     @property
@@ -90,8 +91,7 @@ class SampledLights(Prepared[SampledLightsParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: SampledLightsParams | None = None, *,
-        kept: bool = True,
+        self, runtime: Runtime, size: Size, params: SampledLightsParams | None = None, *, kept: bool = True
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -101,8 +101,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._depth = runtime.kernel("sampled_lights/sampled_depth.cl", {"SAMPLED_BATCH": BATCH})
         self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._light = runtime.kernel(
-            "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN},
-            (CAMERA,),
+            "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN}, (CAMERA,)
         )
         self._order = interleaved(params.count)
         self._samples = runtime.empty(params.count * 4 * FIELDS, np.float32)
@@ -130,15 +129,20 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._samples.send(self._table(gbuffer, scene))
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
             self._light.run(
-                "sampled lights", self.size, region=region,
-                depth=gbuffer.depth, normal=gbuffer.normal, samples=self._samples,
-                maps=self._maps, irradiance=irradiance, camera=gbuffer.camera_struct,
-                margin_columns=gbuffer.margin[1], margin_rows=gbuffer.margin[0],
+                "sampled lights",
+                self.size,
+                region=region,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                samples=self._samples,
+                maps=self._maps,
+                irradiance=irradiance,
+                camera=gbuffer.camera_struct,
+                margin_columns=gbuffer.margin[1],
+                margin_rows=gbuffer.margin[0],
                 texels=self.params.map_size,
             )
-        return self._blur.run(
-            gbuffer, irradiance, name="sampled lights blur", region=region
-        )
+        return self._blur.run(gbuffer, irradiance, name="sampled lights blur", region=region)
 
     def _sample(self, lights: Sequence[Light]) -> None:
         now = environments_of(lights)
@@ -165,9 +169,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         planar[:, :triangles] = corners.reshape(triangles, 9).T
         uploaded = runtime.transient.array(planar.size, np.float32)
         uploaded.upload(planar)
-        self._views, self._diagonals = sample_views(
-            self._directions, scene.bounds - scene.origin, texels
-        )
+        self._views, self._diagonals = sample_views(self._directions, scene.bounds - scene.origin, texels)
         self._matrices.upload(self._views.astype(np.float32))
         empty = np.full(count * texels * texels, np.float32(np.inf).view(np.int32), np.int32)
         if self._maps is None:
@@ -179,19 +181,37 @@ class SampledLights(Prepared[SampledLightsParams]):
         if runtime.variant.lanes > 1:  # see the kernel
             rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
         self._depth.run(
-            "sampled lights maps", (batches, count), grid=(rows, -(-count // each)), local=(1, 1),
-            triangles=uploaded, views=self._matrices,
-            maps=self._maps, count=triangles, texels=texels, each=each,
+            "sampled lights maps",
+            (batches, count),
+            grid=(rows, -(-count // each)),
+            local=(1, 1),
+            triangles=uploaded,
+            views=self._matrices,
+            maps=self._maps,
+            count=triangles,
+            texels=texels,
+            each=each,
         )
         if len(holes):
             solid = device_scene(scene, runtime)
             self._cutouts.run(
-                "sampled lights cut-outs", (len(holes), count), grid=(len(holes), count),
-                chosen=runtime.array(holes.astype(np.int32)), corners=solid.corners,
-                positions=solid.positions, uvs=solid.uvs, cutouts=solid.cutouts,
-                materials=solid.materials, textures=solid.textures, texels=solid.texels,
-                decode=solid.decode, views=self._matrices, maps=self._maps, triangles=triangles,
-                vertex_stride=solid.vertex_stride, side=texels,
+                "sampled lights cut-outs",
+                (len(holes), count),
+                grid=(len(holes), count),
+                chosen=runtime.array(holes.astype(np.int32)),
+                corners=solid.corners,
+                positions=solid.positions,
+                uvs=solid.uvs,
+                cutouts=solid.cutouts,
+                materials=solid.materials,
+                textures=solid.textures,
+                texels=solid.texels,
+                decode=solid.decode,
+                views=self._matrices,
+                maps=self._maps,
+                triangles=triangles,
+                vertex_stride=solid.vertex_stride,
+                side=texels,
             )
         self.contact_radius = 2.0 * float(np.median(self._diagonals))
         self._scene = scene.key
@@ -208,9 +228,9 @@ class SampledLights(Prepared[SampledLightsParams]):
             [
                 self._directions @ turn.T,
                 self._flux * PATTERN,
-                np.concatenate(
-                    [rows @ turn.T, (rows @ eye + self._views[:, :, 3])[..., None]], axis=-1
-                ).reshape(-1, 12),
+                np.concatenate([rows @ turn.T, (rows @ eye + self._views[:, :, 3])[..., None]], axis=-1).reshape(
+                    -1, 12
+                ),
                 OFFSET * self._diagonals,
                 np.arange(len(self._views)),
             ]
@@ -260,8 +280,7 @@ def sampled_lights(
         raise ValueError("the device G-buffer is empty: draw or upload something first")
     runtime = device.runtime
     technique: SampledLights = runtime.prepared(
-        (SampledLights, device.size, chosen.shape()),
-        lambda: SampledLights(runtime, device.size, chosen),
+        (SampledLights, device.size, chosen.shape()), lambda: SampledLights(runtime, device.size, chosen)
     )
     with runtime.frame():
         plane = technique.run(device, lights, scene=scene)

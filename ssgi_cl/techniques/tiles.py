@@ -137,27 +137,19 @@ class Tiles:
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, margin: Size = (0, 0), layers: int = 1, *,
-        pieces: bool = False,
+        self, runtime: Runtime, size: Size, margin: Size = (0, 0), layers: int = 1, *, pieces: bool = False
     ) -> None:
         self.runtime = runtime
         self.margin = margin
         self.size = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._pixels = size
         self._lead = (-(-margin[0] // TILE), -(-margin[1] // TILE))
-        whole = (
-            self._lead[0] - (-(size[0] + margin[0]) // TILE),
-            self._lead[1] - (-(size[1] + margin[1]) // TILE),
-        )
+        whole = (self._lead[0] - (-(size[0] + margin[0]) // TILE), self._lead[1] - (-(size[1] + margin[1]) // TILE))
         self._summary: Plane = runtime.plane(SUMMARY, whole, 0.0)
         self._looked = PreviousRegion()
-        self._open, self._interior = (
-            runtime.array(np.zeros(self.size[0] * self.size[1], np.int32)) for _ in range(2)
-        )
+        self._open, self._interior = (runtime.array(np.zeros(self.size[0] * self.size[1], np.int32)) for _ in range(2))
         own = {"TILES_PIECES": int(pieces)}
-        self._look = runtime.kernel(
-            "tiles/tiles_summary.cl", {"TILES_LAYERS": layers, **own}, (CAMERA,)
-        )
+        self._look = runtime.kernel("tiles/tiles_summary.cl", {"TILES_LAYERS": layers, **own}, (CAMERA,))
         self._prove = runtime.kernel("tiles/tiles_open.cl", own, (TILES,))
         self._settle = runtime.kernel("tiles/tiles_interior.cl")
 
@@ -169,30 +161,31 @@ class Tiles:
             if region is not None:
                 region = region.inside((rows - start[1], columns - start[0]), (start[1], start[0]))
             self._look.run(
-                "tile summary", self._summary.size, grid=self._summary.size, region=region,
+                "tile summary",
+                self._summary.size,
+                grid=self._summary.size,
+                region=region,
                 cell=(TILE, TILE),
-                linear=gbuffer.linear, normal=gbuffer.normal, depth=gbuffer.depth,
-                summary=self._summary, whole=(rows, columns), start=start[::-1],
+                linear=gbuffer.linear,
+                normal=gbuffer.normal,
+                depth=gbuffer.depth,
+                summary=self._summary,
+                whole=(rows, columns),
+                start=start[::-1],
                 camera=gbuffer.camera_struct,
             )
         summary = self._summary.download()
         layers = max(int(summary[TILES_LAYER].max(initial=0.0)), 1)
         inner = summary[
-            :, self._lead[0] : self._lead[0] + self.size[0],
-            self._lead[1] : self._lead[1] + self.size[1],
+            :, self._lead[0] : self._lead[0] + self.size[0], self._lead[1] : self._lead[1] + self.size[1]
         ].astype(np.float64)
         there = inner[TILES_NEAREST] > -math.inf
-        boxes = self._boxes(
-            gbuffer.camera_struct, inner[TILES_NEAREST], inner[TILES_FARTHEST], there
-        )
-        least, greatest = (
-            inner[first : first + 3, there].T for first in (TILES_LEAST, TILES_GREATEST)
-        )
+        boxes = self._boxes(gbuffer.camera_struct, inner[TILES_NEAREST], inner[TILES_FARTHEST], there)
+        least, greatest = (inner[first : first + 3, there].T for first in (TILES_LEAST, TILES_GREATEST))
         return TileSummary(Boxes(*boxes, least, greatest, inner[TILES_OFFSET, there]), layers)
 
     def _boxes(
-        self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64],
-        there: NDArray[np.bool_],
+        self, camera: np.void, nearest: NDArray[np.float64], farthest: NDArray[np.float64], there: NDArray[np.bool_]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners [n, 3] of boxes round what tiles hold, view space."""
         row, column = np.nonzero(there)
@@ -202,7 +195,8 @@ class Tiles:
         near, far = (1.0 / np.maximum(x, 1e-38) if perspective else -x for x in v)
         least, greatest = np.empty((2, len(row), 3))
         for axis, first, most, name in (
-            (0, column * TILE, self._pixels[1], "x"), (1, row * TILE, self._pixels[0], "y")
+            (0, column * TILE, self._pixels[1], "x"),
+            (1, row * TILE, self._pixels[0], "y"),
         ):
             margin = self.margin[1 - axis]
             slopes = [
@@ -234,33 +228,32 @@ class Tiles:
             to = float(camera[f"to_{name}"])
             slopes |= {f"to_{name}": to, f"at_{name}": float(camera[f"at_{name}"]) + to * margin}
         self._prove.run(
-            "tiles open", self.size, grid=self.size,
-            summary=self._summary, open=self._open,
-            params=TILES.pack({
-                "reach_px": reach.radius * pixels * reach.stretch,
-                "far_px": reach.radius * pixels / reach.step,
-                "more_px": reach.more_px,
-                "most_px": most_px,
-                "bulge": reach.bulge * reach.radius,
-                "slack": reach.slack,
-                **slopes,
-                "beyond": reach.beyond,
-                "beyond_px": reach.beyond_px,
-                "perspective": float(camera["perspective"]),
-                "group": -(-reach.group // TILE),
-                "lead_columns": self._lead[1],
-                "lead_rows": self._lead[0],
-                "columns": columns,
-                "rows": rows,
-            }),
+            "tiles open",
+            self.size,
+            grid=self.size,
+            summary=self._summary,
+            open=self._open,
+            params=TILES.pack(
+                {
+                    "reach_px": reach.radius * pixels * reach.stretch,
+                    "far_px": reach.radius * pixels / reach.step,
+                    "more_px": reach.more_px,
+                    "most_px": most_px,
+                    "bulge": reach.bulge * reach.radius,
+                    "slack": reach.slack,
+                    **slopes,
+                    "beyond": reach.beyond,
+                    "beyond_px": reach.beyond_px,
+                    "perspective": float(camera["perspective"]),
+                    "group": -(-reach.group // TILE),
+                    "lead_columns": self._lead[1],
+                    "lead_rows": self._lead[0],
+                    "columns": columns,
+                    "rows": rows,
+                }
+            ),
         )
-        self._settle.run(
-            "tiles interior", self.size, grid=self.size,
-            open=self._open, interior=self._interior,
-        )
+        self._settle.run("tiles interior", self.size, grid=self.size, open=self._open, interior=self._interior)
         bits = self._interior.download()
-        opened, far, flat = (
-            int(np.count_nonzero(bits & bit))
-            for bit in (TILES_IS_OPEN, TILES_IS_FAR, TILES_IS_FLAT)
-        )
+        opened, far, flat = (int(np.count_nonzero(bits & bit)) for bit in (TILES_IS_OPEN, TILES_IS_FAR, TILES_IS_FLAT))
         return OpenTiles(self._interior, self.size[1], bits.size, opened - far - flat, far, flat)

@@ -11,6 +11,12 @@ from ssgi_cl.truth.radiance import radiance
 from ssgi_cl.truth.store import Truth
 
 __all__ = [
-    "Truth", "TruthError", "ambient_occlusion", "bent_normals", "direct_light",
-    "layered_occlusion", "one_bounce", "radiance",
+    "Truth",
+    "TruthError",
+    "ambient_occlusion",
+    "bent_normals",
+    "direct_light",
+    "layered_occlusion",
+    "one_bounce",
+    "radiance",
 ]

@@ -22,7 +22,13 @@ PASS_POINTS = 128
 MOST_POINTS = 1 << 20
 
 NOT_OF_THE_MODEL = (
-    "radius", "samples", "max_samples", "near_px", "resolution", "blur_radius", "blur_passes",
+    "radius",
+    "samples",
+    "max_samples",
+    "near_px",
+    "resolution",
+    "blur_radius",
+    "blur_passes",
     "contrast",
 )
 """Parameters that say how well occlusion is sampled, not what it is; radius and contrast are told
@@ -70,17 +76,17 @@ def ssao(
     for index, radius in enumerate(radii):
         # A power of a mean is not the mean of powers: contrast comes last.
         single = replace(params, radius=(radius,), contrast=1.0)
-        found.append(accumulated(
-            _description(gbuffer, single),
-            passes,
-            lambda number, single=single: visibility(  # type: ignore[misc]
-                view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
-            ),
-            rebuild=rebuild,
-            progress=progress
-            and (lambda done,
-            index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
-        ))
+        found.append(
+            accumulated(
+                _description(gbuffer, single),
+                passes,
+                lambda number, single=single: visibility(  # type: ignore[misc]
+                    view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
+                ),
+                rebuild=rebuild,
+                progress=progress and (lambda done, index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
+            )
+        )
     return _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
 
 

@@ -64,9 +64,7 @@ def bent_normals(
             "camera": camera_description(gbuffer.camera),
             "radius": radius,
             "rays": share,
-            "gbuffer": digest(
-                *(None if array is None else gbuffer.inner(array) for array in arrays)
-            ),
+            "gbuffer": digest(*(None if array is None else gbuffer.inner(array) for array in arrays)),
             "embreex": version,
             "estimator": versioned("bent normals"),
         },
@@ -79,9 +77,7 @@ def bent_normals(
     return Truth(sums.mean / length, np.minimum(sums.error / length, 1.0), sums.passes, sums.key)
 
 
-def _means(
-    caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: int
-) -> NDArray[np.float32]:
+def _means(caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: int) -> NDArray[np.float32]:
     """Return the sum of the open directions over the number of rays, [rows, columns, 3]."""
     rows, columns = gbuffer.size
     result = np.zeros((rows * columns, 3), np.float32)
@@ -98,9 +94,7 @@ def _means(
     return result.reshape(rows, columns, 3)
 
 
-def _open(
-    caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int
-) -> NDArray[np.float64]:
+def _open(caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int) -> NDArray[np.float64]:
     """Return the mean over the rays of each spot, a ray that meets something being 0."""
     count = len(spots.pixel)
     # Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).

@@ -39,9 +39,7 @@ def digest(*parts: Any) -> str:
 def scene_digest(scene: Scene) -> str:
     """Return the hash of all arrays, materials and textures of a scene; of no lights or cameras."""
     if not isinstance(scene, Scene):
-        raise TypeError(
-            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
-        )
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
     parts: list[Any] = []
     for field in fields(scene):
         if field.name in ("lights", "cameras", "notes"):

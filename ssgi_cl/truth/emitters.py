@@ -55,8 +55,7 @@ class Emitters:
         total = max(float(flux.sum()), 1e-300)
         density = brightness / total if len(chosen) else np.zeros(len(brightness))
         return cls(
-            corners[:, 0], first, second, emission[material], np.cumsum(flux) / total,
-            density[material], density,
+            corners[:, 0], first, second, emission[material], np.cumsum(flux) / total, density[material], density
         )
 
     def __len__(self) -> int:

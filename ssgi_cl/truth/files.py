@@ -60,10 +60,7 @@ class TruthFiles:
                 np.savez(file, about=np.array(canonical(self.about)), **arrays)
         except OSError as error:
             self.writable = False
-            warnings.warn(
-                f"the truth is not kept, and is made anew next time: {error}",
-                RuntimeWarning, stacklevel=2,
-            )
+            warnings.warn(f"the truth is not kept, and is made anew next time: {error}", RuntimeWarning, stacklevel=2)
 
     def load(self, path: Path, *names: str) -> dict[str, NDArray[Any]] | None:
         """Return arrays of a file after checking it, or None if there is none."""
@@ -84,12 +81,10 @@ class TruthFiles:
             wanted = np.float64 if path == self.partial else np.float32
             if array.shape[:2] != self.size or array.shape[2:] not in ((), (3,)):
                 raise _wrong(
-                    path, f"its {name} has shape {array.shape}: expected {self.size[0]} rows and "
-                    f"{self.size[1]} columns"
+                    path, f"its {name} has shape {array.shape}: expected {self.size[0]} rows and {self.size[1]} columns"
                 )
             if array.dtype != wanted or array.shape != shape:
-                raise _wrong(path, f"its {name} is {array.dtype} {array.shape}: expected "
-                             f"{np.dtype(wanted)} {shape}")
+                raise _wrong(path, f"its {name} is {array.dtype} {array.shape}: expected {np.dtype(wanted)} {shape}")
             usable = np.isfinite(array) if name == "mean" else array >= 0.0
             if not usable.all():
                 raise _wrong(path, f"its {name} holds {array[~usable][0]}")

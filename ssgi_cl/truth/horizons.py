@@ -45,9 +45,7 @@ class Plane:
     def seen(self, angle: Doubles) -> Doubles:
         """Return the integral of cos(t - turn) sin(t) from the view ray to an angle."""
         turn = self.turn.reshape((-1,) + (1,) * (angle.ndim - 1))
-        result: Doubles = 0.25 * (
-            np.cos(turn) + 2.0 * angle * np.sin(turn) - np.cos(2.0 * angle - turn)
-        )
+        result: Doubles = 0.25 * (np.cos(turn) + 2.0 * angle * np.sin(turn) - np.cos(2.0 * angle - turn))
         return result
 
 
@@ -72,27 +70,23 @@ class Crossed:
     @classmethod
     def merged(cls, layers: Sequence[Self]) -> Self:
         """Return what several layers hold, pixel by pixel from the first layer to the last."""
-        return cls(**{
-            name: np.stack([getattr(layer, name) for layer in layers], axis=-1).reshape(
-                len(layers[0].cot), -1
-            )
-            for name in cls.__dataclass_fields__
-        })
+        return cls(
+            **{
+                name: np.stack([getattr(layer, name) for layer in layers], axis=-1).reshape(len(layers[0].cot), -1)
+                for name in cls.__dataclass_fields__
+            }
+        )
 
 
 def check_technique(params: object) -> None:
     """Raise TypeError or ValueError unless these are parameters of a model that is known here."""
     if not isinstance(params, (GtaoParams, HbaoParams, BitmaskParams)):
-        raise TypeError(
-            f"params is {type(params).__name__}: expected those of hbao, gtao or bitmask_ao"
-        )
+        raise TypeError(f"params is {type(params).__name__}: expected those of hbao, gtao or bitmask_ao")
     if getattr(params, "joined", False):
         raise ValueError("joined is True: expected False, surfaces that each have a thickness")
 
 
-def hidden_and_whole(
-    params: SliceParams, plane: Plane, crossed: Crossed
-) -> tuple[Doubles, Doubles]:
+def hidden_and_whole(params: SliceParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:
     """Return [pixels] what is hidden on a side of a plane, and what there is to hide.
 
     Raises:

@@ -32,8 +32,7 @@ def layer_positions(gbuffer: GBuffer) -> Doubles:
     depth = _depths(gbuffer)[..., None]
     # Relative to the eye roundings are small where pixels are.
     start, along = (
-        line.reshape(*whole.size, 3)
-        for line in visibility_rays(whole, slice(0, whole.height), gbuffer.camera.position)
+        line.reshape(*whole.size, 3) for line in visibility_rays(whole, slice(0, whole.height), gbuffer.camera.position)
     )
     there = np.isfinite(depth)
     return np.where(there, start + np.where(there, depth, 0.0) * along, 0.0)
@@ -66,8 +65,13 @@ def layer_mesh(gbuffer: GBuffer, joins: str) -> Scene | None:
     positions = exact.astype(np.float32)
     zeros = np.zeros_like(positions)
     return Scene(
-        origin=gbuffer.camera.position, positions=positions, normals=zeros, uvs=zeros[:, :2],
-        colors=zeros, triangles=triangles, material_ids=np.zeros(len(triangles), np.int32),
+        origin=gbuffer.camera.position,
+        positions=positions,
+        normals=zeros,
+        uvs=zeros[:, :2],
+        colors=zeros,
+        triangles=triangles,
+        material_ids=np.zeros(len(triangles), np.int32),
     )
 
 
@@ -105,9 +109,7 @@ def _joined(linear: Doubles, joins: str) -> Joined:
             within = miss <= STEP
             # Lines that meet between the pixels are a crease: one may go on behind the other.
             joined[a, b] = over * under <= 0.0
-            for best, least, mine, other in (
-                (best_here, least_here, a, b), (best_there, least_there, b, a)
-            ):
+            for best, least, mine, other in ((best_here, least_here, a, b), (best_there, least_there, b, a)):
                 better = within & (miss < least[mine])
                 best[mine][better], least[mine][better] = other, miss[better]
     for a in layers:

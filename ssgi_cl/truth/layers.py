@@ -77,13 +77,10 @@ def layered_occlusion(
         "camera": camera_description(gbuffer.camera),
         "gbuffer": digest(gbuffer.depth, gbuffer.first("normal")),
         "joins": joins,
-        "radius": checks.number(
-            "radius", radius, low=0, above=True, unit="scene units", infinite=True
-        ),
+        "radius": checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True),
         "rays": share,
         "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
-        "attenuation": attenuation
-        if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
+        "attenuation": attenuation if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "embreex": version,
         "estimator": versioned("layered occlusion"),
     }
@@ -98,8 +95,13 @@ def layered_occlusion(
         if made is None:
             return np.ones(gbuffer.size, np.float32)
         return made(
-            gbuffer.camera, radius, share, weighting=weighting, attenuation=attenuation,
-            estimate_error=False, seed=number,
+            gbuffer.camera,
+            radius,
+            share,
+            weighting=weighting,
+            attenuation=attenuation,
+            estimate_error=False,
+            seed=number,
             progress=progress and (lambda done: progress((number + done) / passes)),
         )[0]
 
@@ -133,7 +135,9 @@ class _LayerCaster(RayCaster):
         normal = axis.astype(np.float32)
         return Spots(
             np.flatnonzero(seen) + rows.start * camera.width,
-            (start + height[:, None] * axis).astype(np.float32), normal, normal,
+            (start + height[:, None] * axis).astype(np.float32),
+            normal,
+            normal,
         )
 
 

@@ -141,17 +141,13 @@ def _truth(
                 made.append(tracer(scene, lights, variant))
             return made[0].image(camera, per_pass, number)
 
-    return accumulated(
-        description, passes, make, exact=exact, rebuild=rebuild, progress=progress
-    )
+    return accumulated(description, passes, make, exact=exact, rebuild=rebuild, progress=progress)
 
 
 def checked_inputs(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tuple[Light, ...]:
     """Return the lights, after a check of the types of scene, camera and lights."""
     if not isinstance(scene, Scene):
-        raise TypeError(
-            f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)"
-        )
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     return light_tuple(lights)

@@ -55,9 +55,7 @@ def p99(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> fl
     return float(np.percentile(np.abs(value - reference), 99.0))
 
 
-def psnr(
-    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, peak: float = 1.0
-) -> float:
+def psnr(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, peak: float = 1.0) -> float:
     """Return 20 log10(peak / rmse) in dB; infinite where nothing differs.
 
     Args:
@@ -76,9 +74,7 @@ def mrse(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> f
     return float(np.mean(((value - reference) / (reference + 0.01)) ** 2))
 
 
-def ssim(
-    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, peak: float = 1.0
-) -> float:
+def ssim(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, peak: float = 1.0) -> float:
     """Return the mean structural similarity (Wang et al. 2004), 1 where nothing differs.
 
     Windows of 11 x 11 with Gaussian weights (sigma 1.5) round each pixel that counts; pixels that
@@ -111,11 +107,7 @@ def ssim(
 
 
 def flip(
-    image: ArrayLike,
-    truth: ArrayLike,
-    mask: ArrayLike | None = None,
-    *,
-    pixels_per_degree: float = PIXELS_PER_DEGREE,
+    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, pixels_per_degree: float = PIXELS_PER_DEGREE
 ) -> float:
     """Return the mean FLIP (Andersson et al. 2020) of values that are clipped to [0, 1].
 
@@ -128,11 +120,7 @@ def flip(
 
 
 def hdr_flip(
-    image: ArrayLike,
-    truth: ArrayLike,
-    mask: ArrayLike | None = None,
-    *,
-    pixels_per_degree: float = PIXELS_PER_DEGREE,
+    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, pixels_per_degree: float = PIXELS_PER_DEGREE
 ) -> float:
     """Return the mean HDR-FLIP (Andersson et al. 2021) of radiances >= 0; otherwise like `flip`.
 
@@ -190,9 +178,7 @@ def _counted(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None) -> tupl
     return value[where], reference[where]
 
 
-def _images(
-    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None
-) -> tuple[Doubles, Doubles, Mask]:
+def _images(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None) -> tuple[Doubles, Doubles, Mask]:
     """Return both as [rows, columns, channels] float64, and the mask."""
     arrays = []
     for name, given in (("image", image), ("truth", truth)):
@@ -200,16 +186,11 @@ def _images(
         if array.ndim == 2:
             array = array[..., None]
         if array.ndim != 3 or array.shape[2] not in (1, 3):
-            raise ValueError(
-                f"{name} has shape {np.shape(given)}: expected (rows, columns) or "
-                "(rows, columns, 3)"
-            )
+            raise ValueError(f"{name} has shape {np.shape(given)}: expected (rows, columns) or (rows, columns, 3)")
         arrays.append(array)
     value, reference = arrays
     if value.shape != reference.shape:
-        raise ValueError(
-            f"image has shape {np.shape(image)}: expected {np.shape(truth)} as the truth"
-        )
+        raise ValueError(f"image has shape {np.shape(image)}: expected {np.shape(truth)} as the truth")
     where = np.ones(value.shape[:2], np.bool_) if mask is None else checks.as_array("mask", mask)
     if where.dtype != np.bool_:
         raise TypeError(f"mask has dtype {where.dtype}: expected bool")
@@ -244,11 +225,7 @@ def _regional(values: Doubles) -> Doubles:
 
 
 def _flip(
-    image: ArrayLike,
-    truth: ArrayLike,
-    mask: ArrayLike | None,
-    pixels_per_degree: float,
-    dynamic_range: str,
+    image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None, pixels_per_degree: float, dynamic_range: str
 ) -> float:
     density = checks.number("pixels_per_degree", pixels_per_degree, low=0, above=True)
     value, reference, where = _images(image, truth, mask)
@@ -260,9 +237,7 @@ def _flip(
     # What doesn't count is the same in both; a value inside the range leaves the exposures alone.
     fill = float(np.median(counted))
     shown = [
-        np.ascontiguousarray(
-            np.broadcast_to(np.where(where[..., None], array, fill), (*where.shape, 3)), np.float32
-        )
+        np.ascontiguousarray(np.broadcast_to(np.where(where[..., None], array, fill), (*where.shape, 3)), np.float32)
         for array in (reference, value)
     ]
     if dynamic_range == "LDR":
@@ -275,8 +250,7 @@ def _flip(
         ) from error
     parameters: dict[str, Any] = {"ppd": density}
     error_map, _, _ = evaluate(
-        *shown, dynamic_range, inputsRGB=False, applyMagma=False, computeMeanError=False,
-        parameters=parameters,
+        *shown, dynamic_range, inputsRGB=False, applyMagma=False, computeMeanError=False, parameters=parameters
     )
     errors = np.asarray(error_map, np.float64).reshape(*where.shape, -1)[..., 0]
     return float(errors[where].mean())
@@ -340,9 +314,7 @@ def _slope(position: Doubles, axis: int) -> Doubles:
     return np.where(np.isfinite(chosen), chosen, 0.0)
 
 
-def _edges(
-    gbuffer: GBuffer, depth: Doubles, normal: Doubles, known: Mask
-) -> tuple[Mask, list[Mask], list[Mask], Mask]:
+def _edges(gbuffer: GBuffer, depth: Doubles, normal: Doubles, known: Mask) -> tuple[Mask, list[Mask], list[Mask], Mask]:
     """Compare neighbours.
 
     Returns:
@@ -361,8 +333,7 @@ def _edges(
         step = position[two] - position[one]
         least = np.minimum(depth[one], depth[two])
         off = np.minimum(
-            *(np.where(known[side], np.abs(np.sum(step * normal[side], axis=-1)), np.inf)
-              for side in (one, two))
+            *(np.where(known[side], np.abs(np.sum(step * normal[side], axis=-1)), np.inf) for side in (one, two))
         )
         both = seen[one] & seen[two]
         # Off both tangent planes: a crease lies off one of them by less than the step in depth.

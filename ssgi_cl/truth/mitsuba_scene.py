@@ -91,8 +91,14 @@ class MitsubaScene:
 
     @classmethod
     def of(
-        cls, scene: Scene, lights: Sequence[Light], variant: str, *, emission: str = "none",
-        lobes: str = "none", through: str = "none",
+        cls,
+        scene: Scene,
+        lights: Sequence[Light],
+        variant: str,
+        *,
+        emission: str = "none",
+        lobes: str = "none",
+        through: str = "none",
     ) -> MitsubaScene:
         """Bring a scene and those lights that shine into a variant of Mitsuba.
 
@@ -117,13 +123,9 @@ class MitsubaScene:
                 if emits:
                     back = _turned_round(scene, int(index))
                     parts[f"back_{index}"] = _mesh(
-                        mi, back, int(index), emits=True, glossy=lobes == "surfaces",
-                        through=through,
+                        mi, back, int(index), emits=True, glossy=lobes == "surfaces", through=through
                     )
-                mesh = _mesh(
-                    mi, scene, int(index), emits=emits, glossy=lobes == "surfaces",
-                    through=through,
-                )
+                mesh = _mesh(mi, scene, int(index), emits=emits, glossy=lobes == "surfaces", through=through)
                 if emitters is not None:
                     _add_emission(mesh, scene, int(index), emitters)
                 if lobes == "attributes":
@@ -139,8 +141,11 @@ class MitsubaScene:
             if skies:
                 parts["environment"] = _environment(mi, skies)
             return cls(
-                variant, scene.origin, mi.load_dict(parts),
-                any(m.has_holes for m in scene.used_materials), blends,
+                variant,
+                scene.origin,
+                mi.load_dict(parts),
+                any(m.has_holes for m in scene.used_materials),
+                blends,
                 any(sky.ndim == 3 for sky in skies),
             )
 
@@ -166,12 +171,14 @@ def sensor(mi: Any, world: MitsubaScene, camera: Camera) -> dict[str, Any]:
         "fov": float(2.0 * np.degrees(np.arctan(1.0 / matrix[1, 1]))),
         "near_clip": near,
         "far_clip": min(camera.far, 1e8 * near),
-        "to_world": mi.ScalarTransform4f().look_at(
-            eye.tolist(), (eye - rotation[2]).tolist(), rotation[1].tolist()
-        ),
+        "to_world": mi.ScalarTransform4f().look_at(eye.tolist(), (eye - rotation[2]).tolist(), rotation[1].tolist()),
         "film": {
-            "type": "hdrfilm", "width": camera.width, "height": camera.height,
-            "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32",
+            "type": "hdrfilm",
+            "width": camera.width,
+            "height": camera.height,
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+            "component_format": "float32",
         },
     }
 
@@ -202,8 +209,7 @@ def mitsuba() -> Any:
         return importlib.import_module("mitsuba")
     except ImportError as error:
         raise MissingExtraError(
-            "light by path tracing needs mitsuba, which is not installed: "
-            "pip install 'ssgi-cl[truth]'"
+            "light by path tracing needs mitsuba, which is not installed: pip install 'ssgi-cl[truth]'"
         ) from error
 
 
@@ -230,9 +236,7 @@ def libllvm() -> str | None:
     return max(found)[1] if found else None
 
 
-def _mesh(
-    mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool, through: str
-) -> Any:
+def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool, through: str) -> Any:
     """Return the triangles of one material, as an emitter if it is to emit, with its lobe if
     `glossy`; for `through` see `MitsubaScene.of`."""
     material = own = scene.materials[index]
@@ -246,18 +250,27 @@ def _mesh(
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(
         _surface(
-            mi, scene, material, colors[0] if uniform else None, glossy=glossy,
-            masks=through != "none" and material.blends, textured_mask=own.blends,
+            mi,
+            scene,
+            material,
+            colors[0] if uniform else None,
+            glossy=glossy,
+            masks=through != "none" and material.blends,
+            textured_mask=own.blends,
         )
     )
     if emits:
-        properties["emitter"] = mi.load_dict({
-            "type": "area", "radiance": {"type": "rgb", "value": list(material.emission)},
-        })
+        properties["emitter"] = mi.load_dict(
+            {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
+        )
     normals = scene.normals[used]
     mesh = mi.Mesh(
-        f"material {index}", len(used), len(chosen), properties,
-        has_vertex_normals=bool(normals.any()), has_vertex_texcoords=True,
+        f"material {index}",
+        len(used),
+        len(chosen),
+        properties,
+        has_vertex_normals=bool(normals.any()),
+        has_vertex_texcoords=True,
     )
     values = mi.traverse(mesh)
     values["vertex_positions"] = scene.positions[used].ravel()
@@ -283,8 +296,12 @@ def _masked(material: Material) -> Material:
     shares = [np.minimum(np.array(c) / stopped, 1.0) for c in (material.albedo, material.specular)]
     albedo, specular = ((float(r), float(g), float(b)) for r, g, b in shares)
     return replace(
-        material, blends=True, alpha=(material.alpha if material.blends else 1.0) * stopped,
-        transmission=(0.0, 0.0, 0.0), albedo=albedo, specular=specular,
+        material,
+        blends=True,
+        alpha=(material.alpha if material.blends else 1.0) * stopped,
+        transmission=(0.0, 0.0, 0.0),
+        albedo=albedo,
+        specular=specular,
     )
 
 
@@ -299,8 +316,10 @@ def _turned_round(scene: Scene, index: int) -> Scene:
     vertices = chosen.ravel()
     return replace(
         scene,
-        positions=corners.reshape(-1, 3).astype(np.float32), normals=-scene.normals[vertices],
-        uvs=scene.uvs[vertices], colors=scene.colors[vertices],
+        positions=corners.reshape(-1, 3).astype(np.float32),
+        normals=-scene.normals[vertices],
+        uvs=scene.uvs[vertices],
+        colors=scene.colors[vertices],
         triangles=np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)[:, ::-1],
         material_ids=np.full(len(chosen), index, np.int32),
     )
@@ -329,8 +348,7 @@ def _add_transmission(mesh: Any, scene: Scene, index: int) -> None:
 
 
 def _surface(
-    mi: Any, scene: Scene, material: Material, color: Floats | None, *, glossy: bool, masks: bool,
-    textured_mask: bool,
+    mi: Any, scene: Scene, material: Material, color: Floats | None, *, glossy: bool, masks: bool, textured_mask: bool
 ) -> dict[str, Any]:
     """Return the BSDF of a material; with no `color` the mesh has an attribute of that name.
 
@@ -353,7 +371,9 @@ def _surface(
     if glossy and material.is_glossy:
         register_phong(mi)
         inner = {
-            "type": PHONG, "reflectance": reflectance, "gloss": material.gloss,
+            "type": PHONG,
+            "reflectance": reflectance,
+            "gloss": material.gloss,
             "specular": {"type": "rgb", "value": list(material.specular)},
         }
     surface: dict[str, Any] = {"type": "twosided", "material": inner}

@@ -65,13 +65,10 @@ def ambient_occlusion(
         "kind": "ao",
         "scene": scene_digest(scene),
         "camera": camera_description(camera),
-        "radius": checks.number(
-            "radius", radius, low=0, above=True, unit="scene units", infinite=True
-        ),
+        "radius": checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True),
         "rays": share,
         "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
-        "attenuation": attenuation
-        if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
+        "attenuation": attenuation if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
         "gbuffer": _gbuffer_digest(gbuffer, camera),
         "embreex": version,
         "estimator": versioned("occlusion"),
@@ -79,8 +76,14 @@ def ambient_occlusion(
 
     def make(number: int) -> NDArray[np.float32]:
         return estimator.ray_ao(
-            scene, camera, radius, share, weighting=weighting, attenuation=attenuation,
-            gbuffer=gbuffer, seed=number,
+            scene,
+            camera,
+            radius,
+            share,
+            weighting=weighting,
+            attenuation=attenuation,
+            gbuffer=gbuffer,
+            seed=number,
             progress=progress and (lambda done: progress((number + done) / passes)),
         )
 

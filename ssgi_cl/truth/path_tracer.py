@@ -75,8 +75,14 @@ class PathTracer(ABC):
     """Random numbers of a path, beside those of `irradiance`."""
 
     def __init__(
-        self, scene: Scene, lights: Sequence[Light], variant: str, *, emission: bool = False,
-        lobes: bool = False, blends: bool = False,
+        self,
+        scene: Scene,
+        lights: Sequence[Light],
+        variant: str,
+        *,
+        emission: bool = False,
+        lobes: bool = False,
+        blends: bool = False,
     ) -> None:
         import drjit
         import mitsuba
@@ -84,8 +90,12 @@ class PathTracer(ABC):
         self.dr: Any = drjit
         self.mi: Any = mitsuba
         self._world = MitsubaScene.of(
-            scene, lights, variant, emission="attributes" if emission else "none",
-            lobes="attributes" if lobes else "none", through="attributes" if blends else "none",
+            scene,
+            lights,
+            variant,
+            emission="attributes" if emission else "none",
+            lobes="attributes" if lobes else "none",
+            through="attributes" if blends else "none",
         )
         self.lobes = lobes
         emitters = self._world.scene.emitters()
@@ -122,9 +132,7 @@ class PathTracer(ABC):
             image[rows].reshape(-1, 3)[pixels] = (sums / paths).T
         return image
 
-    def view_rays(
-        self, camera: Camera, rows: slice, offset: Doubles | None = None
-    ) -> tuple[Floats, Floats, Floats]:
+    def view_rays(self, camera: Camera, rows: slice, offset: Doubles | None = None) -> tuple[Floats, Floats, Floats]:
         """Return start [3, n], direction [3, n] and length [n] of view rays, row by row.
 
         `offset` [2, n] moves them from the pixels' centres, in pixels. They start and end near the
@@ -172,10 +180,7 @@ class PathTracer(ABC):
         mi, dr = self.mi, self.dr
         start, way, length = (np.concatenate([a] * times, axis=-1) if times > 1 else a
                               for a in of_view)  # fmt: skip
-        ray = mi.Ray3f(
-            mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
-            mi.Float(length), 0.0, [],
-        )
+        ray = mi.Ray3f(mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)), mi.Float(length), 0.0, [])
         seen = self.surface(ray, mi.Bool(True))
         dr.eval(*seen)
         return seen
@@ -219,9 +224,7 @@ class PathTracer(ABC):
         mi, dr = self.mi, self.dr
 
         def step(start: Any, length: Any, searching: Any) -> tuple[Any, Any, Any]:
-            si = self._world.scene.ray_intersect(
-                mi.Ray3f(start, ray.d, length, 0.0, []), searching
-            )
+            si = self._world.scene.ray_intersect(mi.Ray3f(start, ray.d, length, 0.0, []), searching)
             hole = searching & si.is_valid()
             if hole is not False:
                 through = si.bsdf().eval_null_transmission(si, hole)[0]

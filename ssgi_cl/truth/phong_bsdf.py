@@ -52,9 +52,7 @@ def register_phong(mi: Any) -> None:
             self.specular = properties.get_texture("specular")
             self.gloss = float(properties["gloss"])
             flags = mi.BSDFFlags.FrontSide
-            self.m_components = [
-                mi.BSDFFlags.DiffuseReflection | flags, mi.BSDFFlags.GlossyReflection | flags
-            ]
+            self.m_components = [mi.BSDFFlags.DiffuseReflection | flags, mi.BSDFFlags.GlossyReflection | flags]
             self.m_flags = self.m_components[0] | self.m_components[1]
 
         def _parts(self, si: Any, active: Any) -> tuple[Any, Any, Any]:
@@ -68,14 +66,13 @@ def register_phong(mi: Any) -> None:
             mirrored = mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
             return phong_lobe(dr, dr.dot(mirrored, wo), self.gloss)
 
-        def sample(
-            self, context: Any, si: Any, number: Any, numbers: Any, active: Any = True
-        ) -> tuple[Any, Any]:
+        def sample(self, context: Any, si: Any, number: Any, numbers: Any, active: Any = True) -> tuple[Any, Any]:
             _, _, share = self._parts(si, active)
             mirrored = number < share
             around = mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
             wo = dr.select(
-                mirrored, phong_direction(mi, around, self.gloss, numbers.x, numbers.y),
+                mirrored,
+                phong_direction(mi, around, self.gloss, numbers.x, numbers.y),
                 mi.warp.square_to_cosine_hemisphere(numbers),
             )
             found = dr.zeros(mi.BSDFSample3f)
@@ -84,8 +81,7 @@ def register_phong(mi: Any) -> None:
             found.pdf = self.pdf(context, si, wo, active)
             found.sampled_component = dr.select(mirrored, mi.UInt32(1), mi.UInt32(0))
             found.sampled_type = dr.select(
-                mirrored, mi.UInt32(+mi.BSDFFlags.GlossyReflection),
-                mi.UInt32(+mi.BSDFFlags.DiffuseReflection),
+                mirrored, mi.UInt32(+mi.BSDFFlags.GlossyReflection), mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
             )
             value = self.eval(context, si, wo, active) / dr.maximum(found.pdf, 1e-30)
             return found, dr.select(active & (found.pdf > 0.0), value, 0.0)

@@ -75,8 +75,7 @@ def radiance(
     glossy = any(m.is_glossy for m in scene.used_materials)
     soft = any(light_extent(light) > 0.0 for light in lights)
     sampled = (
-        box_filter or emits or soft or scene.is_seen_through
-        or any(isinstance(light, Environment) for light in lights)
+        box_filter or emits or soft or scene.is_seen_through or any(isinstance(light, Environment) for light in lights)
     )
     exact = most == 0 and not sampled
     if exact:
@@ -93,8 +92,7 @@ def radiance(
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
         "estimator": versioned(
-            "blended radiance" if scene.is_seen_through
-            else "glossy radiance" if glossy else "radiance"
+            "blended radiance" if scene.is_seen_through else "glossy radiance" if glossy else "radiance"
         ),
         **({"lights' sizes": True} if soft else {}),
     }
@@ -103,21 +101,15 @@ def radiance(
     def make(number: int) -> NDArray[np.float32]:
         with mitsuba_scene.within(variant):
             if not made:
-                made.append(
-                    RadianceTracer(scene, lights, variant, bounces=most, box_filter=box_filter)
-                )
+                made.append(RadianceTracer(scene, lights, variant, bounces=most, box_filter=box_filter))
             return made[0].image(camera, per_pass, number)
 
-    return accumulated(
-        description, passes, make, exact=exact, rebuild=rebuild, progress=progress
-    )
+    return accumulated(description, passes, make, exact=exact, rebuild=rebuild, progress=progress)
 
 
 def _most_bounces(bounces: int | Literal["all"]) -> int:
     if isinstance(bounces, str):
         if bounces != "all":
-            raise ValueError(
-                f"bounces is {bounces!r}: expected 'all' or an integer, 0 to {MOST_BOUNCES}"
-            )
+            raise ValueError(f"bounces is {bounces!r}: expected 'all' or an integer, 0 to {MOST_BOUNCES}")
         return MOST_BOUNCES
     return checks.integer("bounces", bounces, low=0, high=MOST_BOUNCES)

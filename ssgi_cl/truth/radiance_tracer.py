@@ -10,24 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import (
-    DirectionalLight,
-    Environment,
-    Light,
-    environments_of,
-    light_extent,
-)
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, environments_of, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
-from ssgi_cl.truth.mitsuba_scene import (
-    BLENDS,
-    DENSITY,
-    EMISSION,
-    HOLE,
-    SIZE,
-    TRANSMISSION,
-)
+from ssgi_cl.truth.mitsuba_scene import BLENDS, DENSITY, EMISSION, HOLE, SIZE, TRANSMISSION
 from ssgi_cl.truth.path_tracer import MOST_CROSSINGS, OFFSET, PIXELS, PathTracer, Surface
 from ssgi_cl.truth.phong_bsdf import phong_direction, phong_lobe
 
@@ -59,31 +46,29 @@ class RadianceTracer(PathTracer):
     """
 
     def __init__(
-        self, scene: Scene, lights: Sequence[Light], variant: str, *,
-        bounces: int = MOST_BOUNCES, box_filter: bool = False,
+        self,
+        scene: Scene,
+        lights: Sequence[Light],
+        variant: str,
+        *,
+        bounces: int = MOST_BOUNCES,
+        box_filter: bool = False,
     ) -> None:
         self._emits = any(m.emits for m in scene.used_materials)
         lobes = any(m.is_glossy for m in scene.used_materials)
-        super().__init__(
-            scene, lights, variant, emission=self._emits, lobes=lobes,
-            blends=scene.is_seen_through,
-        )
+        super().__init__(scene, lights, variant, emission=self._emits, lobes=lobes, blends=scene.is_seen_through)
         self._bounces = bounces
         self._box = box_filter
         self._environments = environments_of(lights)
         self._emitters = Emitters.of(scene)
         self._both = self._world.has_sky_image
         self._punctual: list[tuple[Any, Any]] = [
-            (emitter, lights[int(emitter.id().removeprefix("light_"))])
-            for emitter in self._punctual_lights
+            (emitter, lights[int(emitter.id().removeprefix("light_"))]) for emitter in self._punctual_lights
         ]
         self._soft = any(light_extent(light) > 0.0 for _, light in self._punctual)
         names = ("corner", "first", "second", "radiance", "cumulative", "density")
         jit = self.dr.is_jit_v(self.mi.Float)
-        self._tables = {
-            name: self.mi.Float(np.float32(getattr(self._emitters, name)).ravel())
-            for name in names if jit
-        }
+        self._tables = {name: self.mi.Float(np.float32(getattr(self._emitters, name)).ravel()) for name in names if jit}
         # Continuation, environment image, emission, place in the pixel.
         self.numbers = 2 + 2 * self._both + 3 * (len(self._emitters) > 0) + 2 * box_filter
 
@@ -109,17 +94,17 @@ class RadianceTracer(PathTracer):
                 path = seed * paths + begin + np.arange(len(numbers))
                 rays = self._view_rays(camera, rows, numbers)
                 found = self._radiance(
-                    rays, np.hstack([*numbers.astype(np.float32)]),
-                    np.tile(labels, len(path)), np.repeat(path, count).astype(np.uint32),
+                    rays,
+                    np.hstack([*numbers.astype(np.float32)]),
+                    np.tile(labels, len(path)),
+                    np.repeat(path, count).astype(np.uint32),
                 )
                 for one in np.split(found, len(path), axis=1):
                     total += one
             image[rows] = (total / paths).T.reshape(-1, camera.width, 3)
         return image
 
-    def _view_rays(
-        self, camera: Camera, rows: slice, numbers: NDArray[np.float64]
-    ) -> tuple[Floats, ...]:
+    def _view_rays(self, camera: Camera, rows: slice, numbers: NDArray[np.float64]) -> tuple[Floats, ...]:
         """Return start, direction and length of view rays, path by path: `numbers` [paths, ...]."""
         if self._box:
             each = [self.view_rays(camera, rows, one[-2:] - 0.5) for one in numbers]
@@ -128,8 +113,7 @@ class RadianceTracer(PathTracer):
         return tuple(np.concatenate(parts, axis=-1) for parts in zip(*each, strict=True))
 
     def _radiance(
-        self, rays: Sequence[Floats], numbers: Floats, labels: NDArray[np.int64],
-        path: NDArray[np.uint32],
+        self, rays: Sequence[Floats], numbers: Floats, labels: NDArray[np.int64], path: NDArray[np.uint32]
     ) -> Floats:
         """Return what each of n paths finds, [3, n].
 
@@ -145,12 +129,8 @@ class RadianceTracer(PathTracer):
                 self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), int(path[i]))
                 for i in range(len(labels))
             ]
-            found, there, dimmed = (
-                np.concatenate([one[i] for one in each], axis=-1) for i in range(3)
-            )
-        return np.where(
-            there, found, environment_radiance(self._environments, rays[1]) * dimmed
-        )
+            found, there, dimmed = (np.concatenate([one[i] for one in each], axis=-1) for i in range(3))
+        return np.where(there, found, environment_radiance(self._environments, rays[1]) * dimmed)
 
     def _traced(
         self, rays: Sequence[Floats], numbers: Floats, label: Any, path: Any
@@ -159,10 +139,7 @@ class RadianceTracer(PathTracer):
         what is behind all surfaces has."""
         mi, dr = self.mi, self.dr
         start, way, length = rays
-        ray = mi.Ray3f(
-            mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)),
-            mi.Float(length), 0.0, [],
-        )
+        ray = mi.Ray3f(mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)), mi.Float(length), 0.0, [])
         rng = mi.PCG32()
         rng.seed(*mi.sample_tea_32(mi.UInt32(label), mi.UInt32(path)))
         seen, si, dimmed, rng = self._met(ray, mi.Bool(length > 0.0), rng)
@@ -183,9 +160,7 @@ class RadianceTracer(PathTracer):
         onward = self._emits or self._sky is not None
         fields = 8 if self.lobes else 6
 
-        def step(
-            depth: Any, total: Any, weight: Any, active: Any, rng: Any, way: Any, *fields_: Any
-        ) -> Any:
+        def step(depth: Any, total: Any, weight: Any, active: Any, rng: Any, way: Any, *fields_: Any) -> Any:
             at = Surface(active, *fields_)
             own = [dr.select(depth == 0, number, rng.next_float32()) for number in numbers]
             mirrored = self._mirrored(at, way)
@@ -214,9 +189,7 @@ class RadianceTracer(PathTracer):
             if not onward:
                 active &= goes_on
             weight = weight / dr.maximum(lasting, 1e-30)
-            met, si, dimmed, rng = self._met(
-                mi.Ray3f(at.front, way, math.inf, 0.0, []), active, rng
-            )
+            met, si, dimmed, rng = self._met(mi.Ray3f(at.front, way, math.inf, 0.0, []), active, rng)
             weight = weight * dimmed
             if self._sky is not None:
                 escapes = dr.select(met.there, False, active)
@@ -226,10 +199,7 @@ class RadianceTracer(PathTracer):
             active &= met.there & goes_on
             return depth + 1, total, weight, active, rng, way, *met[1:fields]
 
-        state = (
-            mi.UInt32(0), mi.Color3f(0.0), mi.Color3f(1.0), mi.Bool(seen.there), rng, way,
-            *seen[1:fields],
-        )
+        state = (mi.UInt32(0), mi.Color3f(0.0), mi.Color3f(1.0), mi.Bool(seen.there), rng, way, *seen[1:fields])
         return dr.while_loop(state, lambda *now: now[3], step)[1]
 
     # ---- surfaces that are seen through
@@ -241,15 +211,11 @@ class RadianceTracer(PathTracer):
             return *self.hit(ray, active), 1.0, rng
         mi, dr = self.mi, self.dr
 
-        def step(
-            start: Any, length: Any, weight: Any, crossed: Any, searching: Any, rng: Any
-        ) -> Any:
+        def step(start: Any, length: Any, weight: Any, crossed: Any, searching: Any, rng: Any) -> Any:
             found, opacity, through, behind = self._crossed(start, ray.d, length, searching)
             share = dr.max(through)
             passes = found & (rng.next_float32() < share)
-            kept = dr.select(
-                passes, through / dr.maximum(share, 1e-20), opacity / dr.maximum(1.0 - share, 1e-20)
-            )
+            kept = dr.select(passes, through / dr.maximum(share, 1e-20), opacity / dr.maximum(1.0 - share, 1e-20))
             weight = dr.select(found, weight * kept, weight)
             start = dr.select(passes, start + behind * ray.d, start)
             length = dr.select(passes, length - behind, length)
@@ -295,9 +261,7 @@ class RadianceTracer(PathTracer):
             length = dr.select(found, length - behind, length)
             return start, length, weight, found & (dr.max(weight) > 0.0)
 
-        state = (
-            mi.Point3f(at.front), mi.Float(distance), mi.Color3f(1.0), mi.Bool(faces)
-        )
+        state = (mi.Point3f(at.front), mi.Float(distance), mi.Color3f(1.0), mi.Bool(faces))
         weight = dr.while_loop(state, lambda *now: now[3], step)[2]
         return dr.select(dr.max(weight) > 0.0, cosine, 0.0), weight
 
@@ -404,9 +368,7 @@ class RadianceTracer(PathTracer):
         """Return radiance reflected of a point of an emissive triangle."""
         mi, dr = self.mi, self.dr
         index = self._emitter_index(w)
-        corner, first, second, radiance = (
-            self._row(name, index) for name in ("corner", "first", "second", "radiance")
-        )
+        corner, first, second, radiance = (self._row(name, index) for name in ("corner", "first", "second", "radiance"))
         place = mi.warp.square_to_uniform_triangle(mi.Point2f(u, v))
         point = mi.Point3f(corner + place.x * first + place.y * second)
         normal = dr.normalize(mi.Vector3f(dr.cross(first, second)))
@@ -448,9 +410,7 @@ class RadianceTracer(PathTracer):
         last = len(self._emitters) - 1
         if not dr.is_jit_v(mi.Float):
             return min(int(np.searchsorted(self._emitters.cumulative, number, "right")), last)
-        found = dr.binary_search(
-            0, last, lambda i: self._entry("cumulative", i) <= number
-        )
+        found = dr.binary_search(0, last, lambda i: self._entry("cumulative", i) <= number)
         return dr.minimum(found, last)
 
     def _entry(self, name: str, index: Any) -> Any:

@@ -77,9 +77,7 @@ class RayAo:
         smaller, but unknown, and infinite wherever something is seen.
         """
         split = estimate_error or target_error is not None
-        settings = Settings.of(
-            radius, rays, weighting, attenuation, target_error, seed, split
-        )
+        settings = Settings.of(radius, rays, weighting, attenuation, target_error, seed, split)
         if not isinstance(camera, Camera):
             raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
         check_gbuffer(gbuffer, camera)
@@ -123,15 +121,15 @@ class RayAo:
                 sums += weight.reshape(u.shape).sum(axis=0)
             done = level
             mean, deviation = _mean_and_error(sums / level)
-            if settings.target is not None and level >= _FIRST_LOOK and (
-                math.sqrt(float(np.mean(deviation**2))) <= settings.target
+            if (
+                settings.target is not None
+                and level >= _FIRST_LOOK
+                and (math.sqrt(float(np.mean(deviation**2))) <= settings.target)
             ):
                 break
         return mean, deviation
 
-    def _weights(
-        self, start: Floats, way: Floats, below: NDArray[np.bool_], settings: Settings
-    ) -> Floats:
+    def _weights(self, start: Floats, way: Floats, below: NDArray[np.bool_], settings: Settings) -> Floats:
         """Return V * W of each ray; those that start into the surface meet it at distance 0."""
         reach = np.float32(settings.radius * self._caster.scale)
         reaches = np.where(below, np.float32(-1.0), reach)  # negative: not traced
@@ -170,9 +168,7 @@ class Settings:
         seed: object,
         split: bool,
     ) -> Settings:
-        reach = checks.number(
-            "radius", radius, low=0, above=True, unit="scene units", infinite=True
-        )
+        reach = checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
         count = checks.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
         batches = min(BATCHES, max(math.isqrt(count), min(count, 2))) if split else 1
         last = count // batches
@@ -253,15 +249,25 @@ class _Options(TypedDict, total=False):
 
 @overload
 def ray_ao(
-    scene: Scene, camera: Camera, radius: float = 0.5, rays: int = 256, *,
-    return_error: Literal[False] = False, **options: Unpack[_Options],
+    scene: Scene,
+    camera: Camera,
+    radius: float = 0.5,
+    rays: int = 256,
+    *,
+    return_error: Literal[False] = False,
+    **options: Unpack[_Options],
 ) -> Floats: ...
 
 
 @overload
 def ray_ao(
-    scene: Scene, camera: Camera, radius: float = 0.5, rays: int = 256, *,
-    return_error: Literal[True], **options: Unpack[_Options],
+    scene: Scene,
+    camera: Camera,
+    radius: float = 0.5,
+    rays: int = 256,
+    *,
+    return_error: Literal[True],
+    **options: Unpack[_Options],
 ) -> tuple[Floats, Floats]: ...
 
 
@@ -336,8 +342,15 @@ def ray_ao(
         caster = RayAo(scene)
         _kept[scene] = caster
     visibility, error = caster(
-        camera, radius, rays, weighting=weighting, attenuation=attenuation,
-        target_error=target_error, estimate_error=return_error, progress=progress,
-        gbuffer=gbuffer, seed=seed,
+        camera,
+        radius,
+        rays,
+        weighting=weighting,
+        attenuation=attenuation,
+        target_error=target_error,
+        estimate_error=return_error,
+        progress=progress,
+        gbuffer=gbuffer,
+        seed=seed,
     )
     return (visibility, error) if return_error else visibility

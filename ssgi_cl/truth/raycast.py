@@ -60,10 +60,7 @@ class RayCaster:
 
     def __init__(self, scene: Scene) -> None:
         if not isinstance(scene, Scene):
-            raise TypeError(
-                f"scene is {type(scene).__name__}: expected a Scene "
-                "(see ssgi_cl.rasterize.load_scene)"
-            )
+            raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
         rtcore_scene, mesh_construction = _embree()
         used = scene.positions[scene.triangles.ravel()].astype(np.float64)
         low, high = used.min(axis=0), used.max(axis=0)
@@ -89,9 +86,7 @@ class RayCaster:
         far: NDArray[np.floating]
         depth: NDArray[np.floating]
         if gbuffer is None:
-            near, far, depth = depths_in_sphere(
-                camera, start, along, self._middle, self._reach, self.scale
-            )
+            near, far, depth = depths_in_sphere(camera, start, along, self._middle, self._reach, self.scale)
         else:
             depth = _first(gbuffer, "depth")[rows].ravel() * self.scale
             near, far = depth * (1.0 - SAME_SURFACE), depth * (1.0 + SAME_SURFACE)
@@ -140,9 +135,7 @@ class RayCaster:
         found: Floats = self._rays.run(start, way, reach, query="DISTANCE")
         return found
 
-    def _surface(
-        self, hit: dict[str, Any], met: NDArray[np.bool_]
-    ) -> tuple[Doubles, Doubles, Doubles, Doubles]:
+    def _surface(self, hit: dict[str, Any], met: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles, Doubles]:
         """Return point, normal of the triangle, mesh's normal (or 0) and size of coordinates."""
         triangle = self._triangles[hit["primID"][met]]
         corner = self._positions[triangle].astype(np.float64)
@@ -151,9 +144,7 @@ class RayCaster:
         # From the corners, not along the ray: so the point lies on the triangle.
         point = w * corner[:, 0] + u * corner[:, 1] + v * corner[:, 2]
         first, second = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-        size = np.abs(point).max(axis=-1) + np.maximum(
-            np.abs(first).max(axis=-1), np.abs(second).max(axis=-1)
-        )
+        size = np.abs(point).max(axis=-1) + np.maximum(np.abs(first).max(axis=-1), np.abs(second).max(axis=-1))
         normal = np.cross(first, second)
         # Embree meets no triangle without an area; the bound keeps a rounding from dividing by 0.
         normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-300)
@@ -173,9 +164,7 @@ def check_gbuffer(gbuffer: object, camera: Camera) -> None:
             f"gbuffer has {seen.height} rows and {seen.width} columns: expected "
             f"{camera.height} x {camera.width} as the camera"
         )
-    if not np.array_equal(seen.view, camera.view) or not np.array_equal(
-        seen.projection, camera.projection
-    ):
+    if not np.array_equal(seen.view, camera.view) or not np.array_equal(seen.projection, camera.projection):
         raise ValueError("gbuffer has another camera: expected the same view and projection")
 
 
@@ -186,9 +175,7 @@ def _first(gbuffer: GBuffer, name: str) -> Floats:
     return gbuffer.inner(array)
 
 
-def _inner_normal(
-    gbuffer: GBuffer, rows: slice, shape: tuple[int, ...], seen: NDArray[np.bool_]
-) -> Doubles:
+def _inner_normal(gbuffer: GBuffer, rows: slice, shape: tuple[int, ...], seen: NDArray[np.bool_]) -> Doubles:
     """Return the G-buffer's normals of the pixels `seen` in some rows; 0 where it has none."""
     if gbuffer.normal is None:
         return np.zeros(shape)

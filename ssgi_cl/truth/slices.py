@@ -37,7 +37,13 @@ LEAST_N_DOT_V = 0.05
 """Cosine that a grazing or averted normal is taken to have with the view ray."""
 
 NOT_OF_THE_MODEL = (
-    "slices", "taps", "tap_power", "resolution", "blur_radius", "blur_passes", "blur_resolution",
+    "slices",
+    "taps",
+    "tap_power",
+    "resolution",
+    "blur_radius",
+    "blur_passes",
+    "blur_resolution",
     "contrast",
 )
 """Parameters that say how well occlusion is sampled, not what it is; contrast is told apart."""
@@ -99,9 +105,7 @@ def converged(
         image[taken] = march.visibility(taken, number)
         return image
 
-    truth = accumulated(
-        description, -(-slices // PASS_SLICES), estimate, rebuild=rebuild, progress=progress
-    )
+    truth = accumulated(description, -(-slices // PASS_SLICES), estimate, rebuild=rebuild, progress=progress)
     unknown = march.seen.copy()
     unknown[taken] = False
     mean = truth.mean.astype(np.float64)
@@ -144,10 +148,9 @@ class March:
         depths = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)
         there = np.isfinite(depths)
         row, column = view.centres()
-        position = np.stack([
-            view.position(row, column, np.where(mask, depth, 0.0))
-            for mask, depth in zip(there, depths, strict=True)
-        ])
+        position = np.stack(
+            [view.position(row, column, np.where(mask, depth, 0.0)) for mask, depth in zip(there, depths, strict=True)]
+        )
         own = view.inner(view.depth)
         seen = np.isfinite(own)
         wanted_px = params.radius * view.pixels_per_unit(np.where(seen, own, 1.0))
@@ -244,13 +247,15 @@ class March:
                 behind = self._moved(front, self.params.thickness * reach) - receiver
                 lower = self._excess(behind, view_ray, normal, plane, 0.0)
                 back = plane.edge[:, None] + np.maximum(lower, 0.0)
-            parts.append(Crossed(
-                counts=inside & there[i, j] & (distance <= reach) & (excess > 0.0),
-                cot=cot,
-                back=back,
-                distance=distance / np.maximum(reach, 1e-30),
-                depth=-offset[..., 2] / np.maximum(reach, 1e-30),
-            ))
+            parts.append(
+                Crossed(
+                    counts=inside & there[i, j] & (distance <= reach) & (excess > 0.0),
+                    cot=cot,
+                    back=back,
+                    distance=distance / np.maximum(reach, 1e-30),
+                    depth=-offset[..., 2] / np.maximum(reach, 1e-30),
+                )
+            )
         return parts[0] if len(parts) == 1 else Crossed.merged(parts)
 
     def _moved(self, point: Doubles, depth: Doubles) -> Doubles:
@@ -261,9 +266,7 @@ class March:
         return result
 
     @staticmethod
-    def _excess(
-        offset: Doubles, view_ray: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float
-    ) -> Doubles:
+    def _excess(offset: Doubles, view_ray: Doubles, normal: Doubles, plane: Plane, bias: Doubles | float) -> Doubles:
         """Return by how much the cotangent from the view ray exceeds the tangent plane's.
 
         A pixel's centre lies a little beside the slice: it is turned into it about the view
@@ -299,10 +302,7 @@ def _chords(to_row: Doubles, to_column: Doubles, length: float) -> Doubles:
     # A line leaves a row or a column half a pixel from its start, and then with every pixel.
     edges = np.arange(math.ceil(length) + 1) + 0.5
     ends = np.sort(
-        np.concatenate(
-            [edges / np.maximum(np.abs(to), 1e-12)[:, None] for to in (to_row, to_column)], axis=1
-        ),
-        axis=1,
+        np.concatenate([edges / np.maximum(np.abs(to), 1e-12)[:, None] for to in (to_row, to_column)], axis=1), axis=1
     )
     # Lines along an axis cross half as many edges; the others lie far beyond their reach.
     ends = np.clip(ends, NEAREST_TAP, length + 2.0)

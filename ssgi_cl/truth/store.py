@@ -101,9 +101,9 @@ def accumulated(
     """
     passes = checks.integer("passes", passes, low=1, high=MOST_PASSES)
     # As it comes back from a file: tuples are lists there.
-    about = json.loads(canonical({
-        "format": FORMAT, "passes": passes, "exact": exact, "description": dict(description),
-    }))
+    about = json.loads(
+        canonical({"format": FORMAT, "passes": passes, "exact": exact, "description": dict(description)})
+    )
     key = digest(about)
     kept = TruthFiles((folder or truth_folder()) / f"{description['kind']}-{key[:16]}.npz", about)
     if rebuild:
@@ -198,14 +198,9 @@ def _made(
 def _checked(estimate: NDArray[Any], number: int, size: tuple[int, int]) -> Doubles:
     """Return the estimate of a pass in float64; it must have the camera's size (rows, columns)."""
     if estimate.shape[:2] != size:
-        raise ValueError(
-            f"pass {number} has shape {estimate.shape}: expected {size[0]} rows and "
-            f"{size[1]} columns"
-        )
+        raise ValueError(f"pass {number} has shape {estimate.shape}: expected {size[0]} rows and {size[1]} columns")
     usable = np.isfinite(estimate)
     if not usable.all():
         place = np.argwhere(~usable)[0].tolist()
-        raise ValueError(
-            f"pass {number} holds {estimate[tuple(place)]} at {place}: expected finite numbers"
-        )
+        raise ValueError(f"pass {number} holds {estimate[tuple(place)]} at {place}: expected finite numbers")
     return estimate.astype(np.float64)

@@ -51,8 +51,7 @@ class Case:
         match = _NAME.fullmatch(name)
         if match is None:
             raise ValueError(
-                f"case is {name!r}: expected family.setting.scene.COLUMNSxROWS, such as "
-                "ssao.16.hall.800x600"
+                f"case is {name!r}: expected family.setting.scene.COLUMNSxROWS, such as ssao.16.hall.800x600"
             )
         family, setting, scene, columns, rows = match.groups()
         return cls(family, setting, scene, (int(rows), int(columns)))

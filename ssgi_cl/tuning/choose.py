@@ -60,9 +60,7 @@ def choose(technique: Literal["hbao"], size: Size, **given: Unpack[_Hbao]) -> Ch
 @overload
 def choose(technique: Literal["gtao"], size: Size, **given: Unpack[_Gtao]) -> Choice: ...
 @overload
-def choose(
-    technique: Literal["bitmask_ao"], size: Size, **given: Unpack[_Bitmask]
-) -> Choice: ...
+def choose(technique: Literal["bitmask_ao"], size: Size, **given: Unpack[_Bitmask]) -> Choice: ...
 @overload
 def choose(technique: str, size: Size, **given: Any) -> Choice: ...
 def choose(
@@ -104,6 +102,13 @@ def choose(
     fields = parameter_fields(TECHNIQUES[technique].params)
     check_names(f"choose() of {technique!r}", given, {*fields, *_Asked.__annotations__})
     return choice_for(
-        TECHNIQUES[technique].technique, size, preset=preset, error=error, budget_ms=budget_ms,
-        layers=layers, margin=margin, runtime=runtime, **given,
+        TECHNIQUES[technique].technique,
+        size,
+        preset=preset,
+        error=error,
+        budget_ms=budget_ms,
+        layers=layers,
+        margin=margin,
+        runtime=runtime,
+        **given,
     )

@@ -51,13 +51,7 @@ class TruthSettings:
 class Context:
     """A scene, its view and its truths on one device at one size."""
 
-    def __init__(
-        self,
-        runtime: Runtime,
-        view: BuiltinScene,
-        size: Size,
-        truths: TruthSettings | None = None,
-    ) -> None:
+    def __init__(self, runtime: Runtime, view: BuiltinScene, size: Size, truths: TruthSettings | None = None) -> None:
         self.runtime = runtime
         self.view = view
         self.size = size
@@ -83,9 +77,7 @@ class Context:
 
     def layered(self, layers: int, overscan: float) -> DeviceGBuffer:
         """Return a G-buffer with depth layers and overscan, drawn now, in device memory."""
-        rasterizer = Rasterizer(
-            self.runtime, self.size, layers=layers, margin=margin_of(self.camera, overscan)
-        )
+        rasterizer = Rasterizer(self.runtime, self.size, layers=layers, margin=margin_of(self.camera, overscan))
         with self.runtime.frame():
             target = rasterizer.render(device_scene(self.view.scene, self.runtime), self.camera)
             target.derive()
@@ -118,9 +110,14 @@ class Context:
         return self.truth(
             f"rays of {self.view.name}",
             lambda progress: truth.ambient_occlusion(
-                self.view.scene, self.camera, self.radius, self.truths.rays,
-                attenuation=self.truths.attenuation, gbuffer=self.host_gbuffer,
-                rebuild=self.truths.rebuild, progress=progress,
+                self.view.scene,
+                self.camera,
+                self.radius,
+                self.truths.rays,
+                attenuation=self.truths.attenuation,
+                gbuffer=self.host_gbuffer,
+                rebuild=self.truths.rebuild,
+                progress=progress,
             ),
         )
 
@@ -129,8 +126,12 @@ class Context:
         return self.truth(
             f"bent normals of {self.view.name}",
             lambda progress: truth.bent_normals(
-                self.view.scene, self.host_gbuffer, self.radius, self.truths.rays,
-                rebuild=self.truths.rebuild, progress=progress,
+                self.view.scene,
+                self.host_gbuffer,
+                self.radius,
+                self.truths.rays,
+                rebuild=self.truths.rebuild,
+                progress=progress,
             ),
         )
 
@@ -139,8 +140,12 @@ class Context:
         return self.truth(
             f"direct light of {self.view.name}",
             lambda progress: truth.direct_light(
-                self.view.scene, self.camera, self.punctual_lights, self.truths.paths,
-                rebuild=self.truths.rebuild, progress=progress,
+                self.view.scene,
+                self.camera,
+                self.punctual_lights,
+                self.truths.paths,
+                rebuild=self.truths.rebuild,
+                progress=progress,
             ),
         )
 
@@ -149,8 +154,13 @@ class Context:
         return self.truth(
             f"one bounce of {self.view.name}{'' if visibility else ', seen through walls'}",
             lambda progress: truth.one_bounce(
-                self.view.scene, self.camera, self.punctual_lights, self.truths.paths,
-                visibility=visibility, rebuild=self.truths.rebuild, progress=progress,
+                self.view.scene,
+                self.camera,
+                self.punctual_lights,
+                self.truths.paths,
+                visibility=visibility,
+                rebuild=self.truths.rebuild,
+                progress=progress,
             ),
         )
 

@@ -127,9 +127,7 @@ class Stopwatch:
                 break
         return took
 
-    def _once(
-        self, subject: Subject, repeats: int = 1
-    ) -> tuple[float, float, dict[str, float], dict[str, str]]:
+    def _once(self, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], dict[str, str]]:
         """Return milliseconds of device and wall clock, passes and skips: of one of the repeats."""
         if subject.setup is not None:
             subject.setup()

@@ -29,9 +29,7 @@ class MissingMeshError(SceneError):
     """A view's mesh is not where it is looked for."""
 
 
-def views_of(
-    names: Sequence[str], runtime: Runtime, meshes: Path | None = None
-) -> dict[str, BuiltinScene]:
+def views_of(names: Sequence[str], runtime: Runtime, meshes: Path | None = None) -> dict[str, BuiltinScene]:
     """Return name -> scene with lights and a view.
 
     Args:
@@ -75,9 +73,7 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
         if about == path:
             mesh = (meshes or path.parent) / _mesh(path, fields)
         if "ao_radius" in fields:
-            radius = checks.number(
-                f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units"
-            )
+            radius = checks.number(f"ao_radius in {about}", fields["ao_radius"], low=0, above=True, unit="scene units")
         if not mesh.is_file():
             raise MissingMeshError(f"{mesh}: there is no such file (--meshes FOLDER)")
     scene = load_scene(mesh)

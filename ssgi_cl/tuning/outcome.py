@@ -72,11 +72,15 @@ class Bound:
         """Return the message for when no trial keeps it."""
         if self.budget_ms is not None:
             least = min((trial.ms for trial in tried), default=math.inf)
-            return (f"budget_ms is {self.budget_ms:g}: nothing is as fast; the fastest of "
-                    f"{len(tried)} trials takes {least:.3g} ms")
+            return (
+                f"budget_ms is {self.budget_ms:g}: nothing is as fast; the fastest of "
+                f"{len(tried)} trials takes {least:.3g} ms"
+            )
         lowest = min((t.error for t in tried if t.error is not None), default=math.inf)
-        return (f"max_error is {self.max_error:g}: nothing is as good; the best of {len(tried)} "
-                f"trials has {metric} {lowest:.3g}")
+        return (
+            f"max_error is {self.max_error:g}: nothing is as good; the best of {len(tried)} "
+            f"trials has {metric} {lowest:.3g}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,10 +150,7 @@ class Tuning:
 
 def front(trials: Sequence[Trial]) -> list[Trial]:
     """Return the trials of which none other is both faster and better, the fastest first."""
-    known = sorted(
-        (trial for trial in trials if trial.error is not None),
-        key=lambda trial: (trial.ms, trial.error),
-    )
+    known = sorted((trial for trial in trials if trial.error is not None), key=lambda trial: (trial.ms, trial.error))
     result: list[Trial] = []
     least = math.inf
     for trial in known:

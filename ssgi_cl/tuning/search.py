@@ -38,10 +38,7 @@ class Axis:
     @property
     def ordered(self) -> bool:
         """Whether values that lie close together do about the same."""
-        return all(
-            isinstance(value, (int, float)) and not isinstance(value, bool)
-            for value in self.values
-        )
+        return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in self.values)
 
     @property
     def step(self) -> float:
@@ -81,8 +78,7 @@ class Axis:
 
 
 def spread(count: int, dimensions: int, seed: int) -> np.ndarray:
-    """Return [count, dimensions] evenly spread points of the unit cube (R sequence, Roberts 2018).
-    """
+    """Return [count, dimensions] evenly spread points of the unit cube (R sequence, Roberts 2018)."""
     start = 0.5 + seed * 0.6180339887498949 * np.arange(1, dimensions + 1)
     return np.asarray(np.mod(start + r_points(0, count, dimensions), 1.0))
 
@@ -96,9 +92,7 @@ class Narrowing:
         seed: chooses the points of the first round.
     """
 
-    def __init__(
-        self, axes: Sequence[Axis], cost: Callable[[Values], Cost | None], seed: int = 0
-    ) -> None:
+    def __init__(self, axes: Sequence[Axis], cost: Callable[[Values], Cost | None], seed: int = 0) -> None:
         self._axes = axes
         self._cost = cost
         self._seed = seed
@@ -133,9 +127,7 @@ class Narrowing:
             values = {}
             for axis, u in zip(self._axes, place, strict=True):
                 if axis.ordered:
-                    values[axis.name] = axis.at(
-                        axis.place(centre[axis.name]) + (u - 0.5) * max(width, 2.0 * axis.step)
-                    )
+                    values[axis.name] = axis.at(axis.place(centre[axis.name]) + (u - 0.5) * max(width, 2.0 * axis.step))
                 else:
                     values[axis.name] = best[int(u * len(best))][axis.name]
             self.attempt(values)

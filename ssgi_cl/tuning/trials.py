@@ -85,9 +85,7 @@ class Trials:
         self._reference = GatherLoad(self._runtime)
         # Ratios to the reference become milliseconds by its least time: what else the machine
         # does only slows it down.
-        self._reference_ms = min(
-            self._device_ms(self._reference.run) for _ in range(REFERENCE_RUNS)
-        )
+        self._reference_ms = min(self._device_ms(self._reference.run) for _ in range(REFERENCE_RUNS))
         self._kept: dict[tuple[tuple[str, Any], ...], Trial] = {}
 
     def prepare(self) -> None:
@@ -116,54 +114,36 @@ class Trials:
 
     def confirm(self, trial: Trial) -> Trial:
         """Return a trial with its time measured again, longer, which replaces the first."""
+
         def run() -> None:
             self.images(trial.parameters)
 
         run()  # the caches know it, as they do in a row of frames
-        confirmed = Trial(
-            trial.parameters, self._device_ms_of(run, CAREFUL_RUNS, CAREFUL_MS, FEWEST_RUNS),
-            trial.error,
-        )
+        confirmed = Trial(trial.parameters, self._device_ms_of(run, CAREFUL_RUNS, CAREFUL_MS, FEWEST_RUNS), trial.error)
         self._kept[tuple(sorted(trial.parameters.items()))] = confirmed
         return confirmed
 
     def images(
-        self,
-        parameters: Mapping[str, Any],
-        gbuffers: Sequence[DeviceGBuffer] | None = None,
+        self, parameters: Mapping[str, Any], gbuffers: Sequence[DeviceGBuffer] | None = None
     ) -> list[NDArray[np.float32]]:
         """Return the technique's result on each view, or on other G-buffers of the views."""
         return [
             self._image(context, gbuffer, parameters)
-            for context, gbuffer in zip(
-                self._contexts, gbuffers or self._gbuffers, strict=True
-            )
+            for context, gbuffer in zip(self._contexts, gbuffers or self._gbuffers, strict=True)
         ]
 
-    def _image(
-        self, context: Context, gbuffer: DeviceGBuffer, parameters: Mapping[str, Any]
-    ) -> NDArray[np.float32]:
+    def _image(self, context: Context, gbuffer: DeviceGBuffer, parameters: Mapping[str, Any]) -> NDArray[np.float32]:
         values = {**self._fixed, **parameters}
         if self._takes_radius:
             values.setdefault("radius", context.radius)
-        image: NDArray[np.float32] = self._entry.function(
-            gbuffer, runtime=self._runtime, **values
-        )
+        image: NDArray[np.float32] = self._entry.function(gbuffer, runtime=self._runtime, **values)
         return image
 
-    def error(
-        self,
-        parameters: Mapping[str, Any],
-        gbuffers: Sequence[DeviceGBuffer] | None = None,
-    ) -> float:
+    def error(self, parameters: Mapping[str, Any], gbuffers: Sequence[DeviceGBuffer] | None = None) -> float:
         """Return the geometric mean over the views of the error against the world truth."""
         return self._error(self.images(parameters, gbuffers))
 
-    def errors(
-        self,
-        parameters: Mapping[str, Any],
-        gbuffers: Sequence[DeviceGBuffer] | None = None,
-    ) -> list[float]:
+    def errors(self, parameters: Mapping[str, Any], gbuffers: Sequence[DeviceGBuffer] | None = None) -> list[float]:
         """Return the error against the world truth on each view."""
         return self._errors(self.images(parameters, gbuffers))
 
@@ -181,9 +161,7 @@ class Trials:
         truth: NDArray[np.float32] = getattr(context, self._entry.quantity)().mean
         return truth
 
-    def _rough(
-        self, parameters: Mapping[str, Any], limit_ms: float
-    ) -> tuple[float, list[NDArray[np.float32]]]:
+    def _rough(self, parameters: Mapping[str, Any], limit_ms: float) -> tuple[float, list[NDArray[np.float32]]]:
         """Return milliseconds and the images; none of what is much too slow."""
         first, gbuffer = self._contexts[0], self._gbuffers[0]
         self._image(first, gbuffer, parameters)  # the first run compiles
@@ -197,9 +175,7 @@ class Trials:
 
         return self._device_ms_of(run, RUNS, ENOUGH_MS), images
 
-    def _device_ms_of(
-        self, run: Callable[[], object], most: int, enough_ms: float, fewest: int = 1
-    ) -> float:
+    def _device_ms_of(self, run: Callable[[], object], most: int, enough_ms: float, fewest: int = 1) -> float:
         """Return milliseconds of a picture, mean over the views that `run` computes.
 
         Median of the ratios of device times to a reference load's beside, of at most `most`

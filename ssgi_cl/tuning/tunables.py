@@ -9,13 +9,7 @@ from typing import Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.params import Params
-from ssgi_cl.rasterize.scenes import (
-    REPORTED,
-    TUNED_ON,
-    VALIDATED_ON,
-    BuiltinScene,
-    make_scene,
-)
+from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene, make_scene
 from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
 from ssgi_cl.tuning.search import Axis
 
@@ -39,8 +33,10 @@ def views_of(scenes: Sequence[str | BuiltinScene] | None) -> list[BuiltinScene]:
     result: list[BuiltinScene] = []
     for scene in scenes:
         if isinstance(scene, str):
-            kept = {**dict.fromkeys(REPORTED, "on which errors are reported"),
-                    **dict.fromkeys(VALIDATED_ON, "which is for validation")}
+            kept = {
+                **dict.fromkeys(REPORTED, "on which errors are reported"),
+                **dict.fromkeys(VALIDATED_ON, "which is for validation"),
+            }
             if scene in kept:
                 raise ValueError(
                     f"scene is {scene!r}, {kept[scene]}: expected another, such as "
@@ -66,8 +62,8 @@ def axis_of(params: type[Params], name: str, values: Sequence[Any]) -> Axis:
     if isinstance(values, str) or not isinstance(values, Sequence) or not values:
         raise ValueError(f"{name} is {values!r}: expected (low, high) or a list of values")
     default = fields[name].default
-    is_range = isinstance(values, tuple) and len(values) == 2 and not any(
-        isinstance(value, (bool, str)) for value in values
+    is_range = (
+        isinstance(values, tuple) and len(values) == 2 and not any(isinstance(value, (bool, str)) for value in values)
     )
     if not is_range:
         options = tuple(values)
@@ -78,9 +74,7 @@ def axis_of(params: type[Params], name: str, values: Sequence[Any]) -> Axis:
         raise ValueError(f"{name} is {values!r}: expected (low, high) with low < high")
     rule = fields[name].metadata
     if low < rule["low"] or high > rule["high"]:
-        raise ValueError(
-            f"{name} is {values!r}: expected a range within [{rule['low']:g}, {rule['high']:g}]"
-        )
+        raise ValueError(f"{name} is {values!r}: expected a range within [{rule['low']:g}, {rule['high']:g}]")
     return Axis(name, low, high, whole=isinstance(default, int) and not isinstance(default, bool))
 
 

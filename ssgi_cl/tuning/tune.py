@@ -85,9 +85,7 @@ def tune(
     """
     entry = entry_of(technique)
     if (budget_ms is None) == (max_error is None):
-        raise ValueError(
-            f"budget_ms is {budget_ms} and max_error is {max_error}: expected exactly one of them"
-        )
+        raise ValueError(f"budget_ms is {budget_ms} and max_error is {max_error}: expected exactly one of them")
     if budget_ms is not None:
         budget_ms = checks.number("budget_ms", budget_ms, low=0.0, above=True, unit="ms")
     else:
@@ -95,8 +93,16 @@ def tune(
     checks.integer("rounds", rounds, low=1, high=10)
     checks.integer("seed", seed, low=0, high=2**31)
     session = Session(
-        entry, views_of(scenes), size=size, parameters=parameters, fixed=fixed, metric=metric,
-        layers=layers, overscan=overscan, runtime=runtime, progress=progress,
+        entry,
+        views_of(scenes),
+        size=size,
+        parameters=parameters,
+        fixed=fixed,
+        metric=metric,
+        layers=layers,
+        overscan=overscan,
+        runtime=runtime,
+        progress=progress,
     )
     return session.tune(budget_ms, max_error, rounds=rounds, seed=seed)
 
@@ -151,14 +157,10 @@ class Session:
             context.progress = progress or context.progress
         layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
         self._layers, self._overscan = layers, overscan
-        self.trials = Trials(
-            entry, self._contexts, self._fixed, metric, layers, overscan
-        )
+        self.trials = Trials(entry, self._contexts, self._fixed, metric, layers, overscan)
         self.trials.prepare()
 
-    def tune(
-        self, budget_ms: float | None, max_error: float | None, *, rounds: int = 4, seed: int = 0
-    ) -> Tuning:
+    def tune(self, budget_ms: float | None, max_error: float | None, *, rounds: int = 4, seed: int = 0) -> Tuning:
         """Search as `tune` does, with what is known from former searches.
 
         Raises:
@@ -168,13 +170,9 @@ class Session:
         bound = Bound(budget_ms, max_error)
         self.explore(bound, rounds=rounds, seed=seed)
         # Times were rough: what seems just too slow may do, and the other way round.
-        promising = sorted(
-            (trial for trial in self._complete() if bound.nearly_kept_by(trial)), key=bound.rank
-        )
+        promising = sorted((trial for trial in self._complete() if bound.nearly_kept_by(trial)), key=bound.rank)
         for group in range(0, len(promising), FINALISTS):
-            confirmed = [
-                self.trials.confirm(trial) for trial in promising[group : group + FINALISTS]
-            ]
+            confirmed = [self.trials.confirm(trial) for trial in promising[group : group + FINALISTS]]
             kept = [trial for trial in confirmed if bound.kept_by(trial)]
             if kept:
                 return self._tuning(bound, min(kept, key=bound.cost))
@@ -234,8 +232,12 @@ class Session:
         for view in self._views:
             known = scenes.setdefault(
                 id(view.scene),
-                {"name": view.name, "digest": scene_digest(view.scene),
-                 "radius": self._fixed.get("radius", view.ao_radius), "views": []},
+                {
+                    "name": view.name,
+                    "digest": scene_digest(view.scene),
+                    "radius": self._fixed.get("radius", view.ao_radius),
+                    "views": [],
+                },
             )
             known["views"].append({"eye": list(view.eye), "target": list(view.target)})
         return {
@@ -248,8 +250,7 @@ class Session:
             "layers": self._layers,
             "overscan": self._overscan,
             "metric": self._metric,
-            "truth": {"rays": self._truth.rays, "attenuation": self._truth.attenuation,
-                      "weighting": "cosine"},
+            "truth": {"rays": self._truth.rays, "attenuation": self._truth.attenuation, "weighting": "cosine"},
             "scenes": tuple(scenes.values()),
         }
 

@@ -7,14 +7,10 @@ from typing import Any
 
 def spread(median: float, share: float = 0.02) -> dict[str, float]:
     """Return a median with quartiles at `share` of it on both sides."""
-    return {
-        "median": median, "low": median * (1.0 - share), "high": median * (1.0 + share),
-    }
+    return {"median": median, "low": median * (1.0 - share), "high": median * (1.0 + share)}
 
 
-def entry(
-    name: str = "ssao.16.hall.8x6", ms: float = 2.0, rmse: float | None = 0.05, **changes: Any
-) -> dict[str, Any]:
+def entry(name: str = "ssao.16.hall.8x6", ms: float = 2.0, rmse: float | None = 0.05, **changes: Any) -> dict[str, Any]:
     """Return a result with an error against the world, as far as `changes` don't say otherwise."""
     family, setting, scene, size = name.split(".")
     columns, rows = size.split("x")
@@ -23,33 +19,55 @@ def entry(
         "elsewhere": {"share": 0.75, "rmse": rmse, "bias": 0.0},
     }
     return {
-        "name": name, "family": family, "setting": setting, "scene": scene,
-        "size": [int(rows), int(columns)], "quantity": "occlusion", "note": "",
-        "wall_ms": spread(ms), "device_ms": spread(0.8 * ms), "runs": 30, "ratio": spread(ms / 2),
-        "unsteady": "", "samples_g_s": 2.0, "moved_gb_s": 3.1,
+        "name": name,
+        "family": family,
+        "setting": setting,
+        "scene": scene,
+        "size": [int(rows), int(columns)],
+        "quantity": "occlusion",
+        "note": "",
+        "wall_ms": spread(ms),
+        "device_ms": spread(0.8 * ms),
+        "runs": 30,
+        "ratio": spread(ms / 2),
+        "unsteady": "",
+        "samples_g_s": 2.0,
+        "moved_gb_s": 3.1,
         "passes": [{"name": "ssao", "ms": ms}],
         "errors": {
             "world": {
-                "rmse": rmse, "bias": -0.01, "p99": 0.2, "psnr": None, "mrse": 0.01, "ssim": 0.9,
-                "flip": None, "truth_error": 0.0, "regions": regions,
-            },
+                "rmse": rmse,
+                "bias": -0.01,
+                "p99": 0.2,
+                "psnr": None,
+                "mrse": 0.01,
+                "ssim": 0.9,
+                "flip": None,
+                "truth_error": 0.0,
+                "regions": regions,
+            }
         },
-        "counted": "", "front": False, "near": False, **changes,
+        "counted": "",
+        "front": False,
+        "near": False,
+        **changes,
     }
 
 
 def whole(*results: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """Return a document with these results."""
     return {
-        "format": "ssgi-bench 2", "created": "2024-05-06T07:08:09+00:00",
+        "format": "ssgi-bench 2",
+        "created": "2024-05-06T07:08:09+00:00",
         "options": {"truth_rays": 512, "attenuation": "none", "seconds": 1.0},
-        "versions": {"ssgi_cl": "0.1.0", "numpy": "2.0", "vtk": None}, "revision": "abc1234",
+        "versions": {"ssgi_cl": "0.1.0", "numpy": "2.0", "vtk": None},
+        "revision": "abc1234",
         "modified": False,
         "device": {"label": "Made up 1.0: CPU", "kind": "cpu", "units": 2, "variant": "16 lanes"},
         "machine": {"cpu": "Made up", "threads": 2, "system": "None"},
-        "calibration": {
-            "bandwidth_gb_s": 31.0, "gathers_g_s": 4.0, "multiply_adds_gflop_s": 230.0,
-        },
+        "calibration": {"bandwidth_gb_s": 31.0, "gathers_g_s": 4.0, "multiply_adds_gflop_s": 230.0},
         "reference": {"name": "gathers", "ms": 2.0},
-        "results": list(results), "skipped": [], **changes,
+        "results": list(results),
+        "skipped": [],
+        **changes,
     }

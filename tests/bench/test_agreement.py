@@ -21,8 +21,7 @@ ONE = [np.linspace(0.5, 1.5, 10)]
 SLOW = DeviceInfo("", 0, 0, "B 2: chip", "cpu", 2, {"1 lane, buffer": 1.0})
 BROKEN = DeviceInfo("", 0, 0, "C 3: chip", "cpu", 2, {"1 lane, buffer": "it crashes"})
 FAST = DeviceInfo(
-    "", 0, 0, "A 1: chip", "cpu", 2,
-    {"1 lane, image": "no images", "1 lane, buffer": 2.0, "8 lanes, buffer": 9.0},
+    "", 0, 0, "A 1: chip", "cpu", 2, {"1 lane, image": "no images", "1 lane, buffer": 2.0, "8 lanes, buffer": 9.0}
 )
 
 
@@ -64,9 +63,7 @@ def test_the_page_has_a_row_for_each_technique_and_marks_what_is_off() -> None:
     assert "| ssao | **the process died** |" in page
 
 
-def test_what_a_process_ends_at_is_left_out_by_the_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_process_ends_at_is_left_out_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     codes = iter((-signal.SIGXCPU, -signal.SIGSEGV, 0))
 
     def run(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:

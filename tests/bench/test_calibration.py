@@ -31,9 +31,6 @@ def test_scattered_reads_sum_what_they_should(variant_runtime: Runtime) -> None:
         first = min(max(x // lanes * lanes, reach), columns - reach - lanes)
         own, lane = first + x % lanes, (first & 15) + x % lanes
         assert reach <= y < rows - reach
-        expected = sum(
-            values[y + steps[32 * i + 16 + lane], own + steps[32 * i + lane]]
-            for i in range(GATHERS)
-        )
+        expected = sum(values[y + steps[32 * i + 16 + lane], own + steps[32 * i + lane]] for i in range(GATHERS))
         # 64 numbers below 1 in float32: each partial sum rounds by 2^-19 at most.
         np.testing.assert_allclose(load._sum.download()[0, y, x], expected, atol=64 * 2.0**-19)

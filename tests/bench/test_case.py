@@ -15,8 +15,17 @@ def test_a_case_and_its_name_tell_the_same() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["", "ssao", "ssao.16.hall", "ssao.16.hall.800", "ssao.16.hall.0x600", "ssao.16.hall.800x600.x",
-     "ssao..hall.800x600", "ssao.16.ha ll.800x600", "ssao.16.hall.800x-600"],
+    [
+        "",
+        "ssao",
+        "ssao.16.hall",
+        "ssao.16.hall.800",
+        "ssao.16.hall.0x600",
+        "ssao.16.hall.800x600.x",
+        "ssao..hall.800x600",
+        "ssao.16.ha ll.800x600",
+        "ssao.16.hall.800x-600",
+    ],
 )
 def test_what_is_no_name_is_refused_with_an_example(name: str) -> None:
     with pytest.raises(ValueError, match=r"expected family\.setting\.scene\.COLUMNSxROWS"):

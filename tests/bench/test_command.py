@@ -11,8 +11,7 @@ from click.testing import CliRunner, Result
 
 from ssgi_cl.cli.command import main
 
-QUICK = ["--scene", "cornell_box", "--size", "40x30", "--truth-rays", "4", "--truth-points", "4",
-         "--truth-paths", "2"]
+QUICK = ["--scene", "cornell_box", "--size", "40x30", "--truth-rays", "4", "--truth-points", "4", "--truth-paths", "2"]
 
 
 @pytest.fixture(autouse=True)
@@ -113,15 +112,11 @@ def test_truths_are_made_once_listed_and_cleared(own_store: Path) -> None:
     assert list((own_store / "truth").iterdir()) == []
 
 
-def test_kept_truths_are_listed_with_their_size_and_damaged_ones_as_unreadable(
-    own_store: Path,
-) -> None:
+def test_kept_truths_are_listed_with_their_size_and_damaged_ones_as_unreadable(own_store: Path) -> None:
     ssgi("truth", "ssao.4", *QUICK)
     next((own_store / "truth").iterdir()).write_bytes(b"nothing")
     lines = ssgi("truth", "--list").output.splitlines()
-    assert sorted(line.partition("MiB")[2].strip() for line in lines[:2]) == [
-        "40 x 30", "unreadable"
-    ]
+    assert sorted(line.partition("MiB")[2].strip() for line in lines[:2]) == ["40 x 30", "unreadable"]
 
 
 @pytest.mark.filterwarnings("always")

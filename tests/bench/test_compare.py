@@ -35,9 +35,7 @@ def test_equal_documents_do_not_fail() -> None:
 def test_a_greater_ratio_beyond_noise_fails() -> None:
     comparison = compared(entry(ratio=spread(1.0)), entry(ratio=spread(1.2)))
     assert comparison.failed
-    assert [(c.name, c.before, c.after) for c in comparison.slower] == [
-        ("ssao.16.hall.8x6", 1.0, 1.2)
-    ]
+    assert [(c.name, c.before, c.after) for c in comparison.slower] == [("ssao.16.hall.8x6", 1.0, 1.2)]
     text = shown(comparison)
     assert "slower" in text
     assert "+20.0 %" in text
@@ -111,9 +109,7 @@ def test_error_noise_covers_what_truths_of_a_known_error_do(
 ) -> None:
     # The same result held to 300 pairs of independent truths of N = 4000 pixels.
     miss = rng.normal(0.0, 0.05, 4000)
-    one, two = (
-        np.sqrt(np.mean((miss + rng.normal(0.0, s, (300, 4000))) ** 2, axis=1)) for s in errors
-    )
+    one, two = (np.sqrt(np.mean((miss + rng.normal(0.0, s, (300, 4000))) ** 2, axis=1)) for s in errors)
     bounds = np.array([error_noise(before, errors, 4000) for before in one])
     # Three standard deviations: 1 of 370 may exceed them, and 3 of 300 is far from that.
     assert (np.abs(two - one) > bounds).sum() < 3
@@ -148,9 +144,7 @@ def test_truths_of_other_options_are_not_compared() -> None:
     comparison = compare(whole(entry(ratio=spread(1.0))), after)
     assert not comparison.worse
     assert comparison.slower  # times still are
-    assert comparison.notes == [
-        "errors are not compared, the truths differ: truth_rays 512 and 64"
-    ]
+    assert comparison.notes == ["errors are not compared, the truths differ: truth_rays 512 and 64"]
 
 
 def test_other_devices_are_compared_by_ratio_and_said_on_top() -> None:
@@ -163,10 +157,7 @@ def test_other_devices_are_compared_by_ratio_and_said_on_top() -> None:
 
 def test_cases_that_come_and_go_are_listed_and_do_not_fail() -> None:
     before = whole(entry(), entry("b.1.hall.8x6"), entry("c.1.hall.8x6"))
-    after = whole(
-        entry(), entry("d.1.hall.8x6"),
-        skipped=[{"name": "b.1.hall.8x6", "reason": "[b] is not installed"}],
-    )
+    after = whole(entry(), entry("d.1.hall.8x6"), skipped=[{"name": "b.1.hall.8x6", "reason": "[b] is not installed"}])
     comparison = compare(before, after)
     assert comparison.missing == ["b.1.hall.8x6: [b] is not installed", "c.1.hall.8x6"]
     assert comparison.new == ["d.1.hall.8x6"]

@@ -26,7 +26,8 @@ def test_every_technique_has_a_cost_at_every_place(runtime: Runtime) -> None:
 
 def test_a_table_has_a_row_for_each_technique_and_marks_what_is_unsteady() -> None:
     found = [
-        Cost("gtao", (600, 800), 1.0, 8.0, 0.5, ""), Cost("hbao", (600, 800), 1.0, 9.0, 0.6, ""),
+        Cost("gtao", (600, 800), 1.0, 8.0, 0.5, ""),
+        Cost("hbao", (600, 800), 1.0, 9.0, 0.6, ""),
         Cost("gtao", (600, 800), 2.0, 8.0, 0.55, "busy"),
         Cost("hbao", (600, 800), 2.0, 9.0, 0.66, ""),
     ]

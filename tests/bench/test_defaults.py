@@ -60,13 +60,14 @@ def test_shadow_error_is_that_of_the_kernel_against_rays(box: Context, runtime: 
     found = shadow_errors(box, {})
     # The same by the kernel and by path tracing's direct light, which is exact.
     (light,) = box.punctual_lights
-    white = gi.GBuffer(camera=box.camera, depth=box.host_gbuffer.depth,
-                       normal=box.host_gbuffer.normal,
-                       albedo=np.ones((*SIZE, 3), np.float32))
-    rsm = gi.rasterize.rsm(box.view.scene, light, size=1024, runtime=runtime)
-    full, dimmed = (
-        gi.shade(white, [light], rsms=rsms, runtime=runtime)[..., 0] for rsms in (None, [rsm])
+    white = gi.GBuffer(
+        camera=box.camera,
+        depth=box.host_gbuffer.depth,
+        normal=box.host_gbuffer.normal,
+        albedo=np.ones((*SIZE, 3), np.float32),
     )
+    rsm = gi.rasterize.rsm(box.view.scene, light, size=1024, runtime=runtime)
+    full, dimmed = (gi.shade(white, [light], rsms=rsms, runtime=runtime)[..., 0] for rsms in (None, [rsm]))
     lit = (full > 0) & box.seen
     pytest.importorskip("mitsuba")
     truth = box.direct().mean[..., 0][lit] > 0.0

@@ -57,19 +57,13 @@ def test_every_technique_is_measured_called_and_shown() -> None:
         stem = each.function.__module__.rpartition(".")[2]
         called = each.kind == "ao" or (Path(calls.__path__[0]) / f"{stem}.py").exists()
         assert called == (name not in UNCALLED), name
-    assert {name.replace("_", " ") for name in CATALOGUE if CATALOGUE[name].kind == "ao"} <= set(
-        calls.CALLS
-    )
+    assert {name.replace("_", " ") for name in CATALOGUE if CATALOGUE[name].kind == "ao"} <= set(calls.CALLS)
     assert set(defaults.SCANS) == {"shadow_map", "vpl_splat", "multires_splat", "ssdo_views"}
 
 
-def test_a_technique_has_rows_and_a_page_by_its_descriptor_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_technique_has_rows_and_a_page_by_its_descriptor_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     before = figure_tables.rows()
     assert [call for call, _, _ in before] == list(figure_tables.ORDER)
-    new = replace(
-        CATALOGUE["ssao"], name="new", bench=Bench(rows={"new": ("what", (("", "ssao.4"),))})
-    )
+    new = replace(CATALOGUE["ssao"], name="new", bench=Bench(rows={"new": ("what", (("", "ssao.4"),))}))
     monkeypatch.setitem(CATALOGUE, "new", new)
     assert figure_tables.rows() == [*before, ("new", "what", (("", "ssao.4"),))]

@@ -46,9 +46,20 @@ def test_a_document_from_before_the_variant_was_called_so_is_read(tmp_path: Path
 def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> None:
     def git(*arguments: str) -> None:
         subprocess.run(
-            ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org",
-             "-c", "commit.gpgsign=false", *arguments],
-            check=True, capture_output=True,
+            [
+                "git",
+                "-C",
+                str(tmp_path),
+                "-c",
+                "user.name=n",
+                "-c",
+                "user.email=e@example.org",
+                "-c",
+                "commit.gpgsign=false",
+                *arguments,
+            ],
+            check=True,
+            capture_output=True,
         )
 
     module = tmp_path / "module.py"
@@ -145,7 +156,9 @@ def test_groups_share_quantity_scene_and_size_and_begin_with_the_fastest() -> No
     results.append(entry("b.1.hall.8x6", quantity="direct", device_ms=None))
     grouped = document.groups(results)
     assert [key for key in grouped] == [
-        ("occlusion", "hall", (6, 8)), ("occlusion", "box", (6, 8)), ("occlusion", "hall", (8, 6)),
+        ("occlusion", "hall", (6, 8)),
+        ("occlusion", "box", (6, 8)),
+        ("occlusion", "hall", (8, 6)),
         ("direct", "hall", (6, 8)),
     ]
     first = grouped[("occlusion", "hall", (6, 8))]

@@ -41,10 +41,16 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.mark.parametrize(
     ("family", "setting", "passes", "maps"),
     [
-        ("gtao", "1x4", 1, 0), ("gtao", "1x4-2", 2, 0), ("gtao-preset", "low-2", 2, 0),
-        ("vpl", "64", 1, 1), ("vpl-visibility", "64", 1, 1), ("vpl-visibility-seen", "64", 4, 1),
+        ("gtao", "1x4", 1, 0),
+        ("gtao", "1x4-2", 2, 0),
+        ("gtao-preset", "low-2", 2, 0),
+        ("vpl", "64", 1, 1),
+        ("vpl-visibility", "64", 1, 1),
+        ("vpl-visibility-seen", "64", 4, 1),
         ("multires", "40-permille", 1, 1),
-        ("rsm-gather", "100", 0, 1), ("direct", "64", 0, 1), ("ssdo-bitmask-layers", "1", 2, 1),
+        ("rsm-gather", "100", 0, 1),
+        ("direct", "64", 0, 1),
+        ("ssdo-bitmask-layers", "1", 2, 1),
     ],
 )
 def test_layers_and_maps_are_drawn_in_every_run(

@@ -21,9 +21,7 @@ def test_an_offset_shows_as_bias_and_rmse_where_it_is() -> None:
     image = truth.copy()
     image[:, :10] += 0.25
     found = errors_of(image, truth_of(truth, 0.02), SEEN, REGIONS, light=False)
-    assert found["regions"]["creases"] == pytest.approx(
-        {"share": 1 / 3, "rmse": 0.25, "bias": 0.25}
-    )
+    assert found["regions"]["creases"] == pytest.approx({"share": 1 / 3, "rmse": 0.25, "bias": 0.25})
     assert found["regions"]["elsewhere"]["rmse"] == 0.0
     assert found["rmse"] == pytest.approx(0.25 / np.sqrt(3.0))
     assert found["bias"] == pytest.approx(0.25 / 3.0)

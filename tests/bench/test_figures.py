@@ -40,11 +40,8 @@ def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str
     assert made == kept
 
 
-@pytest.mark.parametrize("name", [*figure_text.BY_HAND, "docs/benchmark.md", "docs/skips.md",
-                                  "docs/summation.md"])
-def test_pages_are_what_the_recorded_figures_make_of_them(
-    pages: dict[str, str], name: str
-) -> None:
+@pytest.mark.parametrize("name", [*figure_text.BY_HAND, "docs/benchmark.md", "docs/skips.md", "docs/summation.md"])
+def test_pages_are_what_the_recorded_figures_make_of_them(pages: dict[str, str], name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     assert text == pages[name], f"{name} differs from docs/figures: make figures-render"
 
@@ -105,9 +102,7 @@ def test_a_page_that_differs_from_the_json_is_found(tmp_path: Path) -> None:
     for name in figures.PLANS:
         found = whole(entry("gtao.2x9.hall.8x6", 3.0, 0.07))
         figures.write(tmp_path, name, found)
-    blocks = figure_text.blocks(
-        figure_text.recorded(tmp_path, "benchmark"), figure_text.recorded(tmp_path, "indirect")
-    )
+    blocks = figure_text.blocks(figure_text.recorded(tmp_path, "benchmark"), figure_text.recorded(tmp_path, "indirect"))
     text = figure_text.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
     assert text.startswith("before\n<!-- figures:techniques -->\n| call |")
     assert text.endswith("<!-- end -->\nafter\n")
@@ -122,9 +117,7 @@ def test_a_block_that_there_is_none_of_is_refused() -> None:
 
 
 def test_compact_json_can_be_read_again_and_is_small(tmp_path: Path) -> None:
-    found = whole(
-        entry("a.1.hall.8x6", 1.23456789, 0.1), entry("b.1.hall.8x6", 2.0, None, unsteady="busy")
-    )
+    found = whole(entry("a.1.hall.8x6", 1.23456789, 0.1), entry("b.1.hall.8x6", 2.0, None, unsteady="busy"))
     (tmp_path / "found.json").write_text(figure_text.compact(found), encoding="utf-8")
     again = document.read(tmp_path / "found.json")
     assert again["results"][0]["wall_ms"]["median"] == 1.2346
@@ -135,10 +128,7 @@ def test_compact_json_can_be_read_again_and_is_small(tmp_path: Path) -> None:
 
 
 def test_biases_are_per_cent_of_the_mean_with_their_sign() -> None:
-    rows = [
-        entry("vpl-visibility.4096.hall.8x6", rmse=0.1, quantity="bounce"),
-        entry("gtao.2x9.hall.8x6", rmse=0.1),
-    ]
+    rows = [entry("vpl-visibility.4096.hall.8x6", rmse=0.1, quantity="bounce"), entry("gtao.2x9.hall.8x6", rmse=0.1)]
     rows[0]["errors"]["world"] |= {"mean": 0.5, "bias": -0.02}
     lines = figure_tables.biases(rows, figure_tables.VISIBILITY).splitlines()
     assert lines[2:] == ["| hall | -4 % | 20 % | - | - |"]
@@ -150,18 +140,16 @@ def test_speed_ups_name_the_best_alternative_and_the_plain_way() -> None:
         return result | {"device_ms": spread(100.0 * ms)}
 
     rows = [
-        light("multires.10-permille", 10.0, 0.1), light("vpl-plain.1024", 80.0, 0.1),
-        light("vpl.1024", 40.0, 0.1), light("vpl-interleaved.1024", 5.0, 0.2),
+        light("multires.10-permille", 10.0, 0.1),
+        light("vpl-plain.1024", 80.0, 0.1),
+        light("vpl.1024", 40.0, 0.1),
+        light("vpl-interleaved.1024", 5.0, 0.2),
         light("rsm-gather.400", 30.0, 0.104),
     ]
-    (line,) = (
-        line for line in figure_tables.speed_ups(rows).splitlines()
-        if line.startswith("| multires.10-permille")
-    )
+    (line,) = (line for line in figure_tables.speed_ups(rows).splitlines() if line.startswith("| multires.10-permille"))
     # The faster one errs more, so it is no alternative.
     assert line == (
-        "| multires.10-permille | hall | 10.0 | rsm-gather.400, 30.0 ms | 3.00 | "
-        "vpl-plain.1024, 80.0 ms | 8.00 |"
+        "| multires.10-permille | hall | 10.0 | rsm-gather.400, 30.0 ms | 3.00 | vpl-plain.1024, 80.0 ms | 8.00 |"
     )
     assert figure_tables.best_alternative(rows[0], rows[3:4]) is None
 
@@ -170,10 +158,7 @@ def test_every_case_that_is_shown_is_planned() -> None:
     shown = {name for _, _, cases in figure_tables.rows() for _, name in cases}
     shown |= {name for case, plain, _ in figure_tables.SPEED_UPS for name in (case, plain)}
     plan = figures.PLANS["benchmark"]
-    names = {
-        f"{case.family}.{case.setting}"
-        for case in figures.chosen(plan, plan.size, {"hall": cornell_box()})
-    }
+    names = {f"{case.family}.{case.setting}" for case in figures.chosen(plan, plan.size, {"hall": cornell_box()})}
     assert shown <= names
     for plan in figures.PLANS.values():
         for scene, patterns in plan.cases.items():
@@ -186,7 +171,10 @@ def test_every_occlusion_table_has_its_peers_blurred_denoised_and_at_their_best(
         cases = figures.chosen(plan, plan.size, {scene: cornell_box()})
         found = {f"{case.family}.{case.setting}" for case in cases}
         assert {
-            "mitsuba-ao-blur.4", "mitsuba-ao-oidn.4", "mitsuba-ao-moving-blur.4", "xegtao.best",
+            "mitsuba-ao-blur.4",
+            "mitsuba-ao-oidn.4",
+            "mitsuba-ao-moving-blur.4",
+            "xegtao.best",
             "embree.1",
         } <= found
     light = figures.chosen(plan, plan.size, {"hall": cornell_box()})

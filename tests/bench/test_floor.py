@@ -30,9 +30,7 @@ def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:
     cases = [Case("floor", setting, "cornell_box", (45, 60)) for setting in ("1", "4-10")]
-    found = suite.measure(
-        cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4
-    )
+    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4)
     assert found.skipped == []
     one, four = found.results
     assert not one["timed"]
@@ -51,7 +49,8 @@ def documented() -> list[dict[str, Any]]:
     results = [
         entry("floor.1.hall.8x6", 0.0, 0.07, **FLOOR),
         entry("floor.2.hall.8x6", 0.0, 0.03, **FLOOR),
-        entry("gtao.2x9.hall.8x6", 2.0, 0.08), entry("embree.16.hall.8x6", 9.0, 0.05),
+        entry("gtao.2x9.hall.8x6", 2.0, 0.08),
+        entry("embree.16.hall.8x6", 9.0, 0.05),
     ]
     front.mark(results)
     return results

@@ -13,18 +13,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from ssgi_cl.bench.frame import command, report
-from ssgi_cl.bench.frame.ablation import (
-    DIRECT,
-    EDGES,
-    EMISSION,
-    FIRST,
-    GLOSSY,
-    LATER,
-    NOISE,
-    NOTHING,
-    SKY,
-    ablation,
-)
+from ssgi_cl.bench.frame.ablation import DIRECT, EDGES, EMISSION, FIRST, GLOSSY, LATER, NOISE, NOTHING, SKY, ablation
 from ssgi_cl.bench.frame.command import mesh_names
 from ssgi_cl.bench.frame.error import FrameError, encoded, frame_error
 from ssgi_cl.bench.frame.measure import Row, measure, reference, variants, without_emission
@@ -50,9 +39,7 @@ def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 # ---- errors
 
 
-def test_an_image_has_no_error_against_itself_and_more_the_farther_it_is(
-    rng: np.random.Generator,
-) -> None:
+def test_an_image_has_no_error_against_itself_and_more_the_farther_it_is(rng: np.random.Generator) -> None:
     image = rng.random((24, 32, 3)).astype(np.float32)
     assert frame_error(image, image) == (0.0, 0.0, 0.0)
     near, far = (frame_error(image * np.float32(k), image) for k in (1.1, 2.0))
@@ -71,9 +58,7 @@ def test_error_is_the_same_at_any_exposure_of_both(rng: np.random.Generator) -> 
 
 def test_tone_curve_is_the_documented_one() -> None:
     # x e / (1 + x e / 4): 2 at exposure 2 is 4 / 2, clipped; 0.25 at 1 is 0.25 / 1.0625.
-    np.testing.assert_allclose(
-        encoded(np.array([2.0, -1.0, 0.0]), 2.0), [1.0, 0.0, 0.0], atol=1e-12
-    )
+    np.testing.assert_allclose(encoded(np.array([2.0, -1.0, 0.0]), 2.0), [1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(encoded(np.array([0.25]), 1.0), (0.25 / 1.0625) ** (1 / 2.2))
 
 
@@ -91,8 +76,7 @@ def row(name: str, flip: float, ms: float) -> Row:
 
 
 @pytest.mark.parametrize(
-    ("flip", "ms", "reached"),
-    [(0.09, 99.0, True), (0.11, 99.0, False), (0.09, 101.0, False), (0.1, 50.0, False)],
+    ("flip", "ms", "reached"), [(0.09, 99.0, True), (0.11, 99.0, False), (0.09, 101.0, False), (0.1, 50.0, False)]
 )
 def test_goal_is_lower_flip_in_a_third_of_the_time(flip: float, ms: float, reached: bool) -> None:
     found = verdict([row("default", flip, ms), row("path 1", 0.5, 1.0),
@@ -137,9 +121,15 @@ def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
     expected = reference(view, SIZE, 64)
     own = [DEFAULT, "multires", "direct"]  # all: in the slow tests
     rows, skipped = measure(
-        view, SIZE, runtime, expected.mean, frames=1, samples=(1, 16),
+        view,
+        SIZE,
+        runtime,
+        expected.mean,
+        frames=1,
+        samples=(1, 16),
         modes={
-            **{name: MODES[name] for name in own}, "unknown": Mode({"no_such_option": 1}),
+            **{name: MODES[name] for name in own},
+            "unknown": Mode({"no_such_option": 1}),
             "impossible": Mode({"bounces": -1}),
         },
     )
@@ -210,8 +200,7 @@ def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
 def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
     few, many = (
-        {one.term: one for one in ablation(view, SIZE, runtime, MODES["low"], paths=paths)}
-        for paths in (8, 128)
+        {one.term: one for one in ablation(view, SIZE, runtime, MODES["low"], paths=paths)} for paths in (8, 128)
     )
     assert few[NOISE].alone.flip > 2.0 * many[NOISE].alone.flip > 0.0
 
@@ -228,9 +217,24 @@ def ssgi(*arguments: str, status: int = 0) -> Result:
 def test_the_command_writes_tables_and_strips(tmp_path: Path) -> None:
     paths = tmp_path / "found.json", tmp_path / "found.md"
     shown = ssgi(
-        "--scene", "cornell_box", "--size", "40x30", "--truth-paths", "4", "--frames", "1",
-        "--own", "--mode", "low", "--ablation", "--strips", str(tmp_path / "strips"),
-        "-o", str(paths[0]), "--markdown", str(paths[1]),
+        "--scene",
+        "cornell_box",
+        "--size",
+        "40x30",
+        "--truth-paths",
+        "4",
+        "--frames",
+        "1",
+        "--own",
+        "--mode",
+        "low",
+        "--ablation",
+        "--strips",
+        str(tmp_path / "strips"),
+        "-o",
+        str(paths[0]),
+        "--markdown",
+        str(paths[1]),
     ).output
     assert "## cornell_box-spot, 40 x 30" in shown
     assert "not judged: default was not measured" in shown
@@ -246,14 +250,10 @@ def test_the_command_writes_tables_and_strips(tmp_path: Path) -> None:
     assert strip.shape == (30, 3 * 40, 3)
 
 
-def test_ablation_is_of_the_default_frame_unless_others_are_chosen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_ablation_is_of_the_default_frame_unless_others_are_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(command, "measure", lambda *given, **more: ([], []))
-    monkeypatch.setattr(
-        command, "ablation", lambda view, size, runtime, mode, **more: asked.append(mode) or []
-    )
+    monkeypatch.setattr(command, "ablation", lambda view, size, runtime, mode, **more: asked.append(mode) or [])
     shown = ssgi("--scene", "parlour", "--size", "24x18", "--truth-paths", "2", "--ablation").output
     assert "Terms of `default`:" in shown
     assert asked == [MODES[DEFAULT]]

@@ -22,8 +22,11 @@ def case(setting: str, ms: float, rmse: float | None, **changes: Any) -> dict[st
 
 def test_only_what_nothing_beats_is_on_the_front() -> None:
     results = [
-        case("slow", 9.0, 0.01), case("beaten", 5.0, 0.3), case("fast", 1.0, 0.4),
-        case("middle", 4.0, 0.2), case("worst", 10.0, 0.5),
+        case("slow", 9.0, 0.01),
+        case("beaten", 5.0, 0.3),
+        case("fast", 1.0, 0.4),
+        case("middle", 4.0, 0.2),
+        case("worst", 10.0, 0.5),
     ]
     assert marked(results) == ["slow", "fast", "middle"]
 
@@ -66,16 +69,12 @@ def test_old_marks_go_and_exact_results_count() -> None:
 
 
 def test_what_is_unsteady_counts_like_any_other() -> None:
-    results = [
-        case("busy", 1.0, 0.1, unsteady="the machine was busy"), case("sure", 2.0, 0.2),
-    ]
+    results = [case("busy", 1.0, 0.1, unsteady="the machine was busy"), case("sure", 2.0, 0.2)]
     assert marked(results) == ["busy"]
 
 
 def test_what_is_beaten_only_by_results_that_overlap_with_it_in_time_is_near() -> None:
     wide = {"median": 2.2, "low": 1.9, "high": 2.6}
-    results = [
-        case("best", 2.0, 0.1), case("near", 2.2, 0.2, wall_ms=wide), case("beaten", 2.2, 0.3),
-    ]
+    results = [case("best", 2.0, 0.1), case("near", 2.2, 0.2, wall_ms=wide), case("beaten", 2.2, 0.3)]
     assert marked(results) == ["best"]
     assert [result["setting"] for result in results if result["near"]] == ["near"]

@@ -29,9 +29,7 @@ def test_more_samples_err_a_little_less(runtime: Runtime) -> None:
 
 
 def test_a_table_has_a_row_for_each_technique_and_scene() -> None:
-    assert table([Gain("gtao", "hall", 0.08, 0.076)]).splitlines()[2:] == [
-        "| gtao | hall | 0.0800 | 0.0760 | 5.0 % |"
-    ]
+    assert table([Gain("gtao", "hall", 0.08, 0.076)]).splitlines()[2:] == ["| gtao | hall | 0.0800 | 0.0760 | 5.0 % |"]
 
 
 def test_an_unknown_scene_is_refused_in_a_line() -> None:

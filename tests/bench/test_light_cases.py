@@ -49,8 +49,7 @@ def test_direct_light_is_what_lights_send_less_shadows(runtime: Runtime) -> None
     image = subject.image()
     assert image.shape == (*SMALL, 3)
     *surface, _ = world_surface(context.host_gbuffer)
-    wanted = sum(direct_reference(punctual_light,
-        *surface) for punctual_light in context.punctual_lights)
+    wanted = sum(direct_reference(punctual_light, *surface) for punctual_light in context.punctual_lights)
     assert (image <= 1.001 * wanted + 1e-4).all()
     assert np.isclose(image, wanted, rtol=1e-3, atol=1e-4).mean() > 0.5
 
@@ -68,12 +67,9 @@ def test_geometry_alone_computes_fewer_pixels_than_a_bound_of_the_error(runtime:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("few", "many"),
-    [("vpl-lobes.64", "vpl-lobes.4096"), ("vpl-cut.7-percent", "vpl-cut-restored.1-percent")],
+    ("few", "many"), [("vpl-lobes.64", "vpl-lobes.4096"), ("vpl-cut.7-percent", "vpl-cut-restored.1-percent")]
 )
-def test_more_lights_and_a_lesser_cut_err_less_against_all_lights(
-    runtime: Runtime, few: str, many: str
-) -> None:
+def test_more_lights_and_a_lesser_cut_err_less_against_all_lights(runtime: Runtime, few: str, many: str) -> None:
     context = Context(runtime, cornell_box(), SMALL)
     errors = []
     for name in (few, many):

@@ -31,9 +31,7 @@ def test_a_reference_far_above_its_fastest_tells_of_a_busy_machine() -> None:
     assert "1.8 times" in busyness([1.0, 1.8, 9.0], 1.0)
 
 
-def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(
-    runtime: Runtime,
-) -> None:
+def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(runtime: Runtime) -> None:
     calls = []
 
     def run() -> None:
@@ -58,9 +56,7 @@ def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtim
 
 
 def test_work_of_the_host_counts_by_the_wall_clock(runtime: Runtime) -> None:
-    timing = Stopwatch(runtime, runs=4).time(
-        Subject(run=lambda: time.sleep(0.02), on_device=False)
-    )
+    timing = Stopwatch(runtime, runs=4).time(Subject(run=lambda: time.sleep(0.02), on_device=False))
     assert timing.device_ms is None
     # A sleep is never shorter, and on a busy machine hardly ten times longer.
     assert 20.0 <= timing.wall_ms.median < 200.0
@@ -74,8 +70,7 @@ def test_the_ratio_is_of_wall_times_whoever_does_the_work(
     subject = Subject(run=lambda: None, on_device=on_device)
     # (device's clock, wall clock): the reference's are 3 and 4 ms, the subject's 1 and 8.
     monkeypatch.setattr(
-        Stopwatch, "_once",
-        lambda self, of, repeats=1: ((1.0, 8.0) if of is subject else (3.0, 4.0)) + ({}, {}),
+        Stopwatch, "_once", lambda self, of, repeats=1: ((1.0, 8.0) if of is subject else (3.0, 4.0)) + ({}, {})
     )
     watch = Stopwatch(runtime, runs=4)
     timing = watch.time(subject)
@@ -133,9 +128,7 @@ def test_what_drifts_is_measured_again_and_then_called_unsteady(
 ) -> None:
     growing = itertools.count(1.0)
 
-    def once(
-        self: Stopwatch, subject: Subject, repeats: int = 1
-    ) -> tuple[float, float, dict[str, float], object]:
+    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
         # The reference takes 1 ms each time, the subject a millisecond more from run to run.
         took = 1.0 if subject.on_device else next(growing)
         return took, took, {}, {}
@@ -147,16 +140,12 @@ def test_what_drifts_is_measured_again_and_then_called_unsteady(
     assert next(growing) == 1.0 + measure.WARM_UP + 4 * measure.TRIES
 
 
-def test_the_second_half_of_the_runs_takes_what_is_made_anew(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_second_half_of_the_runs_takes_what_is_made_anew(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     first = Subject(run=lambda: None, on_device=False, note="first")
     second = Subject(run=lambda: None, on_device=False, note="second")
     ran = []
 
-    def once(
-        self: Stopwatch, subject: Subject, repeats: int = 1
-    ) -> tuple[float, float, dict[str, float], object]:
+    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
         if not subject.on_device:
             ran.append(subject.note)
         took = 2.0 if subject.note == "second" else 1.0
@@ -175,9 +164,7 @@ def test_a_subject_of_seconds_is_run_once_and_then_measured_four_times(
 ) -> None:
     ran = []
 
-    def once(
-        self: Stopwatch, subject: Subject, repeats: int = 1
-    ) -> tuple[float, float, dict[str, float], object]:
+    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
         if not subject.on_device:
             ran.append(subject.note)
         took = 1.0 if subject.on_device else 2000.0
@@ -192,9 +179,7 @@ def test_a_subject_of_seconds_is_run_once_and_then_measured_four_times(
 
 
 def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime) -> None:
-    slow = Stopwatch(runtime, seconds=0.01).time(
-        Subject(run=lambda: time.sleep(0.02), on_device=False)
-    )
+    slow = Stopwatch(runtime, seconds=0.01).time(Subject(run=lambda: time.sleep(0.02), on_device=False))
     assert slow.runs == measure.FEWEST
     fast = Stopwatch(runtime, seconds=5.0).time(Subject(run=lambda: None, on_device=False))
     assert fast.runs == measure.MOST

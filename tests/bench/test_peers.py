@@ -68,8 +68,14 @@ def one_square(size: float = 50.0) -> BuiltinScene:
         material_ids=np.zeros(2, np.int32),
     )
     return BuiltinScene(
-        name="square", scene=scene, eye=(0.0, 5.0, 0.0), target=(0.0, 0.0, 0.0),
-        up=(0.0, 0.0, -1.0), yfov=0.6, lights=(), ao_radius=0.5,
+        name="square",
+        scene=scene,
+        eye=(0.0, 5.0, 0.0),
+        target=(0.0, 0.0, 0.0),
+        up=(0.0, 0.0, -1.0),
+        yfov=0.6,
+        lights=(),
+        ao_radius=0.5,
     )
 
 
@@ -178,9 +184,7 @@ def test_building_takes_the_time_that_bringing_does_not(runtime: Runtime) -> Non
     assert first > 0.02
 
 
-SHARED = (
-    ("embree", "occlusion"), ("mitsuba-ao", "occlusion"), ("mitsuba-path", "bounce"),
-)
+SHARED = (("embree", "occlusion"), ("mitsuba-ao", "occlusion"), ("mitsuba-path", "bounce"))
 
 
 def likeness_of_errors(peer: Floats, reference: Floats, best: Floats, seen: Floats) -> float:
@@ -190,9 +194,7 @@ def likeness_of_errors(peer: Floats, reference: Floats, best: Floats, seen: Floa
 
 
 @pytest.mark.parametrize(("name", "quantity"), SHARED)
-def test_peers_share_no_random_numbers_with_the_reference(
-    name: str, quantity: str, context: Context
-) -> None:
+def test_peers_share_no_random_numbers_with_the_reference(name: str, quantity: str, context: Context) -> None:
     family = installed(name)
     # References of few rays, whose errors those of a peer would share with its seed: as many rays
     # a pass as the peer casts, or one pass of the peer's rays among two.
@@ -204,9 +206,7 @@ def test_peers_share_no_random_numbers_with_the_reference(
     # `best`; the same rays by .7.
     assert abs(likeness_of_errors(peer, reference, best, context.seen)) < 0.15
     if quantity == "occlusion":  # what the same seed would do: the second pass of the reference
-        same = ray_ao(
-            few.view.scene, few.camera, few.radius, 4, gbuffer=few.host_gbuffer, seed=1
-        )
+        same = ray_ao(few.view.scene, few.camera, few.radius, 4, gbuffer=few.host_gbuffer, seed=1)
         assert likeness_of_errors(same, reference, best, context.seen) > 0.5
 
 
@@ -269,9 +269,7 @@ def test_windows_of_one_peer_outlive_those_of_another(context: Context) -> None:
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_an_absent_package_names_the_extra_that_brings_it(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_absent_package_names_the_extra_that_brings_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package, extra = PACKAGES[name]
     for module in [package, *sys.modules]:
         if module.partition(".")[0] == package:

@@ -34,8 +34,7 @@ from ssgi_cl.tuning import trials as bench_trials
 from ssgi_cl.tuning.outcome import TuneError
 
 
-def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2,
-         resolution: str = "full") -> Step:
+def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2, resolution: str = "full") -> Step:
     values = {"name": name, "blur_radius": blur, "resolution": resolution}
     return Step(values, ms, tuning, validation)
 
@@ -86,9 +85,16 @@ def test_blur_gets_no_wider_with_time() -> None:
 
 
 def test_presets_are_the_slowest_steps_within_their_times() -> None:
-    chain = [step("a", 2.0, 0.3, 0.3), step("b", 7.0, 0.2, 0.2), step("c", 9.0, 0.15, 0.15), USUAL,
-             step("d", 15.0, 0.09, 0.09), step("e", 25.0, 0.08, 0.08), step("f", 50.0, 0.07, 0.07),
-             step("g", 200.0, 0.06, 0.06)]
+    chain = [
+        step("a", 2.0, 0.3, 0.3),
+        step("b", 7.0, 0.2, 0.2),
+        step("c", 9.0, 0.15, 0.15),
+        USUAL,
+        step("d", 15.0, 0.09, 0.09),
+        step("e", 25.0, 0.08, 0.08),
+        step("f", 50.0, 0.07, 0.07),
+        step("g", 200.0, 0.06, 0.06),
+    ]
     found = named(chain, USUAL)
     assert tuple(found) == NAMES
     assert names(list(found.values())) == ["b", "usual", "e", "f"]
@@ -97,8 +103,14 @@ def test_presets_are_the_slowest_steps_within_their_times() -> None:
     assert names(list(named(few, USUAL).values())) == ["c", "usual", "f", "g"]
 
 
-@pytest.mark.parametrize("steps", [[USUAL], [step("fast", 1.0, 0.2, 0.2), USUAL, step(
-    "slow", 30.0, 0.01, 0.01)], [USUAL, step("x", 20, 0.01, 0.01), step("y", 40, 0.001, 0.001)]])
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [USUAL],
+        [step("fast", 1.0, 0.2, 0.2), USUAL, step("slow", 30.0, 0.01, 0.01)],
+        [USUAL, step("x", 20, 0.01, 0.01), step("y", 40, 0.001, 0.001)],
+    ],
+)
 def test_a_ladder_without_a_step_for_each_preset_is_refused(steps: list[Step]) -> None:
     with pytest.raises(TuneError, match="are faster than the defaults and"):
         named(steps, USUAL)
@@ -125,9 +137,15 @@ def test_candidates_are_all_combinations_and_hold_the_defaults() -> None:
 
 def little(name: str, high: float) -> BuiltinScene:
     parts = [box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0)), box((-0.4, 0.0, -0.4), (0.4, high, 0.4))]
-    return BuiltinScene(name=name, scene=assemble(parts, (), (), crease_angle=0.5),
-                        eye=(1.6, 1.4, 2.2), target=(0.0, 0.2, 0.2), yfov=0.8, lights=(),
-                        ao_radius=0.4)
+    return BuiltinScene(
+        name=name,
+        scene=assemble(parts, (), (), crease_angle=0.5),
+        eye=(1.6, 1.4, 2.2),
+        target=(0.0, 0.2, 0.2),
+        yfov=0.8,
+        lights=(),
+        ao_radius=0.4,
+    )
 
 
 @pytest.fixture
@@ -149,9 +167,7 @@ def test_errors_are_means_over_a_set(sets: SceneSets) -> None:
     assert geometric_mean([0.01, 0.04]) == pytest.approx(0.02)
 
 
-def test_record_holds_a_ladder_for_each_number_of_layers(
-    sets: SceneSets, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(TECHNIQUES["ssao"], layers=(1, 2))
     monkeypatch.setitem(TECHNIQUES, "ssao", entry)
     monkeypatch.setattr(module, "measured", lambda *arguments: (SpeedModel(0.0123456, 7.0), True))
@@ -168,8 +184,7 @@ def test_record_holds_a_ladder_for_each_number_of_layers(
     monkeypatch.setattr(module, "_timed_again", lambda trials, known: known)
     document = record_presets("ssao", sets)
     assert document["format"] == "ssgi-presets 3"
-    assert {name: len(scenes) for name, scenes in document["scenes"].items()} == dict.fromkeys(
-        SETS, 2)
+    assert {name: len(scenes) for name, scenes in document["scenes"].items()} == dict.fromkeys(SETS, 2)
     assert [recorded["layers"] for recorded in document["layers"]] == [1, 2]
     for recorded in document["layers"]:
         presets = recorded["presets"]
@@ -186,12 +201,9 @@ def test_record_holds_a_ladder_for_each_number_of_layers(
     assert document["pace"]["call_ms"] == 0.01235
 
 
-def test_defaults_that_are_no_candidate_are_refused(
-    sets: SceneSets, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_defaults_that_are_no_candidate_are_refused(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = TECHNIQUES["ssao"]
-    monkeypatch.setitem(
-        TECHNIQUES, "ssao", replace(entry, tunable={**entry.tunable, "samples": [5]}))
+    monkeypatch.setitem(TECHNIQUES, "ssao", replace(entry, tunable={**entry.tunable, "samples": [5]}))
     with pytest.raises(ValueError, match=r"the defaults .*'samples': .* are none of the candid"):
         record_presets("ssao", sets)
 

@@ -58,9 +58,7 @@ class Page(HTMLParser):
         return "".join(self.words)
 
 
-def written(
-    tmp_path: Path, document: dict[str, Any], shown: dict[str, Pictures] | None = None
-) -> tuple[str, Page]:
+def written(tmp_path: Path, document: dict[str, Any], shown: dict[str, Pictures] | None = None) -> tuple[str, Page]:
     path = tmp_path / "report.html"
     report.write(path, document, shown or {})
     text = path.read_text(encoding="utf-8")
@@ -91,7 +89,8 @@ def shown_as(result: np.ndarray, truth: np.ndarray | None, also: Any = None) -> 
 def full(truth: np.ndarray) -> tuple[dict[str, Any], dict[str, Pictures]]:
     light = np.stack([truth, truth, 3.0 * truth], axis=-1)
     results = [
-        entry("ssao.4.hall.8x6", 2.0, 0.09), entry("ssao.16.hall.8x6", 6.0, 0.05, note="a note"),
+        entry("ssao.4.hall.8x6", 2.0, 0.09),
+        entry("ssao.16.hall.8x6", 6.0, 0.05, note="a note"),
         entry("embree.1.hall.8x6", 9.0, 0.2, device_ms=None, unsteady="it jumps"),
         entry("embree.4.hall.8x6", 30.0, 0.1, device_ms=None),
         entry("shade.sun.hall.8x6", 5.0, 0.3, quantity="direct"),
@@ -108,18 +107,26 @@ def full(truth: np.ndarray) -> tuple[dict[str, Any], dict[str, Pictures]]:
     return whole(*results, skipped=skipped), shown
 
 
-def test_report_has_plot_table_viewer_and_regions_of_each_group(
-    tmp_path: Path, truth: np.ndarray
-) -> None:
+def test_report_has_plot_table_viewer_and_regions_of_each_group(tmp_path: Path, truth: np.ndarray) -> None:
     _, page = written(tmp_path, *full(truth))
     assert len(page.all("section")) == 5  # a guide, three groups, and what was skipped
     plots = [tag for tag in page.all("svg") if tag["class"] == "plot"]
     assert len(plots) == 2
     assert len(page.all("select")) == 2
     assert len(page.all("option")) == 4
-    for words in ("Ambient occlusion, hall, 8 x 6", "Direct light", "a note", "~ it jumps",
-                  "Made up 1.0: CPU", "abc1234", "memory 31.0 GB/s", "2024-05-06", "numpy 2.0",
-                  "The least error within a time", "pip install 'ssgi-cl[peers]'"):
+    for words in (
+        "Ambient occlusion, hall, 8 x 6",
+        "Direct light",
+        "a note",
+        "~ it jumps",
+        "Made up 1.0: CPU",
+        "abc1234",
+        "memory 31.0 GB/s",
+        "2024-05-06",
+        "numpy 2.0",
+        "The least error within a time",
+        "pip install 'ssgi-cl[peers]'",
+    ):
         assert words in page.text
     assert "vtk None" not in page.text
     # Half a case's error lies in a quarter of its pixels, at twice the RMSE.
@@ -129,9 +136,7 @@ def test_report_has_plot_table_viewer_and_regions_of_each_group(
     ] * 5
 
 
-def test_shares_without_a_world_truth_are_not_called_light(
-    tmp_path: Path, truth: np.ndarray
-) -> None:
+def test_shares_without_a_world_truth_are_not_called_light(tmp_path: Path, truth: np.ndarray) -> None:
     blur = entry("blur.2.hall.8x6", 2.0, quantity="", errors={})
     text, _ = written(tmp_path, whole(blur), {blur["name"]: shown_as(truth, None, truth)})
     assert "white is 1, without gamma" in text
@@ -157,10 +162,7 @@ def test_pictures_are_in_the_file_once_and_decode(tmp_path: Path, truth: np.ndar
     text, page = written(tmp_path, *full(truth))
     decoded = images(text)
     assert all(image.size == (8, 6) for image in decoded.values())
-    used = [
-        value for option in page.all("option") for name, value in option.items()
-        if name.startswith("data-")
-    ]
+    used = [value for option in page.all("option") for name, value in option.items() if name.startswith("data-")]
     assert set(used) == set(decoded)
     options = page.all("option")
     assert options[0]["data-world"] == options[1]["data-world"]
@@ -186,8 +188,13 @@ def test_viewer_can_be_used_by_keyboard_and_ear(tmp_path: Path, truth: np.ndarra
 def test_text_of_the_document_is_escaped(tmp_path: Path, truth: np.ndarray) -> None:
     evil = "</script><b>&\"'"
     result = entry(
-        "a.1.hall.8x6", family=f"f{evil}", setting=f"1{evil}", scene=f"s{evil}", note=evil,
-        unsteady=evil, quantity=f"q{evil}",
+        "a.1.hall.8x6",
+        family=f"f{evil}",
+        setting=f"1{evil}",
+        scene=f"s{evil}",
+        note=evil,
+        unsteady=evil,
+        quantity=f"q{evil}",
         passes=[{"name": evil, "ms": 1.0}, {"name": "b", "ms": 1.0}],
     )
     document = whole(result, skipped=[{"name": evil, "reason": evil}], created=evil, revision=evil)
@@ -210,19 +217,15 @@ def test_report_of_nothing_says_so(tmp_path: Path, skipped: list[dict[str, str]]
 
 @pytest.mark.parametrize("rmse", [0.0, 0.05, None, math.inf])
 @pytest.mark.parametrize("ms", [0.0, 2.0])
-def test_one_point_of_any_size_makes_a_page(
-    tmp_path: Path, rmse: float | None, ms: float
-) -> None:
+def test_one_point_of_any_size_makes_a_page(tmp_path: Path, rmse: float | None, ms: float) -> None:
     text, page = written(tmp_path, whole(entry(ms=ms, rmse=rmse)))
     plots = [tag for tag in page.all("svg") if tag["class"] == "plot"]
     assert len(plots) == (rmse is not None and math.isfinite(rmse))
-    body = text[text.index("<body>"):]
+    body = text[text.index("<body>") :]
     assert not re.search(r"\b(nan|inf)\b", body)
 
 
-def test_pictures_without_a_truth_or_with_infinities_make_a_page(
-    tmp_path: Path, truth: np.ndarray
-) -> None:
+def test_pictures_without_a_truth_or_with_infinities_make_a_page(tmp_path: Path, truth: np.ndarray) -> None:
     name = "ssao.16.hall.8x6"
     _, page = written(tmp_path, whole(entry()), {name: shown_as(truth, None)})
     assert not page.all("select")
@@ -284,9 +287,7 @@ def test_axis_names_values_within_and_puts_zero_at_its_low_end() -> None:
     assert axis.at(0.0) == 0.0
     assert 0.0 < axis.at(0.02) < axis.at(0.1) < axis.at(0.5) < 100.0
     assert len(plot.Axis.over([3.0], 0.0, 100.0).ticks()) >= 2
-    assert plot.Axis.over([1e-6, 1e3], 0.0, 100.0).ticks() == pytest.approx(
-        [10.0**power for power in range(-6, 4)]
-    )
+    assert plot.Axis.over([1e-6, 1e3], 0.0, 100.0).ticks() == pytest.approx([10.0**power for power in range(-6, 4)])
 
 
 @pytest.mark.parametrize(
@@ -310,8 +311,10 @@ def test_settings_are_joined_in_their_order(settings: list[str], order: list[int
 
 def test_peers_are_dashed_and_unsteady_points_hollow() -> None:
     results = [
-        entry("a.1.hall.8x6", 1.0), entry("a.2.hall.8x6", 2.0, 0.04, unsteady="it jumps"),
-        entry("b.1.hall.8x6", 3.0), entry("b.2.hall.8x6", 4.0, 0.04),
+        entry("a.1.hall.8x6", 1.0),
+        entry("a.2.hall.8x6", 2.0, 0.04, unsteady="it jumps"),
+        entry("b.1.hall.8x6", 3.0),
+        entry("b.2.hall.8x6", 4.0, 0.04),
     ]
     drawn = plot.plot(results, plot.looks(["a", "b"], ["b"]), "t", "occlusion")
     assert 'class="line c0"' in drawn

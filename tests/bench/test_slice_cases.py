@@ -28,9 +28,7 @@ def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def measured(runtime: Runtime, *names: str) -> suite.Measurements:
     cases = [Case(*name.split("."), "cornell_box", SMALL) for name in names]  # type: ignore[arg-type]
-    return suite.measure(
-        cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4
-    )
+    return suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=TruthSettings(rays=64), runs=4)
 
 
 @pytest.mark.slow
@@ -60,9 +58,7 @@ def test_the_published_setting_is_that_of_gtao_with_its_numbers(runtime: Runtime
     context = Context(runtime, cornell_box(), SMALL)
     subject = FAMILIES["xegtao"].prepare(context, "high")
     assert subject.image is not None
-    params = GtaoParams(
-        slices=3, taps=3, radius=1.457 * context.radius, tap_power=2.0, falloff=0.615, contrast=2.2,
-    )
+    params = GtaoParams(slices=3, taps=3, radius=1.457 * context.radius, tap_power=2.0, falloff=0.615, contrast=2.2)
     wanted = gtao_reference(context.host_gbuffer, params)
     # A tap in a hundred may lie on the other side of a pixel's border, and the blur spreads it.
     assert np.mean(np.abs(subject.image() - wanted) > 1e-3) < 0.05
@@ -95,8 +91,6 @@ def test_reads_are_counted_at_the_size_at_which_they_are_made(runtime: Runtime) 
         ("bent-normals", "2", "setting is '2': expected SLICESxTAPS, such as 2x9, or none"),
     ],
 )
-def test_a_wrong_setting_is_refused(
-    family: str, setting: str, message: str, runtime: Runtime
-) -> None:
+def test_a_wrong_setting_is_refused(family: str, setting: str, message: str, runtime: Runtime) -> None:
     with pytest.raises(ValueError, match=message):
         FAMILIES[family].prepare(Context(runtime, cornell_box(), SMALL), setting)

@@ -37,9 +37,7 @@ def test_a_pattern_may_stop_early_and_hold_wildcards() -> None:
         return [case.name for case in suite.select(patterns, ["a", "b"], [SMALL], OWN)]
 
     assert names("ssao.16") == ["ssao.16.a.40x30", "ssao.16.b.40x30"]
-    assert names("ssao*.16.b") == [
-        "ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"
-    ]
+    assert names("ssao*.16.b") == ["ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"]
     assert names("*.7.a.40x30", "blur.7.a") == ["blur.7.a.40x30"]  # each once
     assert names("*") == names("*.a.*", "*40x30") == names()
 
@@ -54,7 +52,8 @@ def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
     (case,) = suite.select(["ssao.17.a.41x31"], ["a"], [SMALL], OWN)
     assert case == Case("ssao", "17", "a", (31, 41))
     assert suite.select(["ssao.17"], ["a", "b"], [SMALL], OWN) == [
-        Case("ssao", "17", "a", SMALL), Case("ssao", "17", "b", SMALL)
+        Case("ssao", "17", "a", SMALL),
+        Case("ssao", "17", "b", SMALL),
     ]
 
 
@@ -73,16 +72,12 @@ def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
 @pytest.mark.slow  # compiles and runs everything, with truths
 def test_every_usual_case_of_ours_can_be_measured(runtime: Runtime) -> None:
     cases = suite.select([], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(
-        cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=OWN
-    )
+    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=OWN)
     assert found.skipped == []
     assert [result["name"] for result in found.results] == [case.name for case in cases]
 
 
-def test_measured_cases_make_a_document_that_can_be_read_again(
-    runtime: Runtime, tmp_path: Any
-) -> None:
+def test_measured_cases_make_a_document_that_can_be_read_again(runtime: Runtime, tmp_path: Any) -> None:
     cases = suite.select(["ssao.4", "blur.2", "gbuffer.1"], ["cornell_box"], [SMALL], OWN)
     found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
     front.mark(found.results)
@@ -129,13 +124,9 @@ class Absent(Broken):
 def test_what_cannot_run_is_listed_with_the_reason_and_the_rest_goes_on(runtime: Runtime) -> None:
     families = {"broken": Broken(), "absent": Absent(), "gbuffer": OWN["gbuffer"]}
     cases = suite.select([], ["cornell_box"], [SMALL], families)
-    found = suite.measure(
-        cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=families
-    )
+    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=families)
     reasons = {entry["name"].split(".")[0:2][0]: entry["reason"] for entry in found.skipped}
-    assert reasons == {
-        "broken": "not today", "absent": "absent is not installed: pip install 'ssgi-cl[peers]'"
-    }
+    assert reasons == {"broken": "not today", "absent": "absent is not installed: pip install 'ssgi-cl[peers]'"}
     assert "setting is 'now': expected another" in [entry["reason"] for entry in found.skipped]
     assert [result["family"] for result in found.results] == ["gbuffer", "gbuffer"]
 
@@ -157,9 +148,7 @@ def test_without_the_package_that_a_truth_needs_times_are_kept_and_the_extra_is_
     monkeypatch.setitem(sys.modules, "embreex", None)
     cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
     found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
-    assert [entry["name"] for entry in found.skipped] == [
-        "world truth of ssao.4.cornell_box.40x30"
-    ]
+    assert [entry["name"] for entry in found.skipped] == ["world truth of ssao.4.cornell_box.40x30"]
     assert "pip install 'ssgi-cl[truth]'" in found.skipped[0]["reason"]
     assert set(found.results[0]["errors"]) == {"assumption"}
 
@@ -176,8 +165,7 @@ def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> 
     seen: list[tuple[str, float]] = []
     cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
     wrong = suite.make_truths(
-        cases, {"cornell_box": cornell_box()}, runtime, QUICK,
-        report=lambda text, share: seen.append((text, share)),
+        cases, {"cornell_box": cornell_box()}, runtime, QUICK, report=lambda text, share: seen.append((text, share))
     )
     assert wrong == []
     shares = [share for _, share in seen]
@@ -191,9 +179,7 @@ def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> 
 def test_the_truth_of_another_attenuation_is_another_truth(runtime: Runtime) -> None:
     means = []
     for attenuation in ("none", "linear"):
-        context = Context(
-            runtime, cornell_box(), SMALL, replace(QUICK, rays=16, attenuation=attenuation)
-        )
+        context = Context(runtime, cornell_box(), SMALL, replace(QUICK, rays=16, attenuation=attenuation))
         means.append(float(context.occlusion().mean.mean()))
     # What is far away occludes less.
     assert means[1] > means[0] + 0.01

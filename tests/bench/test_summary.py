@@ -15,11 +15,10 @@ from ssgi_cl.bench.suite import Pictures
 from .documents import entry, whole
 
 
-def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
-    tmp_path: Path,
-) -> None:
+def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(tmp_path: Path) -> None:
     results = [
-        entry("ssao.4.hall.8x6", 1.0, 0.2), entry("embree.16.hall.8x6", 9.0, 0.05),
+        entry("ssao.4.hall.8x6", 1.0, 0.2),
+        entry("embree.16.hall.8x6", 9.0, 0.05),
         entry("gbuffer.1.hall.8x6", 3.0, None, quantity="", errors={}),
     ]
     front.mark(results)
@@ -46,8 +45,10 @@ def test_a_plot_is_a_whole_svg_of_its_own_with_a_legend(tmp_path: Path) -> None:
 
 def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path: Path) -> None:
     results = [
-        entry("ssao.4.hall.8x6", 1.0, 0.2), entry("ssao.16.hall.8x6", 2.0, 0.1),
-        entry("ssao.64.hall.8x6", 3.0, 0.3), entry("embree.16.hall.8x6", 9.0, 0.05),
+        entry("ssao.4.hall.8x6", 1.0, 0.2),
+        entry("ssao.16.hall.8x6", 2.0, 0.1),
+        entry("ssao.64.hall.8x6", 3.0, 0.3),
+        entry("embree.16.hall.8x6", 9.0, 0.05),
     ]
     front.mark(results)
     half = np.full((6, 8), 0.5, np.float32)

@@ -37,8 +37,20 @@ def test_table_shows_time_rate_error_and_marks() -> None:
     text = "\n".join(lines)
     assert "ceilings: memory 31.0 GB/s, scattered reads 4.00 G/s" in text
     assert line_of(lines, "ssao.16").split() == [
-        "*", "ssao.16", "6.00~", "5.88..6.12", "4.80", "3.00", "2.00", "3.10", "50", "%", "reads",
-        "0.0821", "-0.0100", "0.0100",
+        "*",
+        "ssao.16",
+        "6.00~",
+        "5.88..6.12",
+        "4.80",
+        "3.00",
+        "2.00",
+        "3.10",
+        "50",
+        "%",
+        "reads",
+        "0.0821",
+        "-0.0100",
+        "0.0100",
     ]
     # Nothing by the device's clock, and no share of its ceilings.
     assert line_of(lines, "embree-blur.16").split()[:2] == ["embree-blur.16", "1234"]
@@ -80,9 +92,19 @@ def test_nothing_measured_says_so(skipped: list[dict[str, str]]) -> None:
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (None, "-"), (float("nan"), "-"), (float("inf"), "-"), (0.0, "0"), (0.08214, "0.0821"),
-        (9.996, "10.0"), (99.96, "100"), (5.0, "5.00"), (1234.4, "1234"), (-0.5, "-0.500"),
-        (0.000123, "1.2e-04"), (1234567.0, "1.2e+06"), (0.001, "0.00100"),
+        (None, "-"),
+        (float("nan"), "-"),
+        (float("inf"), "-"),
+        (0.0, "0"),
+        (0.08214, "0.0821"),
+        (9.996, "10.0"),
+        (99.96, "100"),
+        (5.0, "5.00"),
+        (1234.4, "1234"),
+        (-0.5, "-0.500"),
+        (0.000123, "1.2e-04"),
+        (1234567.0, "1.2e+06"),
+        (0.001, "0.00100"),
     ],
 )
 def test_numbers_have_three_digits(value: float | None, text: str) -> None:

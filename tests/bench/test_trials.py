@@ -13,9 +13,7 @@ from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.trials import Trials
 
 
-def test_time_is_the_median_ratio_to_the_reference_beside(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_time_is_the_median_ratio_to_the_reference_beside(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     reference = cycle([7.0, 3.0, 5.0])  # what else the machine does only slows it down
     monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(reference))
     contexts = [Context(runtime, cornell_box(), (24, 32)) for _ in range(2)]
@@ -28,12 +26,8 @@ def test_time_is_the_median_ratio_to_the_reference_beside(
     assert next(times) == 10.0  # no more repetitions than asked for
 
 
-def test_repetitions_end_when_they_took_enough(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    trials = Trials(
-        TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32))], {}, "rmse"
-    )
+def test_repetitions_end_when_they_took_enough(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    trials = Trials(TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32))], {}, "rmse")
     runs = []
     monkeypatch.setattr(Trials, "_device_ms", lambda self, run: (runs.append(run), 10.0)[1])
     for fewest, enough_ms, count in ((1, 25.0, 3), (5, 25.0, 5), (1, 0.0, 1)):

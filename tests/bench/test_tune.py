@@ -16,14 +16,7 @@ import ssgi_cl as gi
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import assemble
-from ssgi_cl.rasterize.scenes import (
-    REPORTED,
-    TUNED_ON,
-    VALIDATED_ON,
-    BuiltinScene,
-    cornell_box,
-    make_scene,
-)
+from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene, cornell_box, make_scene
 from ssgi_cl.rasterize.scenes.shapes import box, moved
 from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
@@ -51,9 +44,7 @@ def error_of(parameters: Mapping[str, Any]) -> float:
 class Formulas:
     """Stands in for `Trials`: what it measures is given by the formulas above."""
 
-    def __init__(
-        self, entry: Any, contexts: Any, fixed: Any, metric: str, layers: int, overscan: float
-    ) -> None:
+    def __init__(self, entry: Any, contexts: Any, fixed: Any, metric: str, layers: int, overscan: float) -> None:
         self.layers = layers
         self.entry = entry
         self.kept: dict[Any, Trial] = {}
@@ -73,9 +64,7 @@ class Formulas:
         if kept is None or (kept.error is None and kept.ms <= limit_ms):
             ms = time_of({**USUAL, **parameters}) * self.layers
             self.errors += ms <= limit_ms
-            self.kept[key] = Trial(
-                dict(parameters), ms, self.error(parameters) if ms <= limit_ms else None
-            )
+            self.kept[key] = Trial(dict(parameters), ms, self.error(parameters) if ms <= limit_ms else None)
         return self.kept[key]
 
     def error(self, parameters: Mapping[str, Any], gbuffers: Any = None) -> float:
@@ -88,8 +77,10 @@ class Formulas:
 def little_scene() -> BuiltinScene:
     """Boxes on a floor, 40 triangles, two views."""
     parts = [box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0))]
-    parts += [moved(box((-0.3, 0.0, -0.3), (0.3, h, 0.3)), x, 0.0, z)
-              for x, z, h in ((0.0, 0.0, 0.8), (0.7, 0.2, 0.4), (-0.5, 0.9, 0.3))]
+    parts += [
+        moved(box((-0.3, 0.0, -0.3), (0.3, h, 0.3)), x, 0.0, z)
+        for x, z, h in ((0.0, 0.0, 0.8), (0.7, 0.2, 0.4), (-0.5, 0.9, 0.3))
+    ]
     return BuiltinScene(
         name="little", scene=assemble(parts, (), (), crease_angle=0.5), eye=(1.6, 1.4, 2.2),
         target=(0.0, 0.2, 0.2), yfov=0.8, lights=(Environment(1.0),), ao_radius=0.4,
@@ -151,8 +142,7 @@ def test_front_holds_what_no_other_beats_in_time_and_error(runtime: Runtime) -> 
     for point in front:
         assert point.error is not None
         assert not any(
-            other.error is not None and other.ms <= point.ms and other.error < point.error
-            for other in tuning.tried
+            other.error is not None and other.ms <= point.ms and other.error < point.error for other in tuning.tried
         )
     # The best within a budget lies on it.
     assert tuning.parameters in [trial.parameters for trial in front]
@@ -167,9 +157,7 @@ def test_error_of_what_is_far_too_slow_is_not_computed(runtime: Runtime) -> None
 
 
 @pytest.mark.usefixtures("formulas")
-def test_budget_that_nothing_keeps_is_an_error_that_says_what_was_reached(
-    runtime: Runtime,
-) -> None:
+def test_budget_that_nothing_keeps_is_an_error_that_says_what_was_reached(runtime: Runtime) -> None:
     with pytest.raises(TuneError, match=r"budget_ms is 0.05: .* takes 0.1 ms"):
         tuned(runtime, budget_ms=0.05)
     with pytest.raises(TuneError, match=r"max_error is 0.001: .* has rmse 0.0156"):
@@ -195,8 +183,7 @@ def test_parameters_that_rule_each_other_out_are_skipped(runtime: Runtime) -> No
         return bool(trial.parameters["full"] < trial.parameters["none"])
 
     varied = {"full": (0.0, 4.0), "none": (0.5, 4.5), **VARIED}
-    tuning = gi.tune("ssao", budget_ms=5.0, parameters=varied, scenes=[little_scene()],
-                     runtime=runtime)
+    tuning = gi.tune("ssao", budget_ms=5.0, parameters=varied, scenes=[little_scene()], runtime=runtime)
     assert len(tuning.tried) > 20
     assert all(full_below_none(trial) for trial in tuning.tried)
 
@@ -250,12 +237,8 @@ def test_tuning_that_cannot_be_saved_leaves_nothing(runtime: Runtime, tmp_path: 
 def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     scene = little_scene()
-    session = Session(
-        TECHNIQUES["ssao"], [scene], size=(30, 40), layers=2, overscan=0.2, runtime=runtime
-    )
-    gbuffer = gi.rasterize.gbuffer(
-        scene.scene, scene.camera(40, 30), layers=2, overscan=0.2, runtime=runtime
-    )
+    session = Session(TECHNIQUES["ssao"], [scene], size=(30, 40), layers=2, overscan=0.2, runtime=runtime)
+    gbuffer = gi.rasterize.gbuffer(scene.scene, scene.camera(40, 30), layers=2, overscan=0.2, runtime=runtime)
     (image,) = session.trials.images({"samples": 4})
     # Normals went to the host and back, which may turn a sample of a few pixels round.
     assert np.mean(image != gi.ssao(gbuffer, 0.4, 4, runtime=runtime)) < 0.01
@@ -266,8 +249,12 @@ def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
 def test_ssao_on_a_small_scene_is_tuned_to_less_error_than_its_worst(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     tuning = gi.tune(
-        "ssao", budget_ms=1e3, parameters={"samples": [4, 8], "contrast": [0.1, 1.0, 2.5]},
-        scenes=[little_scene()], size=(30, 40), runtime=runtime,
+        "ssao",
+        budget_ms=1e3,
+        parameters={"samples": [4, 8], "contrast": [0.1, 1.0, 2.5]},
+        scenes=[little_scene()],
+        size=(30, 40),
+        runtime=runtime,
     )
     assert len(tuning.tried) == 6
     errors = [trial.error for trial in tuning.tried]
@@ -334,9 +321,7 @@ def test_radius_is_the_views_unless_it_is_fixed(runtime: Runtime) -> None:
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("formulas")
-def test_wrong_arguments_are_named(
-    runtime: Runtime, options: dict[str, Any], message: str
-) -> None:
+def test_wrong_arguments_are_named(runtime: Runtime, options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         gi.tune("ssao", **{"scenes": [little_scene()], "runtime": runtime, **options})
 

@@ -23,9 +23,7 @@ RUN = re.compile(r"from (\S+) ms on (this library|rays against the mesh) with ")
 
 def row(name: str, ms: float, rmse: float | None, **changes: Any) -> dict[str, Any]:
     """A result whose wall time is `ms`; that of the device is a tenth and must not count."""
-    return entry(
-        f"{name}.hall.8x6", rmse=rmse, wall_ms=spread(ms), device_ms=spread(0.1 * ms), **changes
-    )
+    return entry(f"{name}.hall.8x6", rmse=rmse, wall_ms=spread(ms), device_ms=spread(0.1 * ms), **changes)
 
 
 def is_own(name: str) -> bool:
@@ -57,9 +55,9 @@ def check(results: list[dict[str, Any]]) -> None:
         if sentence is None:
             continue
         rows = [
-            r for name, r in by_name.items()
-            if is_own(name) or (not name.startswith(("xegtao", "vtk"))
-                                and ("moving" in name) == moving)
+            r
+            for name, r in by_name.items()
+            if is_own(name) or (not name.startswith(("xegtao", "vtk")) and ("moving" in name) == moving)
         ]
         runs = [(float(ms), side == "this library") for ms, side in RUN.findall(sentence[0])]
         for result in rows:
@@ -80,8 +78,16 @@ def check(results: list[dict[str, Any]]) -> None:
 
 
 NAMES = [
-    "gtao.2x9", "gtao.4x9", "bitmask_ao.2x14", "bitmask_ao.2x14-4", "xegtao.high", "embree.1",
-    "mitsuba-ao-blur.1", "mitsuba-ao-blur.4", "mitsuba-ao-moving-blur.1", "vtk-ssao.64",
+    "gtao.2x9",
+    "gtao.4x9",
+    "bitmask_ao.2x14",
+    "bitmask_ao.2x14-4",
+    "xegtao.high",
+    "embree.1",
+    "mitsuba-ao-blur.1",
+    "mitsuba-ao-blur.4",
+    "mitsuba-ao-moving-blur.1",
+    "vtk-ssao.64",
 ]
 
 
@@ -109,13 +115,10 @@ def test_no_cell_of_the_guide_contradicts_a_row(results: list[dict[str, Any]]) -
         allowed = {
             "There is no mesh": lambda name: is_own(name) or name.startswith("xegtao"),
             "The mesh does not move": lambda name: "moving" not in name,
-            "The mesh moves": lambda name: not name.startswith(("embree", "mitsuba"))
-            or "moving" in name,
+            "The mesh moves": lambda name: not name.startswith(("embree", "mitsuba")) or "moving" in name,
         }[guide.case]
         for ms, (cell,) in guide.rows.items():
-            errors = [
-                rmse_of(r) for r in results if allowed(r["family"]) and time_of(r) <= ms
-            ]
+            errors = [rmse_of(r) for r in results if allowed(r["family"]) and time_of(r) <= ms]
             assert (cell == "-") == (not errors)
             if errors:
                 assert float(cell.split()[1]) == pytest.approx(min(errors))
@@ -123,7 +126,8 @@ def test_no_cell_of_the_guide_contradicts_a_row(results: list[dict[str, Any]]) -
 
 def test_a_dearer_and_worse_row_is_not_called_best_because_the_better_one_is_unsteady() -> None:
     rows = [
-        row("bitmask_ao.2x14-4", 79.3, 0.0935), row("mitsuba-ao-blur.4", 132.0, 0.0669),
+        row("bitmask_ao.2x14-4", 79.3, 0.0935),
+        row("mitsuba-ao-blur.4", 132.0, 0.0669),
         row("mitsuba-ao-blur.1", 63.0, 0.0923, unsteady="the machine was busy"),
     ]
     said = verdict(rows)
@@ -137,11 +141,16 @@ def test_a_dearer_and_worse_row_is_not_called_best_because_the_better_one_is_uns
 
 def test_sides_that_change_are_told_in_turn() -> None:
     rows = [
-        row("gtao.2x9", 3.0, 0.2), row("embree.1", 10.0, 0.1), row("bitmask_ao.2x14", 20.0, 0.05),
-        row("mitsuba-ao-blur.4", 90.0, 0.04), row("floor.1", 0.0, 0.01, timed=False),
+        row("gtao.2x9", 3.0, 0.2),
+        row("embree.1", 10.0, 0.1),
+        row("bitmask_ao.2x14", 20.0, 0.05),
+        row("mitsuba-ao-blur.4", 90.0, 0.04),
+        row("floor.1", 0.0, 0.01, timed=False),
     ]
     assert RUN.findall(verdict(rows)) == [
-        ("3.00", "this library"), ("10.0", "rays against the mesh"), ("20.0", "this library"),
+        ("3.00", "this library"),
+        ("10.0", "rays against the mesh"),
+        ("20.0", "this library"),
         ("90.0", "rays against the mesh"),
     ]
 
@@ -150,19 +159,14 @@ def test_times_that_overlap_are_called_so() -> None:
     apart = [row("gtao.2x9", 10.0, 0.2), row("embree.1", 11.0, 0.1)]
     assert "overlap" not in verdict(apart)
     close = [dict(apart[0], wall_ms=spread(10.0, 0.2)), apart[1]]
-    assert verdict(close).endswith(
-        "Their times overlap, so that their order is not certain: gtao.2x9 and embree.1."
-    )
+    assert verdict(close).endswith("Their times overlap, so that their order is not certain: gtao.2x9 and embree.1.")
     # Beaten, but by one that may be slower.
     beaten = [row("embree.1", 10.0, 0.1), dict(row("gtao.2x9", 11.0, 0.2), wall_ms=spread(11, 0.2))]
     assert "not certain: embree.1 and gtao.2x9." in verdict(beaten)
 
 
 def test_a_moving_mesh_is_told_of_with_its_own_rays_alone() -> None:
-    rows = [
-        row("gtao.2x9", 3.0, 0.2), row("mitsuba-ao-blur.1", 2.0, 0.1),
-        row("mitsuba-ao-moving-blur.1", 50.0, 0.1),
-    ]
+    rows = [row("gtao.2x9", 3.0, 0.2), row("mitsuba-ao-blur.1", 2.0, 0.1), row("mitsuba-ao-moving-blur.1", 50.0, 0.1)]
     still, moving = verdict(rows).split(" Where the mesh moves")
     assert "from 2.00 ms on rays against the mesh" in still
     assert "this library" not in still

@@ -20,9 +20,7 @@ def ball(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_file_gets_a_name_that_fits_into_a_case_and_a_view_that_shows_it(
-    ball: Path, runtime: Runtime
-) -> None:
+def test_a_file_gets_a_name_that_fits_into_a_case_and_a_view_that_shows_it(ball: Path, runtime: Runtime) -> None:
     views = views_of(["cornell_box", str(ball)], runtime)
     assert list(views) == ["cornell_box", "a_ball_v2"]
     view = views["a_ball_v2"]
@@ -47,14 +45,10 @@ def test_a_camera_beside_the_file_is_taken(ball: Path, runtime: Runtime) -> None
 CAMERA = '"origin": [0, 0, 9], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60'
 
 
-def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(
-    ball: Path, runtime: Runtime
-) -> None:
+def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(ball: Path, runtime: Runtime) -> None:
     (ball.parent / "views").mkdir()
     for name, more in (("near", ', "ao_radius": 0.25'), ("far", "")):
-        (ball.parent / "views" / f"{name}.json").write_text(
-            f'{{"mesh": "../{ball.name}", {CAMERA}{more}}}'
-        )
+        (ball.parent / "views" / f"{name}.json").write_text(f'{{"mesh": "../{ball.name}", {CAMERA}{more}}}')
     views = views_of([str(ball.parent / "views" / f"{n}.json") for n in ("near", "far")], runtime)
     assert list(views) == ["near", "far"]
     np.testing.assert_allclose(views["near"].eye, (0, 0, 9), atol=1e-12)
@@ -65,9 +59,7 @@ def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(
     assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
 
 
-def test_meshes_may_lie_in_another_folder_than_views(
-    ball: Path, tmp_path: Path, runtime: Runtime
-) -> None:
+def test_meshes_may_lie_in_another_folder_than_views(ball: Path, tmp_path: Path, runtime: Runtime) -> None:
     (tmp_path / "views").mkdir()
     view = tmp_path / "views" / "near.json"
     view.write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
@@ -81,15 +73,15 @@ def test_meshes_may_lie_in_another_folder_than_views(
     [
         (f"{{{CAMERA}}}", r"the view .*v\.json lacks mesh: expected the name of a mesh's file"),
         (f'{{{CAMERA}, "mesh": 3}}', "lacks mesh: expected the name"),
-        (f'{{{CAMERA}, "mesh": "ball.ply", "ao_radius": 0}}',
-         r"ao_radius in .*v\.json is 0: expected a number > 0 \(scene units\)"),
+        (
+            f'{{{CAMERA}, "mesh": "ball.ply", "ao_radius": 0}}',
+            r"ao_radius in .*v\.json is 0: expected a number > 0 \(scene units\)",
+        ),
         ('{"mesh": "ball.ply"}', r"v\.json lacks origin, forward, up, fov_deg"),
         ("{", r"v\.json is not JSON"),
     ],
 )
-def test_a_view_that_lacks_something_is_refused(
-    text: str, message: str, tmp_path: Path, runtime: Runtime
-) -> None:
+def test_a_view_that_lacks_something_is_refused(text: str, message: str, tmp_path: Path, runtime: Runtime) -> None:
     (tmp_path / "v.json").write_text(text)
     with pytest.raises(ValueError, match=message):
         views_of([str(tmp_path / "v.json")], runtime)

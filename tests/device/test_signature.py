@@ -55,10 +55,7 @@ __kernel void combine(ssgi_plane read, __global const int *restrict numbers,
         ("ssgi_plane depth", Parameter("depth", PLANE, memory=True)),
         ("__global const float *restrict a", Parameter("a", "float", memory=True)),
         ("__global int4 *a", Parameter("a", "int4", memory=True, written=True)),
-        (
-            "ssgi_optional __global int *restrict a",
-            Parameter("a", "int", memory=True, written=True, optional=True),
-        ),
+        ("ssgi_optional __global int *restrict a", Parameter("a", "int", memory=True, written=True, optional=True)),
         ("const int2 size", Parameter("size", "int2")),
         ("const SsgiCamera camera /* a comment, (of two) */", Parameter("camera", "SsgiCamera")),
         ("float x // of\n", Parameter("x", "float")),
@@ -93,9 +90,16 @@ def test_what_is_not_understood_is_an_error(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("condition", "holds"),
     [
-        ("7 - 4 - 3", False), ("16 / 4 / 2 == 2", True), ("7 % 4 * 2 == 6", True),
-        ("-1 < 0 && !-0", True), ("1 || 0 && 0", True), ("!A == 0", True), ("010 == 8", True),
-        ("1 + 2 * 3 == 7", True), ("A \\\n > 1", True), ("__has_builtin(f) + 1", True),
+        ("7 - 4 - 3", False),
+        ("16 / 4 / 2 == 2", True),
+        ("7 % 4 * 2 == 6", True),
+        ("-1 < 0 && !-0", True),
+        ("1 || 0 && 0", True),
+        ("!A == 0", True),
+        ("010 == 8", True),
+        ("1 + 2 * 3 == 7", True),
+        ("A \\\n > 1", True),
+        ("__has_builtin(f) + 1", True),
     ],
 )
 def test_conditions_are_those_of_c(condition: str, holds: bool) -> None:
@@ -108,32 +112,37 @@ TYPES = ("float", "int", "int2", "SsgiCamera")
 PARAMETERS = st.one_of(
     st.builds(Parameter, st.just(""), st.just(PLANE), memory=st.just(True)),
     st.builds(
-        Parameter, st.just(""), st.sampled_from(("float", "int", "uint", "int2")),
-        memory=st.just(True), written=st.booleans(), optional=st.booleans(),
+        Parameter,
+        st.just(""),
+        st.sampled_from(("float", "int", "uint", "int2")),
+        memory=st.just(True),
+        written=st.booleans(),
+        optional=st.booleans(),
     ),
     st.builds(Parameter, st.just(""), st.sampled_from(TYPES)),
 )
 CONDITIONS = st.recursive(
     st.sampled_from(
-        [("1", 1), ("0", 0), ("A", 2), ("B", 0), ("C", 7), ("UNKNOWN", 0), ("0x10u", 16),
-         ("defined(A)", 1), ("defined UNKNOWN", 0)]
+        [
+            ("1", 1),
+            ("0", 0),
+            ("A", 2),
+            ("B", 0),
+            ("C", 7),
+            ("UNKNOWN", 0),
+            ("0x10u", 16),
+            ("defined(A)", 1),
+            ("defined UNKNOWN", 0),
+        ]
     ),
     lambda inner: st.one_of(
         st.tuples(inner).map(lambda a: (f"!({a[0][0]})", int(not a[0][1]))),
-        st.tuples(inner, inner).map(
-            lambda a: (f"({a[0][0]}) && {_wrapped(a[1])}", int(bool(a[0][1] and a[1][1])))
-        ),
-        st.tuples(inner, inner).map(
-            lambda a: (f"{_wrapped(a[0])} || ({a[1][0]})", int(bool(a[0][1] or a[1][1])))
-        ),
+        st.tuples(inner, inner).map(lambda a: (f"({a[0][0]}) && {_wrapped(a[1])}", int(bool(a[0][1] and a[1][1])))),
+        st.tuples(inner, inner).map(lambda a: (f"{_wrapped(a[0])} || ({a[1][0]})", int(bool(a[0][1] or a[1][1])))),
         st.tuples(inner, inner, st.sampled_from(["<", ">", "<=", ">=", "==", "!="])).map(
-            lambda a: (
-                f"{_wrapped(a[0])} {a[2]} {_wrapped(a[1])}", int(_compared(a[2], a[0][1], a[1][1]))
-            )
+            lambda a: (f"{_wrapped(a[0])} {a[2]} {_wrapped(a[1])}", int(_compared(a[2], a[0][1], a[1][1])))
         ),
-        st.tuples(inner, inner).map(
-            lambda a: (f"{_wrapped(a[0])} + 3 * {_wrapped(a[1])}", a[0][1] + 3 * a[1][1])
-        ),
+        st.tuples(inner, inner).map(lambda a: (f"{_wrapped(a[0])} + 3 * {_wrapped(a[1])}", a[0][1] + 3 * a[1][1])),
     ),
     max_leaves=6,
 )
@@ -145,16 +154,11 @@ def _wrapped(condition: tuple[str, int]) -> str:
 
 
 def _compared(how: str, a: int, b: int) -> bool:
-    return {
-        "<": a < b, ">": a > b, "<=": a <= b, ">=": a >= b, "==": a == b, "!=": a != b
-    }[how]
+    return {"<": a < b, ">": a > b, "<=": a <= b, ">=": a >= b, "==": a == b, "!=": a != b}[how]
 
 
 @settings(max_examples=300, deadline=None)
-@given(
-    st.lists(st.tuples(PARAMETERS, st.none() | CONDITIONS), min_size=1, max_size=8),
-    st.booleans(),
-)
+@given(st.lists(st.tuples(PARAMETERS, st.none() | CONDITIONS), min_size=1, max_size=8), st.booleans())
 def test_generated_signatures_come_back(
     wanted: list[tuple[Parameter, tuple[str, int] | None]], otherwise: bool
 ) -> None:
@@ -210,16 +214,16 @@ def compiled(runtime: Runtime, build: Build) -> Any:
 
     variant = runtime.variant
     defined = {
-        "SSGI_LANES": variant.lanes, "SSGI_IMAGES": int(variant.storage == "image"),
-        "SSGI_IMAGE_ROWS": 4096, **build.macros,
+        "SSGI_LANES": variant.lanes,
+        "SSGI_IMAGES": int(variant.storage == "image"),
+        "SSGI_IMAGE_ROWS": 4096,
+        **build.macros,
     }
     options = [f"-D{name}={value}" for name, value in defined.items()]
     text = sources.flatten(build.path, "\n".join(struct.text for struct in build.structs))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return cl.Program(runtime.context, text).build(
-            options=["-cl-std=CL1.2", "-cl-kernel-arg-info", *options]
-        )
+        return cl.Program(runtime.context, text).build(options=["-cl-std=CL1.2", "-cl-kernel-arg-info", *options])
 
 
 @pytest.mark.slow  # compiles all kernels once more
@@ -227,10 +231,7 @@ def test_the_compiler_reads_the_same_signatures(runtime: Runtime) -> None:
     import pyopencl as cl
 
     info = cl.kernel_arg_info
-    qualified = {
-        cl.kernel_arg_address_qualifier.GLOBAL: True,
-        cl.kernel_arg_address_qualifier.PRIVATE: False,
-    }
+    qualified = {cl.kernel_arg_address_qualifier.GLOBAL: True, cl.kernel_arg_address_qualifier.PRIVATE: False}
     # One of each of a kernel's signatures.
     different = {build.kernel.signature: build for build in builds(runtime)}
     for signature, build in different.items():
@@ -300,7 +301,11 @@ def test_parameters_of_one_type_may_change_places(runtime: Runtime) -> None:
         )
         result = runtime.empty(1, np.float32)
         kernel.run(
-            "divide", (1, 1), grid=(1, 1), local=(1, 1), result=result,
+            "divide",
+            (1, 1),
+            grid=(1, 1),
+            local=(1, 1),
+            result=result,
             a=runtime.array(np.array([3.0], np.float32)),
             b=runtime.array(np.array([4.0], np.float32)),
         )
@@ -330,7 +335,8 @@ def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) ->
         ("read", "array", r"read is a DeviceArray of float32: expected a Plane \(ssgi_plane read"),
         ("read", None, r"read is None \(NoneType\): expected a Plane"),
         (
-            "numbers", "array",
+            "numbers",
+            "array",
             r"numbers is a DeviceArray of float32: expected a DeviceArray of int32 "
             r"\(__global const int \*numbers\)",
         ),
@@ -347,22 +353,21 @@ def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) ->
         ("scale", "1", r"scale is '1' \(str\): expected a number \(const float scale\)"),
         ("scale", np.zeros(1, np.float32), "scale is an array"),
         (
-            "pair", REFERENCE.pack({"first": 1.0, "second": 2}),
+            "pair",
+            REFERENCE.pack({"first": 1.0, "second": 2}),
             "pair is the struct Twin of 8 bytes: expected the struct Pair of 8 bytes",
         ),
         (
-            "pair", CAMERA.pack(dict.fromkeys(CAMERA.dtype.names or (), 0.0)),
+            "pair",
+            CAMERA.pack(dict.fromkeys(CAMERA.dtype.names or (), 0.0)),
             "pair is the struct SsgiCamera of 36 bytes: expected the struct Pair of 8 bytes",
         ),
         ("pair", (1.0, 2), r"pair is \(1.0, 2\) \(tuple\): expected the struct Pair"),
     ],
 )
-def test_an_argument_of_another_type_is_named(
-    runtime: Runtime, name: str, value: Any, message: str
-) -> None:
+def test_an_argument_of_another_type_is_named(runtime: Runtime, name: str, value: Any, message: str) -> None:
     wanted = arguments(runtime)
-    given = {"array": wanted["rest"], "plane": wanted["read"]}.get(value, value) \
-        if isinstance(value, str) else value
+    given = {"array": wanted["rest"], "plane": wanted["read"]}.get(value, value) if isinstance(value, str) else value
     with pytest.raises(TypeError, match=message):
         combine(runtime).run("combine", (2, 16), **{**wanted, name: given})
 
@@ -414,9 +419,7 @@ def test_no_two_structs_have_one_name(runtime: Runtime) -> None:
     assert len({struct.name for struct in found}) == len(found)
 
 
-def test_the_compilers_layout_is_that_of_numpy(
-    variant_runtime: Runtime, structs: list[Struct]
-) -> None:
+def test_the_compilers_layout_is_that_of_numpy(variant_runtime: Runtime, structs: list[Struct]) -> None:
     expected: list[int] = []
     lines = []
     for struct in structs:
@@ -447,9 +450,7 @@ def test_the_compilers_layout_is_that_of_numpy(
     assert result.download().tolist() == expected
 
 
-def test_every_member_arrives_in_the_kernel(
-    variant_runtime: Runtime, structs: list[Struct]
-) -> None:
+def test_every_member_arrives_in_the_kernel(variant_runtime: Runtime, structs: list[Struct]) -> None:
     expected: list[float] = []
     lines, packed = [], {}
     for struct in structs:

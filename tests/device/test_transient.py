@@ -62,9 +62,7 @@ def test_what_an_exception_leaves_is_free(memory: TransientMemory) -> None:
     assert memory.used == 0
 
 
-def test_a_plane_has_its_outside_value_round_it_whatever_was_there(
-    memory: TransientMemory,
-) -> None:
+def test_a_plane_has_its_outside_value_round_it_whatever_was_there(memory: TransientMemory) -> None:
     memory._spoiling = True
     for outside in (0.0, np.inf, 0.0):
         plane = memory.plane(2, SIZE, outside)
@@ -72,7 +70,7 @@ def test_a_plane_has_its_outside_value_round_it_whatever_was_there(
         with plane._mapped() as rows:
             assert (rows[0] == outside).all()
             assert (rows[-1] == outside).all()
-            assert (rows[:, SIZE[1]:] == outside).all()
+            assert (rows[:, SIZE[1] :] == outside).all()
             assert (rows[1:-1, : SIZE[1]] == 5.0).all()
         del rows, plane
 
@@ -87,7 +85,7 @@ def test_outside_of_a_window_a_plane_has_its_background(memory: TransientMemory)
     assert plane.within(region) is region
     np.testing.assert_array_equal(plane.download(), np.full((2, *SIZE), [[[1.0]], [[0.25]]]))
     with plane._mapped() as rows:
-        assert (rows[:, SIZE[1]:] == 1.0).all()
+        assert (rows[:, SIZE[1] :] == 1.0).all()
 
 
 def test_without_sharing_no_memory_is_given_out_twice(memory: TransientMemory) -> None:
@@ -114,9 +112,7 @@ def test_what_is_reserved_is_enough_and_is_counted(memory: TransientMemory) -> N
     assert kept.count == 1
 
 
-def test_memory_that_is_free_gives_way(
-    memory: TransientMemory, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_that_is_free_gives_way(memory: TransientMemory, monkeypatch: pytest.MonkeyPatch) -> None:
     runtime = memory.runtime
     monkeypatch.setattr(runtime, "transient", memory)
     plane = memory.plane(1, SIZE)
@@ -156,9 +152,7 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
     eye, target = np.array(built.eye), np.array(built.target)
     # Far away the scene is in a window of the image.
     cameras = [
-        gi.Camera.look_at(
-            target + k * (eye - target), target, built.up, yfov=built.yfov, width=640, height=96
-        )
+        gi.Camera.look_at(target + k * (eye - target), target, built.up, yfov=built.yfov, width=640, height=96)
         for k in (1.0, 1.5, 1.2)
     ]
     found = []
@@ -166,14 +160,21 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
         spoilt._prepared.clear()
         spoilt.transient._sharing = sharing
         spoilt.transient._spoiling = sharing
-        found.append([
-            render(
-                built.scene, camera, lights,
-                bounces=0, shadow_size=64, exposure=1.0, runtime=spoilt,
-                **MODES[mode],  # type: ignore[arg-type]
-            )
-            for camera in cameras
-        ])
+        found.append(
+            [
+                render(
+                    built.scene,
+                    camera,
+                    lights,
+                    bounces=0,
+                    shadow_size=64,
+                    exposure=1.0,
+                    runtime=spoilt,
+                    **MODES[mode],  # type: ignore[arg-type]
+                )
+                for camera in cameras
+            ]
+        )
     for alone, shared in zip(*found, strict=True):
         np.testing.assert_array_equal(alone.radiance, shared.radiance)
         for name in ("ao", "indirect"):
@@ -195,9 +196,7 @@ LIMITS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", ["cornell_box", "hall"])
 @pytest.mark.parametrize("mode", LIMITS)
-def test_a_frame_of_1920_x_1080_keeps_no_more_than(
-    runtime: Runtime, scene: str, mode: str
-) -> None:
+def test_a_frame_of_1920_x_1080_keeps_no_more_than(runtime: Runtime, scene: str, mode: str) -> None:
     if runtime.variant.storage != "buffer":
         pytest.skip("images are copies")
     built, (arguments, limit) = make_scene(scene), LIMITS[mode]
@@ -210,7 +209,11 @@ def test_a_frame_of_1920_x_1080_keeps_no_more_than(
     before = runtime.memory.used
     for _ in range(2):
         render(
-            built.scene, built.camera(1920, 1080), lights, bounces=0, runtime=runtime,
+            built.scene,
+            built.camera(1920, 1080),
+            lights,
+            bounces=0,
+            runtime=runtime,
             **arguments,  # type: ignore[arg-type]
         )
     kept = (runtime.memory.used - before) / MEBI
@@ -224,8 +227,15 @@ def test_a_second_frame_takes_no_memory_though_everything_is_drawn_anew(runtime:
 
     def frame() -> None:
         render(
-            built.scene, built.camera(160, 120), lights, indirect="ssdo", layers=2,
-            auxiliary_cameras=2, shadow_size=64, skips=False, runtime=runtime,
+            built.scene,
+            built.camera(160, 120),
+            lights,
+            indirect="ssdo",
+            layers=2,
+            auxiliary_cameras=2,
+            shadow_size=64,
+            skips=False,
+            runtime=runtime,
         )
 
     frame()

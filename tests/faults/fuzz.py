@@ -24,14 +24,83 @@ from typing import Any
 from reading import Reader
 from seeds import Files, glb, seeds
 
-_NUMBERS = (0, 1, -1, 2, 3, 4, 7, 127, 128, 255, 256, 32767, 65535, 65536, 2**24, 2**31 - 1, 2**31,
-            2**32 - 1, 2**32, 2**63, 10**30, -(2**31), 0.5, -0.5, 1e-40, 1e10, 1e30, 1e39, 1e300,
-            float("nan"), float("inf"), -float("inf"))
-_STRINGS = ("", "x", "a" * 5000, "../a.bin", "../../../etc/passwd", "/etc/passwd", "file:///etc/x",
-            "data:,x", "data:;base64,!!!!", "\0", "%2e%2e/a", "C:\\a", "VEC3", "SCALAR", "MAT4",
-            "MASK", "\ud800", "é", "a.glb", "a.gltf", ".", "color.png")
-_TOKENS = (*(str(number) for number in _NUMBERS), *_STRINGS[:12], "1/2/3/4", "1//", "//", "/1",
-           "0/0/0", "-1/-1/-1", "1e", "0x10", "1_0", "list", "uchar", "double", "ascii", "#", "\\")
+_NUMBERS = (
+    0,
+    1,
+    -1,
+    2,
+    3,
+    4,
+    7,
+    127,
+    128,
+    255,
+    256,
+    32767,
+    65535,
+    65536,
+    2**24,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**32,
+    2**63,
+    10**30,
+    -(2**31),
+    0.5,
+    -0.5,
+    1e-40,
+    1e10,
+    1e30,
+    1e39,
+    1e300,
+    float("nan"),
+    float("inf"),
+    -float("inf"),
+)
+_STRINGS = (
+    "",
+    "x",
+    "a" * 5000,
+    "../a.bin",
+    "../../../etc/passwd",
+    "/etc/passwd",
+    "file:///etc/x",
+    "data:,x",
+    "data:;base64,!!!!",
+    "\0",
+    "%2e%2e/a",
+    "C:\\a",
+    "VEC3",
+    "SCALAR",
+    "MAT4",
+    "MASK",
+    "\ud800",
+    "é",
+    "a.glb",
+    "a.gltf",
+    ".",
+    "color.png",
+)
+_TOKENS = (
+    *(str(number) for number in _NUMBERS),
+    *_STRINGS[:12],
+    "1/2/3/4",
+    "1//",
+    "//",
+    "/1",
+    "0/0/0",
+    "-1/-1/-1",
+    "1e",
+    "0x10",
+    "1_0",
+    "list",
+    "uchar",
+    "double",
+    "ascii",
+    "#",
+    "\\",
+)
 
 
 class Fuzzer:
@@ -150,9 +219,7 @@ class Fuzzer:
             holder += [holder[key]] * self.random.choice((1, 10, 3000))
         elif what == 2:
             other = self.random.choice(holders)
-            holder[key] = self.random.choice(
-                list(other.values()) if isinstance(other, dict) else other
-            )
+            holder[key] = self.random.choice(list(other.values()) if isinstance(other, dict) else other)
         elif what == 3:
             nested: Any = holder[key]
             for _ in range(self.random.choice((1, 3, 900))):
@@ -200,8 +267,8 @@ class Fuzzer:
         else:
             chunks[index][1] = self._bytes(chunks[index][1])
         return data[:8] + b"".join(
-            struct.pack(">I", len(body)) + kind + body
-            + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+            for kind, body in chunks
         )
 
 

@@ -49,8 +49,7 @@ class Reader:
         """Return what reading `path` came to."""
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
+                [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
             )
         process = self._process
         assert process.stdin is not None
@@ -96,8 +95,11 @@ def verdict(path: Path) -> dict[str, Any]:
         elif mebibytes > MEBIBYTES[outcome]:
             outcome, detail = "large", f"{detail} ({mebibytes:.0f} MiB)"
     return {
-        "outcome": outcome, "detail": detail[:1000], "place": place,
-        "seconds": round(seconds, 3), "mebibytes": round(mebibytes, 1),
+        "outcome": outcome,
+        "detail": detail[:1000],
+        "place": place,
+        "seconds": round(seconds, 3),
+        "mebibytes": round(mebibytes, 1),
     }
 
 

@@ -55,8 +55,7 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
         binary += bytes(-len(binary) % 4)
         views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(piece)})
         binary += piece
-    kinds = [(5126, "VEC3", 4), (5126, "VEC3", 4), (5121, "VEC2", 4), (5123, "SCALAR", 6),
-             (5121, "VEC4", 4)]
+    kinds = [(5126, "VEC3", 4), (5126, "VEC3", 4), (5121, "VEC2", 4), (5123, "SCALAR", 6), (5121, "VEC4", 4)]
     accessors: list[dict[str, Any]] = [
         {"bufferView": i, "byteOffset": 0, "componentType": c, "type": t, "count": n}
         for i, (c, t, n) in enumerate(kinds)
@@ -64,7 +63,9 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
     accessors[2]["normalized"] = accessors[4]["normalized"] = True
     primitive = {
         "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 4},
-        "indices": 3, "material": 0, "mode": 4,
+        "indices": 3,
+        "material": 0,
+        "mode": 4,
     }
     made: dict[str, Any] = {
         "asset": {"version": "2.0"},
@@ -76,17 +77,24 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
             {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1]},
         ],
         "meshes": [{"primitives": [primitive]}],
-        "materials": [{
-            "name": "m", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [1, 1, 0],
-            "emissiveTexture": {"index": 0},
-            "pbrMetallicRoughness": {
-                "baseColorFactor": [1, 0.5, 0.25, 1],
-                "baseColorTexture": {"index": 0, "texCoord": 0, "extensions": {
-                    "KHR_texture_transform": {"scale": [2, 2], "rotation": 0.5, "offset": [0, 1]}
-                }},
-            },
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}},
-        }],
+        "materials": [
+            {
+                "name": "m",
+                "alphaMode": "MASK",
+                "alphaCutoff": 0.25,
+                "emissiveFactor": [1, 1, 0],
+                "emissiveTexture": {"index": 0},
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [1, 0.5, 0.25, 1],
+                    "baseColorTexture": {
+                        "index": 0,
+                        "texCoord": 0,
+                        "extensions": {"KHR_texture_transform": {"scale": [2, 2], "rotation": 0.5, "offset": [0, 1]}},
+                    },
+                },
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}},
+            }
+        ],
         "textures": [{"source": 0}],
         "images": [{"bufferView": 5, "mimeType": "image/png", "name": "i"}],
         "accessors": accessors,
@@ -103,16 +111,24 @@ def with_views(made: dict[str, Any], binary: bytes) -> tuple[dict[str, Any], byt
     made["nodes"][0] |= {"camera": 0, "name": "a", "extensions": {lights: {"light": 0}}}
     made["nodes"][1] |= {"camera": 1, "extensions": {lights: {"light": 1}}}
     made["cameras"] = [
-        {"type": "perspective", "name": "b",
-         "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9, "aspectRatio": 1.5}},
-        {"type": "orthographic",
-         "orthographic": {"xmag": 1, "ymag": 2, "znear": 0, "zfar": 9}},
+        {"type": "perspective", "name": "b", "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9, "aspectRatio": 1.5}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 2, "znear": 0, "zfar": 9}},
     ]
-    made["extensions"] = {lights: {"lights": [
-        {"type": "spot", "name": "c", "color": [1, 0.5, 0], "intensity": 9, "range": 5,
-         "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.4}},
-        {"type": "directional", "intensity": 3},
-    ]}}
+    made["extensions"] = {
+        lights: {
+            "lights": [
+                {
+                    "type": "spot",
+                    "name": "c",
+                    "color": [1, 0.5, 0],
+                    "intensity": 9,
+                    "range": 5,
+                    "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.4},
+                },
+                {"type": "directional", "intensity": 3},
+            ]
+        }
+    }
     made["extensionsUsed"].append(lights)
     return made, binary
 
@@ -128,8 +144,7 @@ def obj() -> Files:
         b"newmtl m\nKd 0.5 0.25 1\nKe 1 2 3\nKs 0.1 0.1 0.1\nNs 20\nd 0.5\n"
         b"map_Kd -s 2 2 1 -o 0.5 0 0 color.png\nmap_d -clamp on alpha.png\nnewmtl other\nTr 0.5\n"
     )
-    return {"a.obj": text, "a.mtl": library, "color.png": picture(),
-            "alpha.png": picture(size=(4, 4), mode="L")}
+    return {"a.obj": text, "a.mtl": library, "color.png": picture(), "alpha.png": picture(size=(4, 4), mode="L")}
 
 
 def plys() -> list[Files]:
@@ -149,8 +164,7 @@ def plys() -> list[Files]:
     big_head = head.replace(b"ascii", b"binary_big_endian").replace(b"vertex 4", b"vertex 3")
     return [
         {"a.ply": head + colors + faces + b"".join(r + b" 10 20 30\n" for r in rows) + _PLY_FACES},
-        {"a.ply": head + uvs + faces + b"".join(r + b" 0 1\n" for r in rows) + _PLY_FACES,
-         "t.png": picture()},
+        {"a.ply": head + uvs + faces + b"".join(r + b" 0 1\n" for r in rows) + _PLY_FACES, "t.png": picture()},
         {"a.ply": little},
         {"a.ply": big_head + faces.replace(b"face 2", b"face 1") + big},
     ]
@@ -202,14 +216,19 @@ def draco() -> Files:
         {"componentType": 5125, "type": "SCALAR", "count": sphere.faces.size},
     ]
     primitive = {
-        "attributes": {"POSITION": 0}, "indices": 1,
+        "attributes": {"POSITION": 0},
+        "indices": 1,
         "extensions": {name: {"bufferView": 0, "attributes": {"POSITION": 0}}},
     }
     parts = {
-        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive]}], "accessors": accessors,
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
         "bufferViews": [{"buffer": 0, "byteLength": len(packed)}],
-        "buffers": [{"byteLength": len(packed)}], "extensionsUsed": [name],
+        "buffers": [{"byteLength": len(packed)}],
+        "extensionsUsed": [name],
         "extensionsRequired": [name],
     }
     return {"a.glb": glb(parts, packed)}

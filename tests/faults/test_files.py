@@ -81,16 +81,11 @@ def with_nodes(nodes: list[dict[str, Any]]) -> Files:
 def overlapping(parts: dict[str, Any]) -> None:
     """Give every one of very many primitives a view of its own of all the bytes."""
     length = parts["buffers"][0]["byteLength"]
-    parts["bufferViews"] += [
-        {"buffer": 0, "byteLength": length, "byteStride": 12 + i} for i in range(2000)
-    ]
+    parts["bufferViews"] += [{"buffer": 0, "byteLength": length, "byteStride": 12 + i} for i in range(2000)]
     parts["accessors"] += [
-        {"bufferView": 6 + i, "componentType": 5126, "type": "VEC3", "count": 3}
-        for i in range(2000)
+        {"bufferView": 6 + i, "componentType": 5126, "type": "VEC3", "count": 3} for i in range(2000)
     ]
-    parts["meshes"][0]["primitives"] += [
-        {"attributes": {"POSITION": 5 + i}} for i in range(2000)
-    ]
+    parts["meshes"][0]["primitives"] += [{"attributes": {"POSITION": 5 + i}} for i in range(2000)]
 
 
 REFUSED: dict[str, tuple[Files, str]] = {
@@ -102,18 +97,21 @@ REFUSED: dict[str, tuple[Files, str]] = {
     "a node that is its own child": (with_nodes([{"children": [0], "mesh": 0}]), "several places"),
     "a child that isn't there": (with_nodes([{"children": [7]}]), "a child of a node is 7"),
     "a negative child": (with_nodes([{"children": [-1]}]), "nodes[0].children[0] is -1"),
-    "a matrix that overflows": (with_nodes([{"mesh": 0, "scale": [1e200, 1, 1], "children": [1]},
-                                            {"mesh": 0, "scale": [1e200, 1, 1]}]), "beyond 1e+30"),
+    "a matrix that overflows": (
+        with_nodes([{"mesh": 0, "scale": [1e200, 1, 1], "children": [1]}, {"mesh": 0, "scale": [1e200, 1, 1]}]),
+        "beyond 1e+30",
+    ),
     "very many items": (changed(lambda j: j["accessors"][0].update(count=2**62)), "reads 46116860"),
     "a negative count": (changed(lambda j: j["accessors"][0].update(count=-3)), "count is -3"),
-    "a view beyond the buffer": (
-        changed(lambda j: j["bufferViews"][0].update(byteOffset=2**40)), "covers bytes"
-    ),
+    "a view beyond the buffer": (changed(lambda j: j["bufferViews"][0].update(byteOffset=2**40)), "covers bytes"),
     "instances without end": (
-        changed(lambda j: (
-            j["meshes"][0].update(primitives=j["meshes"][0]["primitives"] * 1000),
-            j.update(nodes=[{"mesh": 0}] * 30000, scenes=[{"nodes": list(range(30000))}]),
-        )), "60000000 triangles"
+        changed(
+            lambda j: (
+                j["meshes"][0].update(primitives=j["meshes"][0]["primitives"] * 1000),
+                j.update(nodes=[{"mesh": 0}] * 30000, scenes=[{"nodes": list(range(30000))}]),
+            )
+        ),
+        "60000000 triangles",
     ),
     "a file outside": (with_uri("../../../../../../../etc/passwd"), "leaves the folder"),
     "a file outside, encoded": (with_uri("%2e%2e/%2e%2e/etc/passwd"), "leaves the folder"),
@@ -127,21 +125,19 @@ REFUSED: dict[str, tuple[Files, str]] = {
     "a huge image": (changed(lambda j: None, png_of(60000, 60000)), "60000 x 60000|exceeds limit"),
     "an image with nothing in it": (changed(lambda j: None, png_of(8000, 8000)), "as an image"),
     "a text that unpacks to much": (
-        changed(lambda j: None, png_of(4, 4, more=chunk(
-            b"zTXt", b"a\0\0" + zlib.compress(bytes(1 << 26))
-        ))), "as an image"
+        changed(lambda j: None, png_of(4, 4, more=chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(1 << 26))))),
+        "as an image",
     ),
     "many large images": (
-        changed(lambda j: j.update(
-            images=[{"uri": "data:;base64," + base64.b64encode(png_of(8000, 8000)).decode()}] * 9
-        )), "as an image"
+        changed(
+            lambda j: j.update(images=[{"uri": "data:;base64," + base64.b64encode(png_of(8000, 8000)).decode()}] * 9)
+        ),
+        "as an image",
     ),
     # OBJ and MTL
     "an index beyond the vertices": ({"a.obj": b"v 0 0 0\nf 1 2 3\n"}, "refers to v 2"),
     "an index of many digits": ({"a.obj": b"v 0 0 0\nf 1 1 " + b"9" * 4000 + b"\n"}, "corner"),
-    "vertices that are no numbers": (
-        {"a.obj": b"v nan 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n"}, "expected finite numbers"
-    ),
+    "vertices that are no numbers": ({"a.obj": b"v nan 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n"}, "expected finite numbers"),
     "a library outside": ({"a.obj": b"mtllib ../../etc/passwd\n" + OBJ["a.obj"]}, "leaves the"),
     "a texture outside": (with_map("map_Kd ../../../etc/passwd"), "leaves the folder"),
     "an absolute texture": (with_map("map_Kd /etc/passwd"), "relative to the scene file"),
@@ -152,43 +148,34 @@ REFUSED: dict[str, tuple[Files, str]] = {
     "very many vertices": ({"a.ply": PLY.replace(b"vertex 4", b"vertex 9999999")}, "cut off"),
     "a negative number of faces": ({"a.ply": PLY.replace(b"face 2", b"face -2")}, "face -2"),
     "a type that isn't one": ({"a.ply": PLY.replace(b"uchar int", b"uchar blob")}, "blob"),
-    "a list of negative length": (
-        {"a.ply": PLY.replace(b"\n3 0", b"\n-1 0")}, "fit its header|no triangle"
-    ),
+    "a list of negative length": ({"a.ply": PLY.replace(b"\n3 0", b"\n-1 0")}, "fit its header|no triangle"),
     "vertices without heights": ({"a.ply": PLY.replace(b"float z", b"float w")}, "x, y and z"),
     # OpenEXR
-    "a window as wide as numbers go": (
-        exr_with(b"dataWindow", struct.pack("<4i", 0, 0, 2**31 - 1, 10)), "window"
-    ),
-    "a window of negative size": (
-        exr_with(b"dataWindow", struct.pack("<4i", 10, 10, 0, 0)), "window"
-    ),
-    "more rows than fit": (
-        exr_with(b"dataWindow", struct.pack("<4i", 0, 0, 100, 10**6)), "can't lie in"
-    ),
+    "a window as wide as numbers go": (exr_with(b"dataWindow", struct.pack("<4i", 0, 0, 2**31 - 1, 10)), "window"),
+    "a window of negative size": (exr_with(b"dataWindow", struct.pack("<4i", 10, 10, 0, 0)), "window"),
+    "more rows than fit": (exr_with(b"dataWindow", struct.pack("<4i", 0, 0, 100, 10**6)), "can't lie in"),
     "a huge tile": (exr_with(b"tiles", struct.pack("<2I", 2**31, 2**31)), "tiles"),
     "an attribute of negative size": (
-        {"a.exr": exrs()[0]["a.exr"].replace(
-            b"compression\0" + struct.pack("<i", 1), b"compression\0" + struct.pack("<i", -1)
-        )}, "has -1 bytes"
+        {
+            "a.exr": exrs()[0]["a.exr"].replace(
+                b"compression\0" + struct.pack("<i", 1), b"compression\0" + struct.pack("<i", -1)
+            )
+        },
+        "has -1 bytes",
     ),
     "no end of the header": ({"a.exr": exrs()[0]["a.exr"][:100]}, "cut short"),
 }
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_malicious_file_is_refused_with_the_reason(
-    reader: Reader, tmp_path: Path, name: str
-) -> None:
+def test_a_malicious_file_is_refused_with_the_reason(reader: Reader, tmp_path: Path, name: str) -> None:
     files, reason = REFUSED[name]
     outcome, detail = verdict(reader, tmp_path, files)
     assert outcome == "refused", detail
     assert any(part in detail for part in reason.split("|")), detail
 
 
-def test_many_views_of_the_same_bytes_cost_no_more_than_they_say(
-    reader: Reader, tmp_path: Path
-) -> None:
+def test_many_views_of_the_same_bytes_cost_no_more_than_they_say(reader: Reader, tmp_path: Path) -> None:
     outcome, detail = verdict(reader, tmp_path, changed(overlapping))
     assert outcome in ("refused", "loaded"), detail
 
@@ -238,7 +225,5 @@ def test_a_link_out_of_the_folder_is_not_followed(reader: Reader, tmp_path: Path
 def test_the_fuzzer_finds_nothing_new(tmp_path: Path) -> None:
     script = Path(__file__).with_name("fuzz.py")
     command = [sys.executable, str(script), "--seconds", "60", "--out", str(tmp_path)]
-    done = subprocess.run(
-        [*command, "--seed", str(int(time.time()))], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([*command, "--seed", str(int(time.time()))], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -19,9 +19,7 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 BOX = BUILTIN_SCENES["cornell_box"]()
-CAMERAS = [
-    gi.Camera.look_at((x, 1.0, 3.4), (0, 1, 0), width=40, height=30) for x in (-0.2, 0.3)
-]
+CAMERAS = [gi.Camera.look_at((x, 1.0, 3.4), (0, 1, 0), width=40, height=30) for x in (-0.2, 0.3)]
 MOVED = gi.SpotLight((0.3, 1.9, 0.2), (0.0, -1.0, 0.1), 0.9, (8.0, 6.0, 4.0))
 LIGHTS = (BOX.lights, (MOVED, gi.Environment((0.2, 0.3, 0.4))))
 
@@ -52,8 +50,13 @@ def stopper(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
 
         return stopping
 
-    for of, name in ((Kernel, "run"), (Plane, "upload"), (DeviceArray, "upload"),
-                     (Plane, "copy_image"), (DeviceArray, "send")):
+    for of, name in (
+        (Kernel, "run"),
+        (Plane, "upload"),
+        (DeviceArray, "upload"),
+        (Plane, "copy_image"),
+        (DeviceArray, "send"),
+    ):
         monkeypatch.setattr(of, name, around(getattr(of, name)))
 
     def stop(step: int) -> None:
@@ -66,16 +69,21 @@ def stopper(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
 def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
     layers = 2 if bounce == "ssdo" else 1
     return Renderer(
-        runtime, CAMERAS[0].size, ao=None if bounce == "ssdo" else GtaoParams(radius=0.3),
-        indirect=bounce_params(bounce, 64, layers, 0.5, 0, None), layers=layers,
-        views=2 if bounce == "ssdo" else 0, shadow_size=32, rsm_size=32, skips=skips,
+        runtime,
+        CAMERAS[0].size,
+        ao=None if bounce == "ssdo" else GtaoParams(radius=0.3),
+        indirect=bounce_params(bounce, 64, layers, 0.5, 0, None),
+        layers=layers,
+        views=2 if bounce == "ssdo" else 0,
+        shadow_size=32,
+        rsm_size=32,
+        skips=skips,
     )
 
 
 @pytest.mark.parametrize("skips", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("bounce", "every"),
-    [(None, 5), ("multires", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)],
+    ("bounce", "every"), [(None, 5), ("multires", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)]
 )
 def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
     runtime: Runtime, stopper: Callable[[int], None], bounce: str | None, every: int, skips: bool
@@ -96,17 +104,14 @@ def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
             break
         for view in (stopped % 4, (stopped + 2) % 4):  # the next lights, then by another camera
             np.testing.assert_array_equal(
-                kept(BOX.scene, *views[view]).radiance, expected[view],
-                err_msg=f"stopped at step {step}",
+                kept(BOX.scene, *views[view]).radiance, expected[view], err_msg=f"stopped at step {step}"
             )
         step += every
     stopper(-1)
     assert stopped > 3, "a frame has ten passes at the least"
 
 
-def test_functions_are_right_after_they_were_stopped(
-    runtime: Runtime, stopper: Callable[[int], None]
-) -> None:
+def test_functions_are_right_after_they_were_stopped(runtime: Runtime, stopper: Callable[[int], None]) -> None:
     gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
     rsm = gi.rasterize.rsm(BOX.scene, MOVED, size=32, runtime=runtime)
     calls: list[Callable[[Any], Any]] = [
@@ -146,14 +151,22 @@ def test_five_hundred_real_interrupts(runtime: Runtime) -> None:
     """By a timer at random times of a frame, through the public functions."""
     rng = np.random.default_rng(3)
     modes: list[dict[str, Any]] = [
-        {"indirect": "multires", "vpls": 64}, {"indirect": "ssdo", "auxiliary_cameras": 2},
-        {"ao": "ssao"}, {"indirect": "gather", "skips": False},
+        {"indirect": "multires", "vpls": 64},
+        {"indirect": "ssdo", "auxiliary_cameras": 2},
+        {"ao": "ssao"},
+        {"indirect": "gather", "skips": False},
     ]
 
     def shot(mode: int, camera: int, lights: int) -> Any:
         return gi.render(
-            BOX.scene, CAMERAS[camera], LIGHTS[lights], bounces=0, shadow_size=32, rsm_size=32,
-            runtime=runtime, **modes[mode],
+            BOX.scene,
+            CAMERAS[camera],
+            LIGHTS[lights],
+            bounces=0,
+            shadow_size=32,
+            rsm_size=32,
+            runtime=runtime,
+            **modes[mode],
         ).radiance
 
     def raise_interrupt(*_: object) -> None:

@@ -34,17 +34,10 @@ def tight(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime
     runtime._prepared.clear()
 
 
-def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs(
-    tight: Runtime,
-) -> None:
+def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs(tight: Runtime) -> None:
     before = tight.memory.used
-    with (
-        tight.frame(),
-        pytest.raises(DeviceMemoryError, match=r"no room(.|\n)*MiB are needed in all") as refused,
-    ):
-        render(
-            BOX.scene, BOX.camera(8192, 8192), BOX.lights, bounces=0, ao_radius=0.5, runtime=tight
-        )
+    with tight.frame(), pytest.raises(DeviceMemoryError, match=r"no room(.|\n)*MiB are needed in all") as refused:
+        render(BOX.scene, BOX.camera(8192, 8192), BOX.lights, bounces=0, ao_radius=0.5, runtime=tight)
     assert not tight.times()
     needed = float(re.findall(r"([\d.]+) MiB are needed", str(refused.value))[0])
     # 17 floats a pixel at the least: depth and its inverse, normal, albedo, A, direct light,
@@ -58,12 +51,8 @@ def test_a_frame_that_does_not_fit_is_refused_before_any_pass_with_what_it_needs
 
 def test_after_a_refusal_a_smaller_frame_is_rendered(tight: Runtime) -> None:
     with pytest.raises(DeviceMemoryError):
-        render(
-            BOX.scene, BOX.camera(4096, 4096), BOX.lights, bounces=0, runtime=tight, shadow_size=64
-        )
-    frame = render(
-        BOX.scene, BOX.camera(64, 48), BOX.lights, bounces=0, runtime=tight, shadow_size=64
-    )
+        render(BOX.scene, BOX.camera(4096, 4096), BOX.lights, bounces=0, runtime=tight, shadow_size=64)
+    frame = render(BOX.scene, BOX.camera(64, 48), BOX.lights, bounces=0, runtime=tight, shadow_size=64)
     assert np.isfinite(frame.radiance).all()
 
 
@@ -89,17 +78,13 @@ def test_what_is_counted_is_what_is_taken(runtime: Runtime) -> None:
     assert runtime.memory.used - runtime.transient.held == before - shared
 
 
-def test_a_piece_that_is_too_large_is_refused(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_piece_that_is_too_large_is_refused(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.memory, "largest", MEBI)
     with pytest.raises(DeviceMemoryError, match=r"no room for 4\.\d MiB in one piece"):
         runtime.plane(1, (1024, 1024))
 
 
-def test_a_driver_without_memory_is_reported(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_driver_without_memory_is_reported(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     cl = opencl()
 
     def refuse(*_: Any, **__: Any) -> None:
@@ -123,9 +108,7 @@ def resident() -> float:
 @pytest.mark.parametrize("frames", [60, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_memory_stays_flat_frame_after_frame(runtime: Runtime, frames: int) -> None:
     def draw(number: int) -> None:
-        camera = gi.Camera.look_at(
-            (0.1 * np.sin(number), 1.0, 3.4), (0, 1, 0), width=48, height=32
-        )
+        camera = gi.Camera.look_at((0.1 * np.sin(number), 1.0, 3.4), (0, 1, 0), width=48, height=32)
         render(BOX.scene, camera, BOX.lights, bounces=0, shadow_size=64, runtime=runtime)
 
     for number in range(20):  # what is made once is made

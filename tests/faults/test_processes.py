@@ -39,8 +39,11 @@ def process(*arguments: str, folder: Path, **variables: str) -> subprocess.Popen
     if not known.exists():
         shutil.copytree(drivers.cache_folder(), known, ignore=shutil.ignore_patterns("truth*"))
     return subprocess.Popen(
-        [sys.executable, str(SCRIPT), *arguments], cwd=folder, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        [sys.executable, str(SCRIPT), *arguments],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         env={**os.environ, "SSGI_CL_CACHE": str(known), **variables},
     )
 
@@ -73,9 +76,7 @@ def test_two_processes_share_an_empty_program_cache(runtime: Runtime, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_process_killed_while_it_compiles_leaves_a_cache_that_works(
-    runtime: Runtime, tmp_path: Path
-) -> None:
+def test_a_process_killed_while_it_compiles_leaves_a_cache_that_works(runtime: Runtime, tmp_path: Path) -> None:
     for after in (0.05, 0.4, 1.0):
         killed(process("compute", folder=tmp_path, **caches(tmp_path)), after)
     assert answer(process(folder=tmp_path, **caches(tmp_path))) == f"{digest(runtime)} 8.0"
@@ -101,9 +102,7 @@ def test_what_a_killed_process_leaves_goes_with_the_next_write(tmp_path: Path) -
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"a", "b": b"b"}
 
 
-def test_records_of_devices_are_whole_whoever_writes_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_records_of_devices_are_whole_whoever_writes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     info = DeviceInfo("x", 0, 0, "x" * 10**5, "cpu", 2, {"1 lane, buffer": 1.0})
     monkeypatch.setattr(probing, "probe", lambda driver: Found([info]))
@@ -123,9 +122,11 @@ def test_threads_with_a_runtime_each_find_the_same(runtime: Runtime) -> None:
         own = Runtime(runtime.info, drivers.KernelVariant(lanes, "buffer"))
         results.extend(digest(own) for _ in range(3))
 
-    lanes = [variant.lanes for variant in drivers.KERNEL_VARIANTS
-             if variant.storage == "buffer" and isinstance(runtime.info.speeds[str(variant)],
-             float)]
+    lanes = [
+        variant.lanes
+        for variant in drivers.KERNEL_VARIANTS
+        if variant.storage == "buffer" and isinstance(runtime.info.speeds[str(variant)], float)
+    ]
     threads = [threading.Thread(target=work, args=(count,)) for count in (*lanes, lanes[-1])]
     for thread in threads:
         thread.start()
@@ -146,9 +147,7 @@ def test_threads_that_take_turns_may_share_a_runtime(runtime: Runtime) -> None:
         assert list(pool.map(work, range(24))) == [1.0 + term % 3 for term in range(24)]
 
 
-def test_without_opencl_the_message_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_opencl_the_message_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
     monkeypatch.setattr(drivers, "devices", drivers.devices.__wrapped__)
     with pytest.raises(DeviceError, match=r"Devices found:\n  none\nInstall a driver"):
@@ -158,9 +157,7 @@ def test_without_opencl_the_message_says_how_to_get_it(
     assert "no OpenCL device found. Install a driver" in result.output
 
 
-def test_a_driver_that_cannot_be_loaded_is_passed_over(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_driver_that_cannot_be_loaded_is_passed_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "broken.icd").write_text("/nowhere/libbroken.so\n")
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
@@ -189,8 +186,5 @@ def test_a_lane_width_that_does_not_build_is_passed_over_and_said(
 
 @pytest.mark.slow
 def test_a_read_only_home_costs_time_but_nothing_else(runtime: Runtime, tmp_path: Path) -> None:
-    started = process(
-        folder=tmp_path, SSGI_CL_CACHE=NOWHERE, XDG_CACHE_HOME=NOWHERE,
-        POCL_CACHE_DIR=f"{NOWHERE}/pocl",
-    )
+    started = process(folder=tmp_path, SSGI_CL_CACHE=NOWHERE, XDG_CACHE_HOME=NOWHERE, POCL_CACHE_DIR=f"{NOWHERE}/pocl")
     assert answer(started) == f"{digest(runtime)} 8.0"

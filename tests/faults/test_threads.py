@@ -21,9 +21,7 @@ from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 BOX = BUILTIN_SCENES["cornell_box"]()
-CAMERAS = [
-    gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)
-]
+CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)]
 
 
 @pytest.mark.parametrize("calls", [400, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -41,14 +39,23 @@ def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
 
 def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
     modes: list[dict[str, Any]] = [
-        {"indirect": "multires", "vpls": 64}, {"ao": "ssao"}, {"indirect": "ssdo"},
+        {"indirect": "multires", "vpls": 64},
+        {"ao": "ssao"},
+        {"indirect": "ssdo"},
         {"indirect": "gather"},
     ]
 
     def frame(number: int) -> gi.Frame:
         return gi.render(
-            BOX.scene, CAMERAS[number % 2], BOX.lights, bounces=0, shadow_size=32, rsm_size=32,
-            skips=False, runtime=runtime, **modes[number % 4],
+            BOX.scene,
+            CAMERAS[number % 2],
+            BOX.lights,
+            bounces=0,
+            shadow_size=32,
+            rsm_size=32,
+            skips=False,
+            runtime=runtime,
+            **modes[number % 4],
         )
 
     expected = [frame(number) for number in range(4)]
@@ -77,7 +84,9 @@ def test_a_forked_process_is_told_at_once(runtime: Runtime) -> None:
     if child == 0:
         answers = []
         for call in (
-            lambda: gi.gtao(gbuffer, radius=0.3), Runtime.open, lambda: runtime.plane(1, (4, 4)),
+            lambda: gi.gtao(gbuffer, radius=0.3),
+            Runtime.open,
+            lambda: runtime.plane(1, (4, 4)),
             lambda: runtime.exclusively(lambda: None),
         ):
             try:
@@ -104,20 +113,23 @@ def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
         "if os.fork() == 0: ssgi_cl.Runtime.open(); print('opened', flush=True); os._exit(0)\n"
         "os.wait()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.strip() == "opened", done.stderr
 
 
-def test_a_new_radius_a_frame_keeps_memory_within_its_bound(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_radius_a_frame_keeps_memory_within_its_bound(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
     for number in range(40):
         gi.render(
-            BOX.scene, CAMERAS[0], BOX.lights, ao_radius=0.2 + 0.001 * number, indirect="multires",
-            vpls=64, shadow_size=64, rsm_size=64, runtime=runtime,
+            BOX.scene,
+            CAMERAS[0],
+            BOX.lights,
+            ao_radius=0.2 + 0.001 * number,
+            indirect="multires",
+            vpls=64,
+            shadow_size=64,
+            rsm_size=64,
+            runtime=runtime,
         )
         assert runtime.memory.kept <= 24 << 20
 
@@ -131,10 +143,7 @@ def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
         scene = BUILTIN_SCENES["cornell_box"]().scene
         gone = weakref.ref(scene)
         for outputs in ("ao",), ("image",):
-            gi.render(
-                scene, CAMERAS[0], BOX.lights,
-                bounces=0, outputs=outputs, shadow_size=32, runtime=runtime
-            )
+            gi.render(scene, CAMERAS[0], BOX.lights, bounces=0, outputs=outputs, shadow_size=32, runtime=runtime)
         del scene
         assert gone() is None
         assert runtime.memory.used - runtime.transient.held == before
@@ -176,16 +185,12 @@ def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
     assert runtime.memory.used == before
 
 
-def test_old_techniques_give_way_to_what_a_frame_needs(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_old_techniques_give_way_to_what_a_frame_needs(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     let_all_go(runtime)
     lights = point_lights(3)
 
     def draw() -> None:
-        gi.render(
-            BOX.scene, CAMERAS[0], lights, bounces=0, shadow_size=256, ao=False, runtime=runtime
-        )
+        gi.render(BOX.scene, CAMERAS[0], lights, bounces=0, shadow_size=256, ao=False, runtime=runtime)
 
     base = runtime.memory.used
     draw()
@@ -198,9 +203,7 @@ def test_old_techniques_give_way_to_what_a_frame_needs(
 
 
 @pytest.mark.skipif(host_memory.spare(1 << 30) < 1 << 30, reason="needs 1 GiB")
-def test_a_device_on_the_host_leaves_it_room(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_on_the_host_leaves_it_room(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     if not runtime.shares_memory:
         pytest.skip("the device has memory of its own")
     assert runtime.memory.limit <= host_memory.share()
@@ -218,35 +221,44 @@ def test_limits_of_the_process_are_obeyed() -> None:
         "import resource; resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))\n"
         "from ssgi_cl import host_memory; print(host_memory.share(), host_memory.spare(1 << 30))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     share, spare = map(int, done.stdout.split())
     assert share <= 6 << 30
     assert spare < 6 << 30
 
 
 @pytest.mark.slow
-def test_thirty_modes_of_five_scenes_never_fail_for_memory(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_thirty_modes_of_five_scenes_never_fail_for_memory(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     let_all_go(runtime)
     scenes = [made() for made in list(BUILTIN_SCENES.values())[:5]]
     modes: list[dict[str, Any]] = [
         {**light, **extra}
         for light in (
-            {}, {"ao": "ssao"}, {"ao": "hbao"}, {"ao": "bitmask_ao"}, {"indirect": "multires"},
-            {"indirect": "vpl"}, {"indirect": "gather"}, {"indirect": "ssdo"},
-            {"indirect": "ssdo", "method": "points"}, {"indirect": "multires", "ao": "ssao"},
+            {},
+            {"ao": "ssao"},
+            {"ao": "hbao"},
+            {"ao": "bitmask_ao"},
+            {"indirect": "multires"},
+            {"indirect": "vpl"},
+            {"indirect": "gather"},
+            {"indirect": "ssdo"},
+            {"indirect": "ssdo", "method": "points"},
+            {"indirect": "multires", "ao": "ssao"},
         )
         for extra in ({}, {"layers": 2}, {"overscan": 0.2})
     ]
 
     def draw(made: Any, mode: dict[str, Any]) -> gi.Frame:
         return gi.render(
-            made.scene, made.camera(160, 120), made.lights,
-            bounces=0, shadow_size=256, rsm_size=128,
-            vpls=256, runtime=runtime, **mode,
+            made.scene,
+            made.camera(160, 120),
+            made.lights,
+            bounces=0,
+            shadow_size=256,
+            rsm_size=128,
+            vpls=256,
+            runtime=runtime,
+            **mode,
         )
 
     base, largest = runtime.memory.used, 0

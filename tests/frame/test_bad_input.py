@@ -29,8 +29,10 @@ def cube(albedo: float, emission: float = 0.0, *, inside_out: bool = False) -> S
 def scene_of(points: Any, triangles: Any, albedo: float, emission: float) -> Scene:
     count = len(points)
     return Scene(
-        positions=np.asarray(points, np.float32), normals=np.zeros((count, 3), np.float32),
-        uvs=np.zeros((count, 2), np.float32), colors=np.ones((count, 3), np.float32),
+        positions=np.asarray(points, np.float32),
+        normals=np.zeros((count, 3), np.float32),
+        uvs=np.zeros((count, 2), np.float32),
+        colors=np.ones((count, 3), np.float32),
         triangles=np.asarray(triangles, np.int32),
         material_ids=np.zeros(len(triangles), np.int32),
         materials=(Material(albedo=(albedo,) * 3, emission=(emission,) * 3),),
@@ -46,9 +48,7 @@ DOWN = gi.Camera.look_at((0, 3, 0.1), (0, 0, 0), yfov=0.6, width=24, height=16)
 INSIDE = gi.Camera.look_at((0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=24, height=16)
 
 
-def radiance(
-    runtime: Runtime, scene: Scene, lights: Any, camera: gi.Camera = INSIDE, **given: Any
-) -> Floats:
+def radiance(runtime: Runtime, scene: Scene, lights: Any, camera: gi.Camera = INSIDE, **given: Any) -> Floats:
     given = {"preset": "low", "shadow_size": 256, "exposure": 1.0, **given}
     frame = gi.render(scene, camera, lights, runtime=runtime, **given)
     assert np.isfinite(frame.radiance).all()
@@ -65,9 +65,7 @@ def test_no_frame_is_lit_by_texels_that_are_no_radiance(runtime: Runtime, bad: f
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 100_000), (100_000, 1), (1, 2), (3, 1)])
 @pytest.mark.parametrize("level", [0.0, 2.0])
-def test_environments_of_any_shape_light_an_open_floor(
-    runtime: Runtime, shape: tuple[int, int], level: float
-) -> None:
+def test_environments_of_any_shape_light_an_open_floor(runtime: Runtime, shape: tuple[int, int], level: float) -> None:
     found = radiance(runtime, floor(), [gi.Environment(np.full((*shape, 3), level))], DOWN)
     # E = pi L on an open floor; the 64 directions of this preset sum to .94 of it at this normal.
     np.testing.assert_allclose(found.mean(), 0.5 * level, rtol=0.08)
@@ -86,9 +84,7 @@ def test_emission_of_1e9_scales_the_picture(runtime: Runtime) -> None:
 
 def test_inside_out_is_lit_the_same(runtime: Runtime) -> None:
     light = gi.PointLight((0.2, 0.6, 0.1), 1.0)
-    a, b = (
-        radiance(runtime, cube(0.5, inside_out=turned), [light]) for turned in (False, True)
-    )
+    a, b = (radiance(runtime, cube(0.5, inside_out=turned), [light]) for turned in (False, True))
     assert a.mean() > 0.01
     np.testing.assert_allclose(a.mean(), b.mean(), rtol=0.02)
 

@@ -37,8 +37,7 @@ def drawn(
         for plane, array in zip(planes, arrays, strict=True):
             plane.upload(np.moveaxis(array.reshape(*SIZE, -1), -1, 0))
         runtime.kernel("blended/blended.cl", {"BLENDED_STEP": min(number, 1)}).run(
-            "blend", SIZE, radiance=planes[0], opacity=planes[1], transmitted=planes[2],
-            over=over, through=through,
+            "blend", SIZE, radiance=planes[0], opacity=planes[1], transmitted=planes[2], over=over, through=through
         )
     solid = runtime.plane(3, SIZE)
     solid.upload(np.moveaxis(behind, -1, 0))
@@ -49,17 +48,13 @@ def drawn(
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_layers_are_blended_as_from_the_back_to_the_front(
-    variant_runtime: Runtime, count: int
-) -> None:
+def test_layers_are_blended_as_from_the_back_to_the_front(variant_runtime: Runtime, count: int) -> None:
     rng = np.random.default_rng(count)
     layers = [(images(rng, 3) * 10.0 ** rng.integers(-3, 4), images(rng), images(rng, 3))
               for _ in range(count)]  # fmt: skip
     behind = images(rng, 3) * 5.0
     found = drawn(variant_runtime, layers, behind)
-    expected = blended_reference(
-        [(a.astype(float), b.astype(float), c.astype(float)) for a, b, c in layers], behind
-    )
+    expected = blended_reference([(a.astype(float), b.astype(float), c.astype(float)) for a, b, c in layers], behind)
     # Products of up to `count` numbers, summed: some roundings each.
     np.testing.assert_allclose(found, expected, rtol=4e-7 * (count + 1))
 
@@ -69,11 +64,11 @@ def test_layers_are_blended_as_from_the_back_to_the_front(
 GLOW, SKY = (0.5, 2.0, 4.0), (3.0, 0.25, 1.0)
 WALL = Material(albedo=(0.0,) * 3, emission=GLOW)
 GLASS = Material(albedo=(0.0,) * 3, transmission=(0.9, 0.5, 0.2))
-SMOKE = Material(
-    albedo=(0.0,) * 3, emission=(8.0, 0.0, 1.0), alpha=0.25, blends=True, alpha_cutoff=0.5
-)
+SMOKE = Material(albedo=(0.0,) * 3, emission=(8.0, 0.0, 1.0), alpha=0.25, blends=True, alpha_cutoff=0.5)
 MODES: dict[str, dict[str, Any]] = {
-    "whole": {"preset": "low"}, "direct": {"bounces": 0}, "ssdo": {"indirect": "ssdo"},
+    "whole": {"preset": "low"},
+    "direct": {"bounces": 0},
+    "ssdo": {"indirect": "ssdo"},
     "multires": {"indirect": "multires"},
 }
 
@@ -94,9 +89,7 @@ def over(seen: NDArray[np.float64], material: Material) -> NDArray[np.float64]:
     return opacity * np.array(material.emission) + through * seen
 
 
-def radiance(
-    runtime: Runtime, scene: Scene, camera: gi.Camera, lights: Any = (), **given: Any
-) -> NDArray[np.float32]:
+def radiance(runtime: Runtime, scene: Scene, camera: gi.Camera, lights: Any = (), **given: Any) -> NDArray[np.float32]:
     found: NDArray[np.float32] = gi.render(
         scene, camera, lights, runtime=runtime, outputs=["radiance"], **given
     ).radiance
@@ -105,9 +98,7 @@ def radiance(
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("overscan", [0.0, 0.1])
-def test_surfaces_without_albedo_show_what_is_behind_them(
-    runtime: Runtime, mode: str, overscan: float
-) -> None:
+def test_surfaces_without_albedo_show_what_is_behind_them(runtime: Runtime, mode: str, overscan: float) -> None:
     if overscan and mode != "ssdo":
         pytest.skip("has no margin")
     camera = ahead()
@@ -158,14 +149,17 @@ def room(*panes: Material) -> Scene:
     ids = [0] * 10
     for number, _ in enumerate(panes):
         first, z = len(corners), 0.2 + 0.4 * number
-        corners = np.concatenate([
-            corners, np.float32([[-0.9, -0.4, z], [0.3, -0.4, z], [0.3, 0.6, z], [-0.9, 0.6, z]])
-        ])
+        corners = np.concatenate(
+            [corners, np.float32([[-0.9, -0.4, z], [0.3, -0.4, z], [0.3, 0.6, z], [-0.9, 0.6, z]])]
+        )
         faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
         ids += [1 + number] * 2
     return Scene(
-        positions=corners, normals=np.zeros_like(corners), uvs=corners[:, :2].copy(),
-        colors=np.ones_like(corners), triangles=np.asarray(faces, np.int32),
+        positions=corners,
+        normals=np.zeros_like(corners),
+        uvs=corners[:, :2].copy(),
+        colors=np.ones_like(corners),
+        triangles=np.asarray(faces, np.int32),
         material_ids=np.asarray(ids, np.int32),
         materials=(Material(albedo=(0.7, 0.6, 0.4)), *panes),
     )

@@ -31,15 +31,12 @@ class Recorder:
     def __init__(self) -> None:
         self.ran: list[str] = []
 
-    def stage(
-        self, name: str, reads: tuple[str, ...] = (), *, writes: str = "", **more: Any
-    ) -> Stage:
+    def stage(self, name: str, reads: tuple[str, ...] = (), *, writes: str = "", **more: Any) -> Stage:
         def run(values: Values) -> Any:
             self.ran.append(name)
             return sum(values[each] or 0 for each in reads) + 1
 
-        return Stage(name=name, reads=reads, writes=(writes or name,), run=more.pop("run", run),
-                     **more)
+        return Stage(name=name, reads=reads, writes=(writes or name,), run=more.pop("run", run), **more)
 
     def since(self) -> list[str]:
         """Return the stages that ran since the latest call."""
@@ -60,35 +57,40 @@ def reasons(graph: Graph, number: int, outputs: tuple[str, ...]) -> list[tuple[s
 
 
 def test_stages_run_in_the_order_of_their_resources(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("last", ("left", "right")), stages.stage("right", ("first",)),
-        stages.stage("left", ("first",)), stages.stage("first", ("number",)),
-    ], GIVEN)
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("last", ("left", "right")),
+            stages.stage("right", ("first",)),
+            stages.stage("left", ("first",)),
+            stages.stage("first", ("number",)),
+        ],
+        GIVEN,
+    )
     run = graph.run({"number": 4}, ["last"])
     assert stages.since() == ["first", "right", "left", "last"]
     assert run.values["last"] == 13
 
 
 def test_a_hint_orders_stages_too(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",), hints=("proof",)), stages.stage("proof", ("number",)),
-    ], GIVEN)
+    graph = Graph(
+        runtime, [stages.stage("a", ("number",), hints=("proof",)), stages.stage("proof", ("number",))], GIVEN
+    )
     graph.run({"number": 1}, ["a"])
     assert stages.since() == ["proof", "a"]
 
 
-def test_a_cycle_is_refused_with_the_names_of_its_stages(
-    runtime: Runtime, stages: Recorder
-) -> None:
+def test_a_cycle_is_refused_with_the_names_of_its_stages(runtime: Runtime, stages: Recorder) -> None:
     with pytest.raises(ValueError, match=r"in a cycle: 'c', 'b'$"):
-        Graph(runtime, [
-            stages.stage("b", ("c",)), stages.stage("a", ("b",)), stages.stage("c", ("b",)),
-        ])
+        Graph(runtime, [stages.stage("b", ("c",)), stages.stage("a", ("b",)), stages.stage("c", ("b",))])
 
 
 def test_a_resource_that_nobody_makes_is_refused(runtime: Runtime, stages: Recorder) -> None:
-    with pytest.raises(ValueError, match=r"stage 'a' reads 'light', which no stage writes .*; "
-                       r"stages write a$"):
+    with pytest.raises(
+        ValueError,
+        match=r"stage 'a' reads 'light', which no stage writes .*; "
+        r"stages write a$",
+    ):
         Graph(runtime, [stages.stage("a", ("light",))])
     graph = Graph(runtime, [stages.stage("a", ("number",))], GIVEN)
     with pytest.raises(ValueError, match=r"stage 'a' reads 'number', which is not given"):
@@ -110,32 +112,37 @@ def test_names_that_occur_twice_are_refused(runtime: Runtime, stages: Recorder) 
 
 
 def test_what_no_output_needs_is_culled(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",)), stages.stage("b", ("a",)),
-        stages.stage("c", ("a",), culled="not asked for"),
-    ], GIVEN)
+    graph = Graph(
+        runtime,
+        [stages.stage("a", ("number",)), stages.stage("b", ("a",)), stages.stage("c", ("a",), culled="not asked for")],
+        GIVEN,
+    )
     passes = reasons(graph, 1, ("b",))
     assert stages.since() == ["a", "b"]
     assert passes == [("c", "not asked for")]
     record = graph.run({"number": 1}, ["c"]).log.record()
     assert {s.name: (s.state, s.why) for s in record.stages} == {
-        "a": ("reused", UNCHANGED), "b": ("culled", "no output needs it"), "c": ("ran", "")
+        "a": ("reused", UNCHANGED),
+        "b": ("culled", "no output needs it"),
+        "c": ("ran", ""),
     }
 
 
-def test_a_condition_makes_a_stage_idle_and_what_only_it_reads(
-    runtime: Runtime, stages: Recorder
-) -> None:
+def test_a_condition_makes_a_stage_idle_and_what_only_it_reads(runtime: Runtime, stages: Recorder) -> None:
     def condition(facts: Values) -> str | None:
         assert facts["outputs"] == {"sum"}
         return "the number is odd" if facts["number"] % 2 else None
 
-    graph = Graph(runtime, [
-        stages.stage("only for b", ("number",)), stages.stage("silent", silent=True,
-                                                              condition=lambda _: "of no use"),
-        stages.stage("b", ("only for b",), condition=condition, label="the b pass"),
-        stages.stage("sum", ("b", "number", "silent")),
-    ], GIVEN)
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("only for b", ("number",)),
+            stages.stage("silent", silent=True, condition=lambda _: "of no use"),
+            stages.stage("b", ("only for b",), condition=condition, label="the b pass"),
+            stages.stage("sum", ("b", "number", "silent")),
+        ],
+        GIVEN,
+    )
     assert reasons(graph, 3, ("sum",)) == [("the b pass", "the number is odd")]
     assert stages.since() == ["sum"]
     record = graph.run({"number": 3}, ["sum"]).log.record()
@@ -145,23 +152,27 @@ def test_a_condition_makes_a_stage_idle_and_what_only_it_reads(
     assert stages.since() == ["only for b", "b", "sum"]
 
 
-def test_a_stage_is_idle_where_a_resource_that_it_needs_is_not_there(
-    runtime: Runtime, stages: Recorder
-) -> None:
-    graph = Graph(runtime, [
-        stages.stage("map", ("number",), run=lambda v: None),
-        stages.stage("a", ("number", "map"), label="the a pass"), stages.stage("b", ("a",)),
-    ], (*GIVEN, Resource("map", absent="there is no map")))
+def test_a_stage_is_idle_where_a_resource_that_it_needs_is_not_there(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("map", ("number",), run=lambda v: None),
+            stages.stage("a", ("number", "map"), label="the a pass"),
+            stages.stage("b", ("a",)),
+        ],
+        (*GIVEN, Resource("map", absent="there is no map")),
+    )
     assert reasons(graph, 1, ("b",)) == [("the a pass", "there is no map")]
     assert stages.since() == ["b"]
     assert reasons(graph, 1, ("b",)) == [(name, UNCHANGED) for name in ("map", "a", "b")]
 
 
 def test_what_the_caller_gives_is_not_made(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("costly", ("number",)), stages.stage("factor", ("costly",)),
-        stages.stage("a", ("factor",)),
-    ], (*GIVEN, Resource("factor", given=True, by_value=True)))
+    graph = Graph(
+        runtime,
+        [stages.stage("costly", ("number",)), stages.stage("factor", ("costly",)), stages.stage("a", ("factor",))],
+        (*GIVEN, Resource("factor", given=True, by_value=True)),
+    )
     assert graph.run({"number": 1}, ["a"]).values["a"] == 4
     run = graph.run({"number": 1, "factor": 10}, ["a"])
     assert run.values["a"] == 11
@@ -175,12 +186,12 @@ def test_what_the_caller_gives_is_not_made(runtime: Runtime, stages: Recorder) -
 # ---- reuse
 
 
-def test_stages_are_reused_until_what_they_read_changes(
-    runtime: Runtime, stages: Recorder
-) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",)), stages.stage("b", ("other",)), stages.stage("c", ("a", "b"))
-    ], (*GIVEN, Resource("other", given=True)))
+def test_stages_are_reused_until_what_they_read_changes(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(
+        runtime,
+        [stages.stage("a", ("number",)), stages.stage("b", ("other",)), stages.stage("c", ("a", "b"))],
+        (*GIVEN, Resource("other", given=True)),
+    )
 
     def run(number: int, other: int) -> list[str]:
         graph.run({"number": number, "other": other}, ["c"])
@@ -193,10 +204,16 @@ def test_stages_are_reused_until_what_they_read_changes(
 
 
 def test_a_stage_that_is_forgotten_runs_again(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",)), stages.stage("b", ("a",)), stages.stage("c", ("number",)),
-        stages.stage("d", ("b", "c")),
-    ], GIVEN)
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("a", ("number",)),
+            stages.stage("b", ("a",)),
+            stages.stage("c", ("number",)),
+            stages.stage("d", ("b", "c")),
+        ],
+        GIVEN,
+    )
     graph.run({"number": 1}, ["d"])
     stages.since()
     graph.forget("a")
@@ -212,10 +229,11 @@ def test_a_graph_that_keeps_nothing_runs_all(runtime: Runtime, stages: Recorder)
 
 
 def test_a_resource_may_change_by_its_value_alone(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("halved", ("number",), run=lambda v: v["number"] // 2),
-        stages.stage("a", ("halved",)),
-    ], (*GIVEN, Resource("halved", by_value=True)))
+    graph = Graph(
+        runtime,
+        [stages.stage("halved", ("number",), run=lambda v: v["number"] // 2), stages.stage("a", ("halved",))],
+        (*GIVEN, Resource("halved", by_value=True)),
+    )
     ran = []
     for number in (2, 3, 4):
         graph.run({"number": number}, ["a"])
@@ -242,21 +260,26 @@ def test_a_given_resource_changes_by_its_key(runtime: Runtime, stages: Recorder)
 
 
 def test_a_hint_is_no_reason_to_run_again(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("proof", ("other",)), stages.stage("a", ("number",), hints=("proof",))
-    ], (*GIVEN, Resource("other", given=True)))
+    graph = Graph(
+        runtime,
+        [stages.stage("proof", ("other",)), stages.stage("a", ("number",), hints=("proof",))],
+        (*GIVEN, Resource("other", given=True)),
+    )
     for other in (1, 2):
         graph.run({"number": 1, "other": other}, ["a"])
     assert stages.since() == ["proof", "a", "proof"]
 
 
-def test_a_stage_on_demand_runs_with_those_that_read_it_alone(
-    runtime: Runtime, stages: Recorder
-) -> None:
-    graph = Graph(runtime, [
-        stages.stage("map", ("number",), reuse="on demand"),
-        stages.stage("a", ("map",)), stages.stage("b", ("map", "other")),
-    ], (*GIVEN, Resource("other", given=True)))
+def test_a_stage_on_demand_runs_with_those_that_read_it_alone(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("map", ("number",), reuse="on demand"),
+            stages.stage("a", ("map",)),
+            stages.stage("b", ("map", "other")),
+        ],
+        (*GIVEN, Resource("other", given=True)),
+    )
 
     def run(number: int, other: int) -> list[str]:
         log = graph.run({"number": number, "other": other}, ["a", "b"]).log
@@ -270,9 +293,7 @@ def test_a_stage_on_demand_runs_with_those_that_read_it_alone(
 
 
 def test_a_stage_of_every_frame_makes_its_readers_run(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",), reuse="every frame"), stages.stage("b", ("a",)),
-    ], GIVEN)
+    graph = Graph(runtime, [stages.stage("a", ("number",), reuse="every frame"), stages.stage("b", ("a",))], GIVEN)
     for _ in range(2):
         graph.run({"number": 1}, ["b"])
     assert stages.since() == ["a", "b", "a", "b"]
@@ -286,9 +307,7 @@ def test_a_stage_that_fails_is_made_again(runtime: Runtime, stages: Recorder) ->
             raise RuntimeError("no")
         return values["number"] + 10 * len(fails)
 
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",), run=run), stages.stage("b", ("a",))
-    ], GIVEN)
+    graph = Graph(runtime, [stages.stage("a", ("number",), run=run), stages.stage("b", ("a",))], GIVEN)
     assert graph.run({"number": 1}, ["b"]).values["b"] == 12
     fails[0] = True
     assert graph.run({"number": 1}, ["b"]).values["b"] == 12, "it need not run"
@@ -301,22 +320,29 @@ def test_a_stage_that_fails_is_made_again(runtime: Runtime, stages: Recorder) ->
 # ---- the record
 
 
-def test_the_record_says_how_long_each_resource_is_needed(
-    runtime: Runtime, stages: Recorder
-) -> None:
-    graph = Graph(runtime, [
-        stages.stage("a", ("number",), run=lambda v: runtime.plane(2, (4, 5))),
-        stages.stage("b", ("a",), run=lambda v: [runtime.empty(3, np.float32)] * 2),
-        stages.stage("c", ("b",), hints=("a",), run=lambda v: 1),
-        stages.stage("d", ("c",), run=lambda v: 1), stages.stage("e", ("a",)),
-    ], GIVEN)
+def test_the_record_says_how_long_each_resource_is_needed(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("a", ("number",), run=lambda v: runtime.plane(2, (4, 5))),
+            stages.stage("b", ("a",), run=lambda v: [runtime.empty(3, np.float32)] * 2),
+            stages.stage("c", ("b",), hints=("a",), run=lambda v: 1),
+            stages.stage("d", ("c",), run=lambda v: 1),
+            stages.stage("e", ("a",)),
+        ],
+        GIVEN,
+    )
     log = graph.run({"number": 1}, ["d"], also=["b"]).log
     found = {r.name: (r.first, r.last, r.device_bytes) for r in log.record().resources}
     plane = device_bytes(runtime.plane(2, (4, 5)))
     assert plane > 2 * 4 * 5 * 4
     assert found == {
-        "number": ("a", "a", None), "a": ("a", "c", plane), "b": ("b", "c", 12),
-        "c": ("c", "d", 0), "d": ("d", "d", 0), "e": (None, None, None),
+        "number": ("a", "a", None),
+        "a": ("a", "c", plane),
+        "b": ("b", "c", 12),
+        "c": ("c", "d", 0),
+        "d": ("d", "d", 0),
+        "e": (None, None, None),
     }
     assert {r.name for r in log.record().resources if r.output} == {"b", "d"}
 
@@ -332,8 +358,16 @@ def test_a_frame_has_its_graph(runtime: Runtime) -> None:
     renderer, frame = frame_and_record(runtime)
     stages = {stage.name: stage for stage in frame.graph.stages}
     assert list(stages) == [
-        "G-buffer", "tile summary", "gtao", "idle lights", "shadow maps", "direct light", "combine",
-        "read-back", "exposure", "picture",
+        "G-buffer",
+        "tile summary",
+        "gtao",
+        "idle lights",
+        "shadow maps",
+        "direct light",
+        "combine",
+        "read-back",
+        "exposure",
+        "picture",
     ]
     assert {stage.state for stage in stages.values()} == {"ran"}
     assert stages["G-buffer"].ms == sum(p.ms for p in stages["G-buffer"].passes) > 0.0
@@ -359,16 +393,23 @@ def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
     text = json.loads(record.to_json())
     assert set(text) == {"device", "outputs", "memory", "stages", "resources"}
     assert set(text["stages"][0]) == {
-        "name", "state", "why", "ms", "host_ms", "latest_ms", "reads", "hints", "writes", "passes",
+        "name",
+        "state",
+        "why",
+        "ms",
+        "host_ms",
+        "latest_ms",
+        "reads",
+        "hints",
+        "writes",
+        "passes",
         "skips",
     }
     assert {"name": "G-buffer", "first": "G-buffer", "last": "picture", "kept": True}.items() <= (
         next(r for r in text["resources"] if r["name"] == "G-buffer").items()
     )
     dot = record.to_dot()
-    assert dot.count(" -> ") == sum(
-        len(s["reads"]) + len(s["hints"]) + len(s["writes"]) for s in text["stages"]
-    )
+    assert dot.count(" -> ") == sum(len(s["reads"]) + len(s["hints"]) + len(s["writes"]) for s in text["stages"])
     root = ElementTree.fromstring(record.to_svg())
     words = [element.text for element in root.iter() if element.text]
     for number, stage in enumerate(record.stages, start=1):
@@ -379,7 +420,8 @@ def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
         assert 0.0 <= float(element.get("y", 0)) <= height - float(element.attrib["height"])
     boxes = [
         tuple(float(element.attrib[name]) for name in ("x", "y", "width", "height"))
-        for element in root.iter("{http://www.w3.org/2000/svg}rect") if element.get("rx") == "5"
+        for element in root.iter("{http://www.w3.org/2000/svg}rect")
+        if element.get("rx") == "5"
     ]
     assert len(boxes) == len(record.stages)
     for (x, y, w, h), (x2, y2, w2, h2) in itertools.combinations(boxes, 2):
@@ -391,6 +433,7 @@ def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
 
 def test_a_new_stage_is_one_record(runtime: Runtime) -> None:
     """How much of the image shows anything, from the G-buffer: in no other place than here."""
+
     def covered(values: Values) -> float:
         return float(np.isfinite(values[GBUFFER].depth.download()[0]).mean())
 

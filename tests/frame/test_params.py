@@ -11,15 +11,21 @@ from ssgi_cl.rasterize.scenes import make_scene
 
 def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
-    camera = gi.Camera.look_at(
-        view.eye, view.target, view.up, yfov=view.yfov, width=48, height=36
-    )
+    camera = gi.Camera.look_at(view.eye, view.target, view.up, yfov=view.yfov, width=48, height=36)
     lights = [*view.lights, gi.Environment((0.3, 0.4, 0.5))]
 
     def states(radius: float) -> dict[str, str]:
         frame: Any = gi.render(
-            view.scene, camera, lights, indirect="multires", vpls=64, ao_radius=radius,
-            shadow_size=32, rsm_size=32, exposure=1.0, runtime=runtime,
+            view.scene,
+            camera,
+            lights,
+            indirect="multires",
+            vpls=64,
+            ao_radius=radius,
+            shadow_size=32,
+            rsm_size=32,
+            exposure=1.0,
+            runtime=runtime,
         )
         return {name: run.state for name, run in frame._log.runs.items()}
 

@@ -31,8 +31,10 @@ def cube(albedo: float, emission: float, *, sides: int = 6) -> Scene:
     order = (QUADS[0], QUADS[1], QUADS[2], QUADS[3], QUADS[4], QUADS[5])
     triangles = [t for a, b, c, d in order[:sides] for t in ((a, b, c), (a, c, d))]
     return Scene(
-        positions=np.asarray(corners, np.float32), normals=np.zeros((8, 3), np.float32),
-        uvs=np.zeros((8, 2), np.float32), colors=np.ones((8, 3), np.float32),
+        positions=np.asarray(corners, np.float32),
+        normals=np.zeros((8, 3), np.float32),
+        uvs=np.zeros((8, 2), np.float32),
+        colors=np.ones((8, 3), np.float32),
         triangles=np.asarray(triangles, np.int32),
         material_ids=np.zeros(len(triangles), np.int32),
         materials=(Material(albedo=(albedo,) * 3, emission=(emission,) * 3),),
@@ -40,14 +42,10 @@ def cube(albedo: float, emission: float, *, sides: int = 6) -> Scene:
 
 
 def inside(width: int = 80, height: int = 60) -> gi.Camera:
-    return gi.Camera.look_at(
-        (0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=width, height=height
-    )
+    return gi.Camera.look_at((0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=width, height=height)
 
 
-def radiance(
-    scene: Scene, camera: gi.Camera, lights: Any, runtime: Runtime, **given: Any
-) -> Floats:
+def radiance(scene: Scene, camera: gi.Camera, lights: Any, runtime: Runtime, **given: Any) -> Floats:
     options = {"outputs": ["radiance"], "shadow_size": 256, "preset": "medium", **given}
     if options.get("bounces") == 0:
         del options["preset"]
@@ -109,13 +107,10 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
 
 def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> None:
     built = make_scene("cornell_box")
-    given: dict[str, Any] = {
-        "shadow_size": 64, "rsm_size": 64, "preset": "low", "exposure": 1.0, "runtime": runtime
-    }
+    given: dict[str, Any] = {"shadow_size": 64, "rsm_size": 64, "preset": "low", "exposure": 1.0, "runtime": runtime}
     first = built.camera(64, 48)
     moved = gi.Camera.look_at(
-        np.add(first.position, (0.01, 0.0, 0.0)), built.target, built.up, yfov=built.yfov,
-        width=64, height=48,
+        np.add(first.position, (0.01, 0.0, 0.0)), built.target, built.up, yfov=built.yfov, width=64, height=48
     )
     gi.render(built.scene, first, built.lights, **given)
     frame = gi.render(built.scene, moved, built.lights, **given)
@@ -171,9 +166,7 @@ def test_a_closed_room_that_absorbs_nothing_is_refused_or_cut_off(runtime: Runti
     ],
     ids=str,
 )
-def test_bad_arguments_are_refused(
-    given: tuple[Any, Any, Any], error: type[Exception], message: str
-) -> None:
+def test_bad_arguments_are_refused(given: tuple[Any, Any, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         whole_params(*given)
 
@@ -195,16 +188,11 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
     built = make_scene("cornell_box")
     metal = {"albedo": (0.05,) * 3, "specular": (0.8, 0.7, 0.5), "gloss": 60.0}
-    materials = tuple(
-        replace(m, **metal) if m.name == "green" else m
-        for m in built.scene.materials
-    )
+    materials = tuple(replace(m, **metal) if m.name == "green" else m for m in built.scene.materials)
     scene = replace(built.scene, materials=materials)
     camera = built.camera(64, 48)
     truth = gi.truth.radiance(scene, camera, built.own_lights, 256, box_filter=True).mean
-    found = gi.render(
-        scene, camera, built.own_lights, outputs=("radiance",), runtime=runtime
-    ).radiance
+    found = gi.render(scene, camera, built.own_lights, outputs=("radiance",), runtime=runtime).radiance
     assert abs(float(found.mean() / truth.mean()) - 1.0) < 0.06
     drawn = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
     assert drawn.specular is not None
@@ -216,14 +204,15 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("sky", [False, True])
 @pytest.mark.parametrize("sun", [False, True])
-def test_a_glossy_wall_alone_reflects_sun_and_sky(
-    runtime: Runtime, sun: bool, sky: bool
-) -> None:
+def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime, sun: bool, sky: bool) -> None:
     # No surface sees another, so that there are no surfels and, without the sun, no lights either.
     corners = np.float32([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
     wall = Scene(
-        positions=corners, normals=np.zeros((4, 3), np.float32), uvs=corners[:, :2].copy(),
-        colors=np.ones((4, 3), np.float32), triangles=np.int32([[0, 1, 2], [0, 2, 3]]),
+        positions=corners,
+        normals=np.zeros((4, 3), np.float32),
+        uvs=corners[:, :2].copy(),
+        colors=np.ones((4, 3), np.float32),
+        triangles=np.int32([[0, 1, 2], [0, 2, 3]]),
         material_ids=np.zeros(2, np.int32),
         materials=(Material(albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=50.0),),
     )
@@ -244,13 +233,13 @@ def test_what_is_not_seen_hides_the_sky_where_nothing_else_shines(runtime: Runti
     corners = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     points = np.concatenate([corners, corners * 4 + np.float32([0, 0, 8])])
     room = Scene(
-        positions=points, normals=np.zeros_like(points), uvs=points[:, :2].copy(),
-        colors=np.ones_like(points), material_ids=np.int32([0, 0, 1, 1]),
+        positions=points,
+        normals=np.zeros_like(points),
+        uvs=points[:, :2].copy(),
+        colors=np.ones_like(points),
+        material_ids=np.int32([0, 0, 1, 1]),
         triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
-        materials=(
-            Material(albedo=(0.0,) * 3, specular=(0.5,) * 3, gloss=1e5),
-            Material(albedo=(0.0,) * 3),
-        ),
+        materials=(Material(albedo=(0.0,) * 3, specular=(0.5,) * 3, gloss=1e5), Material(albedo=(0.0,) * 3)),
     )
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
     found = radiance(room, camera, [gi.Environment(SKY.radiance)], runtime, ao=False)
@@ -265,22 +254,16 @@ def test_glossy_scenes_out_of_sight_leave_the_sky(runtime: Runtime) -> None:
     scene = polished(built.scene)
     away = gi.Camera.look_at((0, 50, 50), (0, 100, 100), width=20, height=10)
     for camera in (built.camera(61, 47), away, built.camera(1, 1), away):
-        found = gi.render(
-            scene, camera, (*built.lights, SKY), outputs=("radiance",), runtime=runtime
-        ).radiance
+        found = gi.render(scene, camera, (*built.lights, SKY), outputs=("radiance",), runtime=runtime).radiance
         assert np.isfinite(found).all()
         if camera is away:
             np.testing.assert_allclose(found, np.broadcast_to(SKY.radiance, found.shape), rtol=1e-6)
 
 
-def test_nothing_is_glossy_where_nothing_is_drawn(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_glossy_where_nothing_is_drawn(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers of triangles that were left in memory, here of the first, are not looked up."""
     scene = polished(make_scene("cornell_box").scene)
-    rasterizer = Rasterizer(
-        runtime, (10, 20), regions=True, world="until derived", lobes=True
-    )
+    rasterizer = Rasterizer(runtime, (10, 20), regions=True, world="until derived", lobes=True)
     array = runtime.transient.array
 
     def left_over(count: int, dtype: type[np.generic]) -> Any:

@@ -45,13 +45,9 @@ def run_expressions(
     kind = {"vfloat": "float", "vint": "int"}[returns]
 
     arguments = [f"ssgi_plane {name}" for name in planes]
+    arguments += [f"__global const {_SCALARS[table.dtype.kind]} *restrict {name}" for name, table in tables.items()]
     arguments += [
-        f"__global const {_SCALARS[table.dtype.kind]} *restrict {name}"
-        for name, table in tables.items()
-    ]
-    arguments += [
-        f"__global const {_SCALARS[numbers.dtype.kind]} *restrict all_{name}"
-        for name, numbers in inputs.items()
+        f"__global const {_SCALARS[numbers.dtype.kind]} *restrict all_{name}" for name, numbers in inputs.items()
     ]
     # Not in the text, so that a program is built once for lists of any length.
     arguments += [f"__global {kind} *restrict result", "const int2 size", "const int whole"]
@@ -68,20 +64,22 @@ def run_expressions(
         f"{store}({expression}, result + {index} * whole + first);"
         for index, expression in enumerate(expressions.values())
     ]
-    text = "\n    ".join(
-        [f'#include "{include}"\n__kernel void expression({", ".join(arguments)})\n{{', *body]
-    )
-    kernel = runtime.kernel_from_text(
-        "expression", text + "\n}\n", structs=[struct for struct, _ in values.values()]
-    )
+    text = "\n    ".join([f'#include "{include}"\n__kernel void expression({", ".join(arguments)})\n{{', *body])
+    kernel = runtime.kernel_from_text("expression", text + "\n}\n", structs=[struct for struct, _ in values.values()])
     result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
     size = next(iter(planes.values())).size if planes else (1, whole)
     padded = [np.pad(numbers, (0, whole - count), "edge") for numbers in inputs.values()]
     names = [*tables, *(f"all_{name}" for name in inputs)]
     arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
     kernel.run(
-        "expression", size, grid=(1, whole // runtime.variant.lanes), local=(1, 1),
-        result=result, whole=whole, **planes, **dict(zip(names, arrays, strict=True)),
+        "expression",
+        size,
+        grid=(1, whole // runtime.variant.lanes),
+        local=(1, 1),
+        result=result,
+        whole=whole,
+        **planes,
+        **dict(zip(names, arrays, strict=True)),
         **{name: value for name, (_, value) in values.items()},
     )
     rows = result.download().reshape(len(expressions), whole)[:, :count]

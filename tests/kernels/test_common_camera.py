@@ -45,14 +45,17 @@ def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
     camera = CAMERAS[name]
     x, y = positions(rng, camera, margin)
     result = run_expressions(
-        variant_runtime, "common/camera.clh",
+        variant_runtime,
+        "common/camera.clh",
         {
             "slope x": "ssgi_slope_x(camera, x)",
             "slope y": "ssgi_slope_y(camera, y)",
             "column": "ssgi_column(camera, ssgi_slope_x(camera, x))",
             "row": "ssgi_row(camera, ssgi_slope_y(camera, y))",
         },
-        values=camera_value(camera, margin), x=x, y=y,
+        values=camera_value(camera, margin),
+        x=x,
+        y=y,
     )
     sx, sy, ox, oy = camera.pixel_to_view
     # Three roundings of 6e-8 each, of slopes below 2 and of columns below 1000 and their offset.
@@ -63,13 +66,14 @@ def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_k_is_the_depth_or_1_to_the_bit(
-    variant_runtime: Runtime, name: str, rng: np.random.Generator
-) -> None:
+def test_k_is_the_depth_or_1_to_the_bit(variant_runtime: Runtime, name: str, rng: np.random.Generator) -> None:
     depth = np.exp2(rng.uniform(-30, 30, 500)).astype(np.float32)
     result = run_expressions(
-        variant_runtime, "common/camera.clh", {"k": "ssgi_k(camera, depth)"},
-        values=camera_value(CAMERAS[name], (0, 0)), depth=depth,
+        variant_runtime,
+        "common/camera.clh",
+        {"k": "ssgi_k(camera, depth)"},
+        values=camera_value(CAMERAS[name], (0, 0)),
+        depth=depth,
     )
     expected = np.ones_like(depth) if CAMERAS[name].is_orthographic else depth
     np.testing.assert_array_equal(result["k"], expected)
@@ -113,7 +117,8 @@ def test_every_plane_is_flat(
     assert good.sum() > 300
     n = normal.astype(np.float32)
     result = run_expressions(
-        variant_runtime, "common/surface.clh",
+        variant_runtime,
+        "common/surface.clh",
         {
             "off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), dx, dy, "
             "ssgi_linear(camera, there))",
@@ -122,8 +127,15 @@ def test_every_plane_is_flat(
             "back": "ssgi_linear(camera, ssgi_linear(camera, depth))",
         },
         values=camera_value(camera, margin),
-        x=x[good], y=y[good], depth=depth[good], dx=dx[good], dy=dy[good],
-        nx=n[good, 0], ny=n[good, 1], nz=n[good, 2], there=there[good].astype(np.float32),
+        x=x[good],
+        y=y[good],
+        depth=depth[good],
+        dx=dx[good],
+        dy=dy[good],
+        nx=n[good, 0],
+        ny=n[good, 1],
+        nz=n[good, 2],
+        there=there[good].astype(np.float32),
     )
     # Roundings of 6e-8: of the depths (relative to u at most 2 each), of a normal at an angle with
     # cosine 0.05 (20 times as much), times the plane's rise, which is at most 1 here.
@@ -139,10 +151,18 @@ def test_a_normal_that_faces_away_gives_a_finite_plane(variant_runtime: Runtime)
     n = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32)
     x = np.full(5, 320.0, np.float32)
     result = run_expressions(
-        variant_runtime, "common/surface.clh",
-        {"off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), "
-         "v_splat(1.0f), v_splat(1.0f), 1.0f / depth)"},
+        variant_runtime,
+        "common/surface.clh",
+        {
+            "off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), "
+            "v_splat(1.0f), v_splat(1.0f), 1.0f / depth)"
+        },
         values=camera_value(camera, (0, 0)),
-        x=x, y=x, depth=np.ones(5, np.float32), nx=n[:, 0], ny=n[:, 1], nz=n[:, 2],
+        x=x,
+        y=x,
+        depth=np.ones(5, np.float32),
+        nx=n[:, 0],
+        ny=n[:, 1],
+        nz=n[:, 2],
     )
     assert np.isfinite(result["off"]).all()

@@ -72,28 +72,24 @@ def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
     starts = columns + 2 * GUARD - lanes + 1
     result = every_variant.empty(count * rows * starts * lanes, np.float32)
     kernel = every_variant.kernel_from_text("load", LOAD)
-    kernel.run(
-        "load", size, grid=(count * rows, starts), local=(1, 1),
-        plane=plane, result=result, starts=starts,
-    )
+    kernel.run("load", size, grid=(count * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
     wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
     expected = np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2)
-    np.testing.assert_array_equal(
-        result.download().reshape(count, rows, starts, lanes), expected
-    )
+    np.testing.assert_array_equal(result.download().reshape(count, rows, starts, lanes), expected)
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])
-def test_gathers_read_any_pixel_of_any_image(
-    every_variant: Runtime, size: Size, rng: np.random.Generator
-) -> None:
+def test_gathers_read_any_pixel_of_any_image(every_variant: Runtime, size: Size, rng: np.random.Generator) -> None:
     plane, values = filled(every_variant, 3, size)
     x = rng.integers(0, size[1], 100).astype(np.int32)
     y = rng.integers(0, size[0], 100).astype(np.int32)
     read = run_expressions(
-        every_variant, PLANES,
+        every_variant,
+        PLANES,
         {str(image): f"ssgi_gather(plane, size, {image}, x, y)" for image in range(3)},
-        planes={"plane": plane}, x=x, y=y,
+        planes={"plane": plane},
+        x=x,
+        y=y,
     )
     for image in range(3):
         np.testing.assert_array_equal(read[str(image)], values[image, y, x])
@@ -141,7 +137,11 @@ def test_pitch_and_index_are_those_of_the_host(every_variant: Runtime) -> None:
     for size in SIZES:
         plane = every_variant.plane(2, size)
         found = run_expression(
-            every_variant, PLANES, "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
-            returns="vint", planes={"plane": plane}, x=np.zeros(1, np.float32),
+            every_variant,
+            PLANES,
+            "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
+            returns="vint",
+            planes={"plane": plane},
+            x=np.zeros(1, np.float32),
         )
         assert found[0] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD

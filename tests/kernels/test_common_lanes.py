@@ -33,9 +33,7 @@ def bits(values: NDArray[Any]) -> NDArray[np.int32]:
     return np.ascontiguousarray(values, np.float32).view(np.int32)
 
 
-def fused(
-    a: NDArray[np.float32], b: NDArray[np.float32], c: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def fused(a: NDArray[np.float32], b: NDArray[np.float32], c: NDArray[np.float32]) -> NDArray[np.float32]:
     """a * b + c rounded once (Boldo and Melquiond 2008: round to odd, then to float32)."""
     product = a.astype(np.float64) * b.astype(np.float64)  # exact: 48 bits
     wide = c.astype(np.float64)
@@ -55,8 +53,7 @@ def divides_exactly(runtime: Runtime) -> bool:
 
 @pytest.fixture(scope="session", params=[1, 8, 16])
 def every_width(request: pytest.FixtureRequest) -> Runtime:
-    """The device under test with each number of lanes that it takes; storage does not matter here.
-    """
+    """The device under test with each number of lanes that it takes; storage does not matter here."""
     try:
         return Runtime.open(lanes=request.param, storage="buffer")
     except DeviceError as error:
@@ -130,8 +127,7 @@ def results(
     y: NDArray[Any] | None = None,
     z: NDArray[Any] | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Return what each of FLOATS, FUNCTIONS, FLOATS_TO_INTS or INTS gives; y and z are x or given.
-    """
+    """Return what each of FLOATS, FUNCTIONS, FLOATS_TO_INTS or INTS gives; y and z are x or given."""
     y, z = x if y is None else y, x if z is None else z
     if expressions is INTS:
         return run_expressions(runtime, LANES, INTS, returns="vint", i=x, j=y)
@@ -142,26 +138,16 @@ def results(
 def operands(rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
     """Numbers of both signs and of many sizes, whose products and quotients are normal."""
     count = 4096
-    x, y = (
-        rng.choice([-1, 1], count) * np.exp2(rng.uniform(-40, 40, count)) for _ in range(2)
-    )
+    x, y = (rng.choice([-1, 1], count) * np.exp2(rng.uniform(-40, 40, count)) for _ in range(2))
     near = -x * y * (1 + rng.uniform(-1e-6, 1e-6, count))  # where rounding once or twice differs
     return {name: v.astype(np.float32) for name, v in (("x", x), ("y", y), ("z", near))}
 
 
-def test_arithmetic_rounds_as_ieee_754_says(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
+def test_arithmetic_rounds_as_ieee_754_says(every_width: Runtime, rng: np.random.Generator) -> None:
     given = operands(rng)
     x, y, z = given["x"], given["y"], given["z"]
     result = results(every_width, FLOATS, x, y, z)
-    expected = {
-        "sum": x + y,
-        "difference": x - y,
-        "product": x * y,
-        "fused": fused(x, y, z),
-        "not fused": x * y + z,
-    }
+    expected = {"sum": x + y, "difference": x - y, "product": x * y, "fused": fused(x, y, z), "not fused": x * y + z}
     for name, values in expected.items():
         np.testing.assert_array_equal(bits(result[name]), bits(values), err_msg=name)
     # The numbers tell the two apart.
@@ -174,8 +160,7 @@ def test_arithmetic_rounds_as_ieee_754_says(
         assert error.max() <= (0 if divides_exactly(every_width) else 6), name
 
 
-def test_every_width_gives_bit_identical_results(every_width: Runtime,
-    rng: np.random.Generator) -> None:
+def test_every_width_gives_bit_identical_results(every_width: Runtime, rng: np.random.Generator) -> None:
     x, y, z = operands(rng).values()
     some = np.minimum(np.abs(x), np.float32(1.0))
     plain = Runtime.open(lanes=1, storage="buffer")
@@ -210,9 +195,7 @@ def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
 def test_comparisons_of_integers_give_0_or_all_bits(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
     result = results(every_width, INTS, i, j)
-    expected = {
-        "ilt": i < j, "ile": i <= j, "igt": i > j, "ige": i >= j, "ieq": i == j, "ine": i != j
-    }
+    expected = {"ilt": i < j, "ile": i <= j, "igt": i > j, "ige": i >= j, "ieq": i == j, "ine": i != j}
     for name, values in expected.items():
         np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
 
@@ -247,9 +230,7 @@ def test_any_and_all_look_at_every_lane(every_width: Runtime) -> None:
     np.testing.assert_array_equal(result["all"], np.repeat(blocks.all(axis=1), lanes))
 
 
-def test_sums_and_maxima_of_the_lanes_have_one_order(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
+def test_sums_and_maxima_of_the_lanes_have_one_order(every_width: Runtime, rng: np.random.Generator) -> None:
     x = (rng.standard_normal(1024) * np.exp2(rng.uniform(-20, 20, 1024))).astype(np.float32)
     i = rng.integers(-(2**31), 2**31, 1024, dtype=np.int64).astype(np.int32)
     lanes = every_width.variant.lanes
@@ -259,9 +240,7 @@ def test_sums_and_maxima_of_the_lanes_have_one_order(
         middle = halves.shape[1] // 2
         halves = halves[:, :middle] + halves[:, middle:]
     np.testing.assert_array_equal(result["sum of lanes"], np.repeat(halves[:, 0], lanes))
-    np.testing.assert_array_equal(
-        result["largest"], np.repeat(x.reshape(-1, lanes).max(axis=1), lanes)
-    )
+    np.testing.assert_array_equal(result["largest"], np.repeat(x.reshape(-1, lanes).max(axis=1), lanes))
     whole = results(every_width, INTS, i)["largest"]
     np.testing.assert_array_equal(whole, np.repeat(i.reshape(-1, lanes).max(axis=1), lanes))
 
@@ -270,8 +249,11 @@ def test_smallest_largest_and_clamped_floats(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME[SOME != 0], 0.0, np.inf, -np.inf], np.float32))
     result = results(every_width, FLOATS, x, y)
     expected = {
-        "min": np.minimum(x, y), "max": np.maximum(x, y), "clamp": np.clip(x, -1.25, 7.5),
-        "abs": np.abs(x), "floor": np.floor(x),
+        "min": np.minimum(x, y),
+        "max": np.maximum(x, y),
+        "clamp": np.clip(x, -1.25, 7.5),
+        "abs": np.abs(x),
+        "floor": np.floor(x),
     }
     for name, values in expected.items():
         np.testing.assert_array_equal(result[name], values, err_msg=name)
@@ -292,8 +274,7 @@ def test_floats_and_integers_convert(every_width: Runtime) -> None:
     np.testing.assert_array_equal(result["floor"], np.floor(x).astype(np.int32))
     np.testing.assert_array_equal(result["bits"], bits(x))
     floats = run_expressions(
-        every_width, LANES, {"number": "v_to_float(i)", "bits": "v_from_bits(i & 0x3fffffff)"},
-        i=SOME_INTS,
+        every_width, LANES, {"number": "v_to_float(i)", "bits": "v_from_bits(i & 0x3fffffff)"}, i=SOME_INTS
     )
     np.testing.assert_array_equal(floats["number"], SOME_INTS.astype(np.float32))
     np.testing.assert_array_equal(bits(floats["bits"]), SOME_INTS & 0x3FFFFFFF)
@@ -305,17 +286,13 @@ def test_copysign_takes_the_sign_of_zeros_too(every_width: Runtime) -> None:
     np.testing.assert_array_equal(bits(result), bits(np.copysign(x, y)))
 
 
-def test_gathers_read_each_lane_from_its_own_place(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
+def test_gathers_read_each_lane_from_its_own_place(every_width: Runtime, rng: np.random.Generator) -> None:
     i = rng.integers(0, 100, 200).astype(np.int32)
     reals = rng.standard_normal(100).astype(np.float32)
     whole = rng.integers(-(2**31), 2**31, 100, dtype=np.int64).astype(np.int32)
     gathered = run_expression(every_width, LANES, "v_gather(t, i)", tables={"t": reals}, i=i)
     np.testing.assert_array_equal(gathered, reals[i])
-    integers = run_expression(
-        every_width, LANES, "v_igather(t, i)", returns="vint", tables={"t": whole}, i=i
-    )
+    integers = run_expression(every_width, LANES, "v_igather(t, i)", returns="vint", tables={"t": whole}, i=i)
     np.testing.assert_array_equal(integers, whole[i])
 
 
@@ -339,8 +316,7 @@ def test_loads_and_stores_need_no_alignment(every_width: Runtime, shift: int) ->
     y, j = np.full_like(x, -1), np.full_like(i, -1)
     to = [every_width.array(y), every_width.array(j)]
     kernel.run(
-        "move", (1, 32), local=(1, 1),
-        x=every_width.array(x), i=every_width.array(i), y=to[0], j=to[1], shift=shift,
+        "move", (1, 32), local=(1, 1), x=every_width.array(x), i=every_width.array(i), y=to[0], j=to[1], shift=shift
     )
     moved = slice(shift, shift + 32)
     y[moved], j[moved] = x[moved], i[moved]
@@ -376,9 +352,7 @@ def test_exp_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gene
     assert relative_error(result, np.exp(x.astype(np.float64))) < 2.5e-7
 
 
-def test_weights_are_as_accurate_as_they_say(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
+def test_weights_are_as_accurate_as_they_say(every_width: Runtime, rng: np.random.Generator) -> None:
     x = spread(rng, -126, 0)
     result = results(every_width, FUNCTIONS, x)["weight"]
     assert relative_error(result, np.exp2(x.astype(np.float64))) < 1e-4
@@ -406,9 +380,7 @@ def test_pow_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gene
     assert np.abs(result - np.exp2(power))[x <= 1].max() < 2e-7
 
 
-def test_quick_root_is_as_accurate_as_it_says(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
+def test_quick_root_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
     x = np.exp2(rng.uniform(-125, 127, 4096)).astype(np.float32)
     a = results(every_width, FUNCTIONS, x)["quick root"]
     assert np.abs(a * np.sqrt(x.astype(np.float64)) - 1.0).max() < 2e-6
@@ -423,10 +395,8 @@ def test_acos_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Gen
     assert a[3] == 0.0
 
 
-def test_whole_numbers_are_rounded_to_and_ties_go_to_even(
-    every_width: Runtime, rng: np.random.Generator
-) -> None:
-    x = np.concatenate([np.arange(-4, 4.5, 0.5), rng.uniform(-2.0**21, 2.0**21, 500)])
+def test_whole_numbers_are_rounded_to_and_ties_go_to_even(every_width: Runtime, rng: np.random.Generator) -> None:
+    x = np.concatenate([np.arange(-4, 4.5, 0.5), rng.uniform(-(2.0**21), 2.0**21, 500)])
     x = x.astype(np.float32)
     a = results(every_width, FLOATS, x)["round"]
     np.testing.assert_array_equal(a, np.rint(x))
@@ -446,9 +416,7 @@ def test_within_is_from_0_to_below_the_count(every_width: Runtime) -> None:
     result = results(every_width, INTS, SOME_INTS)
     for count in WITHIN:
         inside = (SOME_INTS >= 0) & (count > SOME_INTS)
-        np.testing.assert_array_equal(
-            result[f"within {count}"], np.where(inside, TRUE, FALSE), err_msg=str(count)
-        )
+        np.testing.assert_array_equal(result[f"within {count}"], np.where(inside, TRUE, FALSE), err_msg=str(count))
 
 
 def test_arguments_beyond_the_range_are_clamped(every_width: Runtime) -> None:
@@ -478,6 +446,9 @@ def test_every_other_implementation_passes_these_tests(runtime: Runtime) -> None
         run = subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-m", "not slow", os.path.dirname(__file__)],
             env={**os.environ, "OCL_ICD_VENDORS": info.driver, "SSGI_CL_DEVICE": info.label},
-            capture_output=True, text=True, timeout=600, check=False,
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
         )
         assert run.returncode == 0, f"{info.label}:\n{run.stdout[-8000:]}"

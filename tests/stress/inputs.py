@@ -120,8 +120,7 @@ def gbuffers(draw: Any) -> GBuffer:
 @st.composite
 def lights(draw: Any) -> list[Light]:
     """Draw one or two lights."""
-    kinds = draw(st.lists(st.sampled_from(("point", "spot", "sun", "sky", "image")), min_size=1,
-                          max_size=2))
+    kinds = draw(st.lists(st.sampled_from(("point", "spot", "sun", "sky", "image")), min_size=1, max_size=2))
     rng = np.random.default_rng(draw(seeds))
     made: list[Light] = []
     for kind in kinds:
@@ -174,8 +173,12 @@ def maps(draw: Any) -> ReflectiveShadowMap:
     normal = rng.standard_normal((*shape, 3))
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return ReflectiveShadowMap(
-        light=light, camera=tuple(cameras) if len(cameras) > 1 else cameras[0], depth=depth,
-        position=position * there, normal=normal * there, flux=hdr(rng, (*shape, 3)),
+        light=light,
+        camera=tuple(cameras) if len(cameras) > 1 else cameras[0],
+        depth=depth,
+        position=position * there,
+        normal=normal * there,
+        flux=hdr(rng, (*shape, 3)),
     )
 
 

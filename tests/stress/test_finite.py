@@ -70,8 +70,16 @@ def directional(method: str) -> Any:
     def check(draw: Draw, runtime: Runtime) -> None:
         gbuffer = draw(gbuffers())
         both = ssdo(
-            gbuffer, draw(lights()), draw(radii), runtime=runtime, method=method, slices=1,
-            taps=4, samples=4, lamp_taps=4, bounce=draw(st.booleans()),
+            gbuffer,
+            draw(lights()),
+            draw(radii),
+            runtime=runtime,
+            method=method,
+            slices=1,
+            taps=4,
+            samples=4,
+            lamp_taps=4,
+            bounce=draw(st.booleans()),
         )
         for irradiance in both:
             within(irradiance)
@@ -104,11 +112,17 @@ def shading(draw: Draw, runtime: Runtime) -> None:
     rng = np.random.default_rng(draw(seeds))
     ao = rng.random(gbuffer.size) if draw(st.booleans()) else None
     indirect = hdr(rng, (*gbuffer.size, 3)) if draw(st.booleans()) else None
-    within(shade(
-        gbuffer, punctual_lights, rsms=rsms, ao=ao, indirect=indirect,
-        multi_bounce=draw(st.booleans()),
-        runtime=runtime,
-    ))
+    within(
+        shade(
+            gbuffer,
+            punctual_lights,
+            rsms=rsms,
+            ao=ao,
+            indirect=indirect,
+            multi_bounce=draw(st.booleans()),
+            runtime=runtime,
+        )
+    )
 
 
 def blurring(draw: Draw, runtime: Runtime) -> None:
@@ -158,22 +172,22 @@ CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
     "ssdo points": directional("points"),
     "ssdo published": directional("published"),
     "rsm gather": one_bounce(
-        rsm_gather, samples=(1, 50), pattern=("flux", "fixed", "rotated", "all"),
-        resolution=("full", "adaptive"),
+        rsm_gather, samples=(1, 50), pattern=("flux", "fixed", "rotated", "all"), resolution=("full", "adaptive")
     ),
     "rsm gather as published": one_bounce(
-        rsm_gather, method=("published",), samples=(1, 50), spacing=(1, 2, 8), radius=(0.1, 2.0),
+        rsm_gather, method=("published",), samples=(1, 50), spacing=(1, 2, 8), radius=(0.1, 2.0)
     ),
     "vpl splat": one_bounce(
-        vpl_splat, vpls=(1, 100), cutoff=(0.0, 0.01), near=("disk", "clamped"),
-        interleave=(False, True), unit_distance=(1.0, 1e-3, 1e5),
+        vpl_splat,
+        vpls=(1, 100),
+        cutoff=(0.0, 0.01),
+        near=("disk", "clamped"),
+        interleave=(False, True),
+        unit_distance=(1.0, 1e-3, 1e5),
     ),
-    "multires splat": one_bounce(
-        multires_splat, vpls=(1, 100), near=("disk", "clamped"), coarsest=(1, 16)
-    ),
+    "multires splat": one_bounce(multires_splat, vpls=(1, 100), near=("disk", "clamped"), coarsest=(1, 16)),
     "multires splat as published": one_bounce(
-        multires_splat, method=("published",), vpls=(1, 100), levels=(1, 2, 7),
-        depth_threshold=(0.0, 1.0),
+        multires_splat, method=("published",), vpls=(1, 100), levels=(1, 2, 7), depth_threshold=(0.0, 1.0)
     ),
     "shade": shading,
     "blur": blurring,
@@ -189,8 +203,7 @@ QUICK = ("view normals", "upsample", "tonemap", "multiple bounces")
 def examples(count: int) -> Any:
     """Return settings of hypothesis: the same examples in every run."""
     return settings(
-        max_examples=count, derandomize=True, database=None, deadline=None,
-        suppress_health_check=list(HealthCheck),
+        max_examples=count, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
     )
 
 
@@ -205,9 +218,7 @@ def test_results_are_finite_and_in_range(runtime: Runtime, name: str, data: Any)
 @pytest.mark.parametrize("name", CHECKS)
 @examples(60)
 @given(data=st.data())
-def test_many_results_are_finite_and_in_range(
-    variant_runtime: Runtime, name: str, data: Any
-) -> None:
+def test_many_results_are_finite_and_in_range(variant_runtime: Runtime, name: str, data: Any) -> None:
     try:
         CHECKS[name](data.draw, variant_runtime)
     except DeviceError as refused:

@@ -19,9 +19,7 @@ from .test_finite import examples
 SIZE = (5, 7)
 CAMERA = Camera.look_at((0, 0, 1), (0, 0, 0), width=SIZE[1], height=SIZE[0])
 
-anything = st.one_of(
-    st.floats(width=64), st.sampled_from((np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, 1e-40, 3e38))
-)
+anything = st.one_of(st.floats(width=64), st.sampled_from((np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, 1e-40, 3e38)))
 
 
 def laid_out(array: NDArray[Any], way: str) -> NDArray[Any]:
@@ -44,13 +42,9 @@ def laid_out(array: NDArray[Any], way: str) -> NDArray[Any]:
     return array
 
 
-@pytest.mark.parametrize(
-    "way", ["plain", "columns", "reversed", "strided", "read-only", "repeated", "foreign"]
-)
+@pytest.mark.parametrize("way", ["plain", "columns", "reversed", "strided", "read-only", "repeated", "foreign"])
 @pytest.mark.parametrize("dtype", ["f2", "f4", "f8", "i4", "u1", "longdouble"])
-def test_any_real_dtype_and_layout_is_taken_and_left_as_it_is(
-    rng: np.random.Generator, dtype: str, way: str
-) -> None:
+def test_any_real_dtype_and_layout_is_taken_and_left_as_it_is(rng: np.random.Generator, dtype: str, way: str) -> None:
     whole = (rng.random((*SIZE, 3)) * 2.0 + 1.0).astype(dtype)
     depth, light = laid_out(whole[..., 0], way), laid_out(whole, way)
     before = depth.copy()

@@ -21,8 +21,16 @@ GROUPS = ((1, 1), (8, 8))
 """(rows, columns) of work-items, the second as on GPUs."""
 
 ALIKE = (
-    "hbao", "gtao, bent normals", "bitmask ao", "ssdo, bitmask", "ssdo, points", "ssdo, published",
-    "light maps", "vpl splatting", "rsm gathering", "multiresolution splatting",
+    "hbao",
+    "gtao, bent normals",
+    "bitmask ao",
+    "ssdo, bitmask",
+    "ssdo, points",
+    "ssdo, published",
+    "light maps",
+    "vpl splatting",
+    "rsm gathering",
+    "multiresolution splatting",
 )
 """What others run nearly all functions of, or takes seconds to compile a second time."""
 
@@ -53,8 +61,7 @@ def given_once(scalar: Runtime) -> Inputs:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in TECHNIQUES],
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in TECHNIQUES]
 )
 def test_one_lane_on_images_gives_the_bits_of_the_default_variant(
     runtime: Runtime, scalar: Runtime, given_once: Inputs, name: str
@@ -112,10 +119,7 @@ def test_any_number_of_threads_gives_bit_identical_results(
     path = tmp_path / "results.npz"
     limits = {"POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads}
     device = {"SSGI_CL_DEVICE": scalar.info.label}
-    subprocess.run(
-        [sys.executable, "-c", WRITE, str(path)], env={**os.environ, **limits, **device},
-        check=True,
-    )
+    subprocess.run([sys.executable, "-c", WRITE, str(path)], env={**os.environ, **limits, **device}, check=True)
     wanted = results(given_once, scalar)
     with np.load(path) as found:
         for key, values in wanted.items():

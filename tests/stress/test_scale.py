@@ -29,16 +29,18 @@ def seen(scale: float, runtime: Runtime) -> tuple[Any, Any]:
     """Return the G-buffer and the sun's map of the same picture at another scale."""
     box = make_scene("cornell_box")
     scene = dataclasses.replace(
-        box.scene, origin=box.scene.origin * scale,
+        box.scene,
+        origin=box.scene.origin * scale,
         positions=(box.scene.positions.astype(np.float64) * scale).astype(np.float32),
     )
     camera = Camera.look_at(
-        np.multiply(box.eye, scale), np.multiply(box.target, scale), box.up, yfov=box.yfov,
-        width=48, height=36,
+        np.multiply(box.eye, scale), np.multiply(box.target, scale), box.up, yfov=box.yfov, width=48, height=36
     )
     sun = DirectionalLight((0.1, -0.3, 1.0), 5.0)
-    return (gi.rasterize.gbuffer(scene, camera, runtime=runtime),
-            gi.rasterize.rsm(scene, sun, size=32, runtime=runtime))
+    return (
+        gi.rasterize.gbuffer(scene, camera, runtime=runtime),
+        gi.rasterize.rsm(scene, sun, size=32, runtime=runtime),
+    )
 
 
 @pytest.mark.parametrize("name", BOUNCES)

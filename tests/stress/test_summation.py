@@ -34,9 +34,7 @@ def test_more_lights_than_a_batch_are_summed_right(runtime: Runtime) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("side", summation.SIDES)
 @pytest.mark.parametrize("terms", summation.TERMS)
-def test_thousands_of_lights_are_summed_right(
-    variant_runtime: Runtime, terms: str, side: int
-) -> None:
+def test_thousands_of_lights_are_summed_right(variant_runtime: Runtime, terms: str, side: int) -> None:
     flux = summation.TERMS[terms](side * side)
     for name, error in summation.technique_errors(variant_runtime, flux):
         assert error < MOST, name

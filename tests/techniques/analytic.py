@@ -33,9 +33,13 @@ VIEWS = [
     for fast in [
         name == "noisy"
         or kind == "perspective"
-        or (name, kind) in {
-            ("corner", "orthographic"), ("ball", "off-centre"), ("step", "reversed-z"),
-            ("bumpy", "orthographic"), ("bumpy", "intrinsics"),
+        or (name, kind)
+        in {
+            ("corner", "orthographic"),
+            ("ball", "off-centre"),
+            ("step", "reversed-z"),
+            ("bumpy", "orthographic"),
+            ("bumpy", "intrinsics"),
         }
     ]
 ]
@@ -65,8 +69,14 @@ def camera(
     if name == "intrinsics":
         focal = 1.1 * max(rows, columns)
         return Camera.from_intrinsics(
-            focal, 0.9 * focal, 0.3 * columns, 0.6 * rows, width=columns, height=rows,
-            view=look_at_matrix(*ends, (0, 1, 0)), near=1e-3 * scale,
+            focal,
+            0.9 * focal,
+            0.3 * columns,
+            0.6 * rows,
+            width=columns,
+            height=rows,
+            view=look_at_matrix(*ends, (0, 1, 0)),
+            near=1e-3 * scale,
         )
     made = Camera.look_at(*ends, width=columns, height=rows, reversed_z=name == "reversed-z")
     if name == "off-centre":
@@ -93,9 +103,7 @@ class Plane:
             depth = ((np.asarray(self.point) - start) @ normal) / (along @ normal)
             hit = np.isfinite(depth) & (depth > 0.0)
             if self.where is not None:
-                hit &= (start + depth[..., None] * along) @ np.asarray(self.where[0]) >= (
-                    self.where[1]
-                )
+                hit &= (start + depth[..., None] * along) @ np.asarray(self.where[0]) >= (self.where[1])
         return np.where(hit, depth, np.inf), np.broadcast_to(normal, along.shape)
 
 
@@ -118,11 +126,7 @@ class Ball:
 
 
 def trace(
-    camera: Camera,
-    things: Sequence[Plane | Ball],
-    *,
-    margin: tuple[int, int] = (0, 0),
-    normals: bool = True,
+    camera: Camera, things: Sequence[Plane | Ball], *, margin: tuple[int, int] = (0, 0), normals: bool = True
 ) -> GBuffer:
     """Return what `camera` sees of `things`, with a margin of (rows, columns) on every side."""
     shape = (camera.height + 2 * margin[0], camera.width + 2 * margin[1])
@@ -136,15 +140,11 @@ def trace(
         nearest = np.where(nearer, depth, nearest)
         normal = np.where(nearer[..., None], there, normal)
     return GBuffer(
-        camera=camera,
-        depth=nearest.astype(np.float32),
-        normal=normal.astype(np.float32) if normals else None,
+        camera=camera, depth=nearest.astype(np.float32), normal=normal.astype(np.float32) if normals else None
     )
 
 
-def tilted(
-    camera: Camera, degrees: float, *, turn: float = 0.7, distance: float = 5.0
-) -> Plane:
+def tilted(camera: Camera, degrees: float, *, turn: float = 0.7, distance: float = 5.0) -> Plane:
     """Return a plane `distance` in front of the camera, tilted away from facing it."""
     tilt = np.radians(degrees)
     facing = [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)]

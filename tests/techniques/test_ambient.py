@@ -57,9 +57,7 @@ def looked_up(runtime: Runtime, skies: list[Environment], normal: Doubles) -> Do
     plane, result = runtime.plane(3, size), runtime.plane(3, size)
     plane.upload(normal.T.reshape(3, *size).astype(np.float32))
     kernel = runtime.kernel_from_text("look_up", LOOK_UP, ambient.macros)
-    kernel.run(
-        "look up", size, normal=plane, irradiance=ambient.irradiance, result=result
-    )
+    kernel.run("look up", size, normal=plane, irradiance=ambient.irradiance, result=result)
     return result.download().reshape(3, -1).T.astype(np.float64)
 
 
@@ -76,7 +74,9 @@ def creases() -> Doubles:
     around = np.linspace(-1.0, 1.0, 9)
     found = [
         np.insert([side, 1.0 - abs(side)], axis, shift) * sign
-        for axis in range(3) for sign in (1.0, -1.0) for side in around
+        for axis in range(3)
+        for sign in (1.0, -1.0)
+        for side in around
         for shift in (0.0, 1e-7, -1e-7, 1e-3, -1e-3)
     ]
     return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
@@ -92,10 +92,7 @@ def texel_directions(rows: int, columns: int) -> Doubles:
     polar = (np.arange(rows)[:, None] + 0.5) / rows * np.pi
     turn = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * np.pi
     return np.stack(
-        np.broadcast_arrays(
-            np.sin(polar) * np.sin(turn), np.cos(polar), -np.sin(polar) * np.cos(turn)
-        ),
-        axis=-1,
+        np.broadcast_arrays(np.sin(polar) * np.sin(turn), np.cos(polar), -np.sin(polar) * np.cos(turn)), axis=-1
     )
 
 
@@ -156,9 +153,7 @@ SKIES: dict[str, Doubles] = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(s, marks=[pytest.mark.slow] * (i % 2)) for i, s in enumerate(SKIES)]
-)
+@pytest.mark.parametrize("name", [pytest.param(s, marks=[pytest.mark.slow] * (i % 2)) for i, s in enumerate(SKIES)])
 def test_every_sky_has_the_irradiance_of_its_integral(runtime: Runtime, name: str) -> None:
     sky = Environment(SKIES[name])
     normal = np.concatenate([everywhere(), creases()])
@@ -198,7 +193,8 @@ def cap(toward: Doubles, angle: float, normal: Doubles) -> Doubles:
     ("toward", "degrees"),
     [
         pytest.param(toward, degrees, marks=[pytest.mark.slow] * ((toward, degrees) not in FAST))
-        for toward in ((0, 1, 0), (1, 2, -3), (0, -1, 0.01)) for degrees in (2.0, 5.0, 30.0, 90.0)
+        for toward in ((0, 1, 0), (1, 2, -3), (0, -1, 0.01))
+        for degrees in (2.0, 5.0, 30.0, 90.0)
     ],
 )
 def test_a_disc_has_the_irradiance_of_its_closed_form(
@@ -218,12 +214,9 @@ def test_a_disc_has_the_irradiance_of_its_closed_form(
 
 @pytest.mark.parametrize(
     "axis",
-    [(0, 0, -1), (-2, -1, 2),
-     *(pytest.param(a, marks=pytest.mark.slow) for a in ((0, 1, 0), (1, 0, 0), (1, 2, -2)))],
+    [(0, 0, -1), (-2, -1, 2), *(pytest.param(a, marks=pytest.mark.slow) for a in ((0, 1, 0), (1, 0, 0), (1, 2, -2)))],
 )
-def test_a_linear_sky_has_the_irradiance_of_its_formula(
-    runtime: Runtime, axis: tuple[float, float, float]
-) -> None:
+def test_a_linear_sky_has_the_irradiance_of_its_formula(runtime: Runtime, axis: tuple[float, float, float]) -> None:
     way, normal = unit(*axis), everywhere()
     image = np.repeat((1.0 + texel_directions(256, 512) @ way)[..., None], 3, axis=-1)
     found = looked_up(runtime, [Environment(image)], normal)
@@ -240,8 +233,7 @@ def test_a_constant_environment_gives_pi_times_its_radiance(runtime: Runtime) ->
 
 
 @pytest.mark.parametrize("name", ["17 x 31", "one texel of 3 x 2", "two suns"])
-def test_every_kernel_variant_interpolates_as_the_reference_does(variant_runtime: Runtime,
-    name: str) -> None:
+def test_every_kernel_variant_interpolates_as_the_reference_does(variant_runtime: Runtime, name: str) -> None:
     skies = [Environment(SKIES[name]), Environment((0.1, 0.2, 0.3))]
     normal = np.concatenate([everywhere(300), creases(), vertices().reshape(-1, 3)[::31]])
     found = looked_up(variant_runtime, skies, normal)
@@ -279,9 +271,7 @@ def test_sky_turned_by_quarters_gives_what_turned_normals_get(runtime: Runtime) 
     np.testing.assert_allclose(rolled, found, atol=4e-6 * found.max())
 
 
-def test_shaded_ball_under_a_sun_is_within_the_bounds(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_shaded_ball_under_a_sun_is_within_the_bounds(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("ball", camera(size=(48, 64)), rng)
     gbuffer = replace(gbuffer, albedo=np.full((48, 64, 3), 0.5))
     _, normal, there = world_surface(gbuffer)

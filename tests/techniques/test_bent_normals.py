@@ -78,9 +78,7 @@ def _mean_direction(hidden: Callable[[Doubles], NDArray[np.bool_]]) -> Doubles:
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_floor_by_an_infinite_wall_bends_as_much_as_a_quadrature_says(
-    runtime: Runtime, kind: str
-) -> None:
+def test_floor_by_an_infinite_wall_bends_as_much_as_a_quadrature_says(runtime: Runtime, kind: str) -> None:
     gbuffer, distance = wall_and_floor(kind)
     found = bent(gbuffer, 1.0, slices=16, taps=48, blur_radius=0, runtime=runtime)
     for near, far in ((0.1, 0.12), (0.3, 0.32), (0.6, 0.62), (0.9, 0.92), (1.02, 1.2)):
@@ -94,9 +92,7 @@ def test_floor_by_an_infinite_wall_bends_as_much_as_a_quadrature_says(
         assert float(degrees(mean / np.linalg.norm(mean), wanted)) < 0.8
 
 
-def test_hills_seen_from_above_bend_as_marched_rays_say(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_hills_seen_from_above_bend_as_marched_rays_say(runtime: Runtime, rng: np.random.Generator) -> None:
     tops, widths = rng.uniform(-1.6, 1.6, (9, 2)), rng.uniform(0.2, 0.5, 9)
 
     def height(x: Doubles, z: Doubles) -> Doubles:
@@ -105,13 +101,18 @@ def test_hills_seen_from_above_bend_as_marched_rays_say(
         return hills
 
     size = 240
-    made = Camera.orthographic((0, 5, 0), (0, 0, 0), (0, 0, -1), view_height=4.0, width=size,
-                               height=size)
+    made = Camera.orthographic((0, 5, 0), (0, 0, 0), (0, 0, -1), view_height=4.0, width=size, height=size)
     plane = made.unproject(np.full((size, size), 5.0, np.float32))
     x, z = plane[..., 0], plane[..., 2]
     y, tiny = height(x, z), 1e-4
-    up = np.stack([(height(x - tiny, z) - height(x + tiny, z)) / (2 * tiny), np.ones_like(x),
-                   (height(x, z - tiny) - height(x, z + tiny)) / (2 * tiny)], axis=-1)
+    up = np.stack(
+        [
+            (height(x - tiny, z) - height(x + tiny, z)) / (2 * tiny),
+            np.ones_like(x),
+            (height(x, z - tiny) - height(x, z + tiny)) / (2 * tiny),
+        ],
+        axis=-1,
+    )
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     gbuffer = GBuffer(camera=made, depth=(5.0 - y).astype(np.float32), normal=up)
     # Nothing above a height field lies beyond its highest point: an endless radius.
@@ -196,8 +197,7 @@ VARIANTS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("choice", VARIANTS, ids=str)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
-    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any],
-    margin: tuple[int, int],
+    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], margin: tuple[int, int]
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(31, 39)), rng, margin=margin)
     found = bent(gbuffer, runtime=variant_runtime, **choice)
@@ -227,9 +227,7 @@ def test_deeper_layers_bend_too(runtime: Runtime, rng: np.random.Generator) -> N
 
 @pytest.mark.parametrize("kind", CAMERAS)
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_planes_keep_their_normals_at_any_tilt(
-    variant_runtime: Runtime, kind: str, resolution: str
-) -> None:
+def test_planes_keep_their_normals_at_any_tilt(variant_runtime: Runtime, kind: str, resolution: str) -> None:
     made = camera(kind, (17, 31))
     for tilt in (0.0, 45.0, 85.0, 89.9):
         gbuffer = trace(made, [tilted(made, tilt)])
@@ -262,18 +260,14 @@ def test_bent_normals_are_units_above_the_surface_and_0_where_nothing_is(
             np.testing.assert_allclose(length[np.isfinite(depth)], 1.0, rtol=0, atol=1e-6)
 
 
-def test_bent_normals_never_lie_below_the_surface(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_bent_normals_never_lie_below_the_surface(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     for taps in ({"slices": 1, "taps": 3}, {}):
         found = bent(gbuffer, 3.0, **taps, blur_radius=0, runtime=runtime)
         assert np.sum(found * normal_of(gbuffer), axis=-1)[np.isfinite(gbuffer.depth)].min() > 0.0
 
 
-def test_visibility_is_the_same_with_and_without(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_visibility_is_the_same_with_and_without(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     for choice in ({"falloff": 0.6}, {"resolution": "half"}):
         a, _ = gtao(gbuffer, RADIUS, bent_normals=True, runtime=variant_runtime, **choice)

@@ -61,10 +61,7 @@ SWITCHES: list[tuple[dict[str, Any], int]] = [
 
 @pytest.mark.parametrize(
     ("params", "channels"),
-    [
-        *SWITCHES,
-        *(pytest.param(params, 4 - n, marks=pytest.mark.slow) for params, n in SWITCHES),
-    ],
+    [*SWITCHES, *(pytest.param(params, 4 - n, marks=pytest.mark.slow) for params, n in SWITCHES)],
     ids=str,
 )
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
@@ -82,17 +79,14 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 5), (17, 31)], ids=str)
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margins(
-    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
-    margin: tuple[int, int],
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], margin: tuple[int, int]
 ) -> None:
     gbuffer = scene("bumpy", camera(size=size), rng, margin=margin)
     image = rng.random(size).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     # Of few pixels each is so wide that planes change by their own depth from one to the next.
     # Measured: 7e-5.
-    np.testing.assert_allclose(
-        blurred, bilateral_reference(image, gbuffer), rtol=0, atol=NOISE
-    )
+    np.testing.assert_allclose(blurred, bilateral_reference(image, gbuffer), rtol=0, atol=NOISE)
 
 
 @pytest.mark.slow
@@ -109,9 +103,7 @@ def test_every_kernel_variant_gives_the_same_result(
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("value", [0.0, 1.0, -3.7, 1e20])
-def test_constant_stays_constant(
-    variant_runtime: Runtime, rng: np.random.Generator, name: str, value: float
-) -> None:
+def test_constant_stays_constant(variant_runtime: Runtime, rng: np.random.Generator, name: str, value: float) -> None:
     gbuffer = scene(name, camera(), rng)
     image = np.full(gbuffer.size, value, np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
@@ -129,11 +121,7 @@ def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
     image = rng.random(made.size).astype(np.float32)
     facing, leaning = (
         bilateral_blur(
-            image,
-            trace(made, [tilted(made, d)], normals=normals),
-            separable=separable,
-            radius=7,
-            runtime=runtime,
+            image, trace(made, [tilted(made, d)], normals=normals), separable=separable, radius=7, runtime=runtime
         )
         for d in (0.0, degrees)
     )
@@ -143,18 +131,14 @@ def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
 
 
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
-def test_blur_does_not_cross_a_step_in_depth(
-    variant_runtime: Runtime, rng: np.random.Generator, normals: bool
-) -> None:
+def test_blur_does_not_cross_a_step_in_depth(variant_runtime: Runtime, rng: np.random.Generator, normals: bool) -> None:
     gbuffer = scene("step", camera(), rng)
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
     assert 0.1 < near.mean() < 0.9
     if not normals:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
     for separable in (True, False):
-        blurred = bilateral_blur(
-            near, gbuffer, radius=7, passes=3, separable=separable, runtime=variant_runtime
-        )
+        blurred = bilateral_blur(near, gbuffer, radius=7, passes=3, separable=separable, runtime=variant_runtime)
         # Tossed neighbours weigh exactly 0; 1 is a quotient of equal sums.
         np.testing.assert_allclose(blurred, near, rtol=0, atol=1e-6)
 
@@ -167,15 +151,10 @@ def test_blur_does_not_cross_a_crease(variant_runtime: Runtime, rng: np.random.G
     np.testing.assert_allclose(blurred, wall, rtol=0, atol=2e-6)  # as above, of values up to 2
 
 
-def test_separable_blur_of_a_plane_is_the_full_one(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_separable_blur_of_a_plane_is_the_full_one(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = trace(made := narrow(), [tilted(made, 60.0)])
     image = rng.random(made.size).astype(np.float32)
-    a, b = (
-        bilateral_blur(image, gbuffer, radius=7, separable=s, runtime=runtime)
-        for s in (True, False)
-    )
+    a, b = (bilateral_blur(image, gbuffer, radius=7, separable=s, runtime=runtime) for s in (True, False))
     # On a plane all weights are those of the Gaussian, which is a product.
     np.testing.assert_allclose(a, b, rtol=0, atol=2e-6)
 
@@ -199,23 +178,17 @@ def test_channels_are_blurred_apart(runtime: Runtime, rng: np.random.Generator) 
 
 
 @pytest.mark.parametrize("params", [{"radius": 0}, {"passes": 0}], ids=str)
-def test_blur_of_no_reach_returns_the_image(
-    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
-) -> None:
+def test_blur_of_no_reach_returns_the_image(runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
-    np.testing.assert_array_equal(
-        bilateral_blur(image, gbuffer, runtime=runtime, **params), image
-    )
+    np.testing.assert_array_equal(bilateral_blur(image, gbuffer, runtime=runtime, **params), image)
     blur = Bilateral(runtime, gbuffer.size, BilateralParams(**params))
     value = runtime.plane(1, gbuffer.size)
     assert blur.run(on_device(gbuffer, runtime), value) is value
     assert [p.name for p in runtime.times() if p.skipped] == ["blur"]
 
 
-def test_pixels_with_nothing_keep_their_value_and_give_none(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_pixels_with_nothing_keep_their_value_and_give_none(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(), rng)
     empty = np.isinf(gbuffer.depth)
     image = np.where(empty, rng.uniform(-1e6, 1e6, gbuffer.size), 0.25).astype(np.float32)
@@ -224,31 +197,24 @@ def test_pixels_with_nothing_keep_their_value_and_give_none(
     np.testing.assert_allclose(blurred[~empty], 0.25, rtol=2e-6)  # as of any constant
 
 
-def test_any_depths_give_values_within_those_of_the_image(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_any_depths_give_values_within_those_of_the_image(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     for kind in ("perspective", "orthographic"):
         made = camera(kind, (33, 70))
         depth = (10.0 ** rng.uniform(-37.0, 37.0, made.size)).astype(np.float32)
         image = rng.random(made.size).astype(np.float32)
-        blurred = bilateral_blur(
-            image, GBuffer(camera=made, depth=depth), runtime=variant_runtime, normal_sigma=10.0
-        )
+        blurred = bilateral_blur(image, GBuffer(camera=made, depth=depth), runtime=variant_runtime, normal_sigma=10.0)
         assert blurred.min() >= 0.0
         assert blurred.max() <= 1.0
 
 
-def test_two_runs_give_bit_identical_results(variant_runtime: Runtime,
-    rng: np.random.Generator) -> None:
+def test_two_runs_give_bit_identical_results(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
     first = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     np.testing.assert_array_equal(first, bilateral_blur(image, gbuffer, runtime=variant_runtime))
 
 
-def test_second_call_allocates_and_builds_nothing(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     device = DeviceGBuffer(variant_runtime, gbuffer.size)
     device.upload(gbuffer)

@@ -29,9 +29,7 @@ def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     gbuffer = scene("bumpy", camera(kind), rng)
-    taps: dict[str, Any] = {
-        "slices": 16, "taps": 48, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime,
-    }
+    taps: dict[str, Any] = {"slices": 16, "taps": 48, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime}
     a = gtao(gbuffer, 0.6, **taps)
     b = bitmask_ao(gbuffer, 0.6, thickness=1e3, joined=False, **taps)
     # Rounded ends of 1/32, dithered, in 16 slices: off by at most half a sector, and by nothing on
@@ -52,15 +50,10 @@ def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runti
 
 
 @pytest.mark.parametrize("sectors", ["cosine", pytest.param("angle", marks=pytest.mark.slow)])
-def test_thinner_surfaces_let_more_light_pass(
-    runtime: Runtime, rng: np.random.Generator, sectors: str
-) -> None:
+def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, rng: np.random.Generator, sectors: str) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     images = [
-        bitmask_ao(
-            gbuffer, 0.6, thickness=t, sectors=sectors, joined=False, blur_radius=0,
-            runtime=runtime,
-        )
+        bitmask_ao(gbuffer, 0.6, thickness=t, sectors=sectors, joined=False, blur_radius=0, runtime=runtime)
         for t in (0.0, 0.05, 0.3, 2.0)
     ]
     for thin, thick in pairwise(images):
@@ -87,8 +80,7 @@ def test_bad_parameter_is_refused(
 def test_joined_taps_find_what_lies_between_them_and_up_to_the_radius(runtime: Runtime) -> None:
     gbuffer, distance = wall_and_floor("perspective")
     joined, single = (
-        bitmask_ao(gbuffer, 1.0, joined=choice, blur_radius=0, runtime=runtime)
-        for choice in (True, False)
+        bitmask_ao(gbuffer, 1.0, joined=choice, blur_radius=0, runtime=runtime) for choice in (True, False)
     )
     there = (distance > 0.1) & (distance < 0.95)
     wanted = np.array([1.0 - hidden_by_wall(c, "cosine", "none") for c in distance[there]])
@@ -111,12 +103,8 @@ def test_joined_taps_do_not_bridge_a_silhouette(runtime: Runtime) -> None:
     np.testing.assert_array_equal(a, 1.0)
 
 
-ENDS: list[dict[str, Any]] = [
-    {"joined": True, "end": "thickness"}, {"joined": False, "end": "layer"},
-]
-OTHER_ENDS: list[dict[str, Any]] = [
-    {"joined": True, "end": "layer"}, {"joined": False, "end": "thickness"},
-]
+ENDS: list[dict[str, Any]] = [{"joined": True, "end": "thickness"}, {"joined": False, "end": "layer"}]
+OTHER_ENDS: list[dict[str, Any]] = [{"joined": True, "end": "layer"}, {"joined": False, "end": "thickness"}]
 THIN = [
     pytest.param(choice, kind, marks=() if fast else pytest.mark.slow)
     for kind in ("perspective", "orthographic")
@@ -134,9 +122,7 @@ def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
     thickness = rng.uniform(0.0, 0.4, depth.shape).astype(np.float32)
     thickness[::5, ::3] = np.inf
     deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
-    gbuffer = GBuffer(
-        camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness
-    )
+    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness)
     params = {"radius": 0.6, "blur_radius": 0, **choice}
     a = bitmask_ao(gbuffer, **params, runtime=variant_runtime)
     wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
@@ -144,9 +130,7 @@ def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
     assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 2e-3
 
 
-def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(runtime: Runtime, rng: np.random.Generator) -> None:
     # The radius covers up to 60 px, so that all 24 taps lie in pixels of their own and those of the
     # second layer are three apart; in the first, pieces are between neighbouring taps.
     front = scene("bumpy", made := camera(size=(64, 80)), rng)
@@ -161,12 +145,12 @@ def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(
     assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 1e-3
 
 
-def test_even_thickness_is_that_of_the_parameter(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_even_thickness_is_that_of_the_parameter(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", made := camera(), rng)
     own = GBuffer(
-        camera=made, depth=gbuffer.depth, normal=gbuffer.normal,
+        camera=made,
+        depth=gbuffer.depth,
+        normal=gbuffer.normal,
         thickness=np.full(np.shape(gbuffer.depth), 0.25 * 0.6, np.float32),
     )
     a = bitmask_ao(gbuffer, 0.6, thickness=0.25, blur_radius=0, runtime=runtime)

@@ -61,9 +61,9 @@ def test_a_descriptor_is_of_public_names(technique: Technique) -> None:
 
 def test_every_technique_is_in_the_catalogue() -> None:
     functions = {
-        name for name in gi.__all__
-        if inspect.isfunction(value := getattr(gi, name))
-        and value.__module__.startswith("ssgi_cl.techniques.")
+        name
+        for name in gi.__all__
+        if inspect.isfunction(value := getattr(gi, name)) and value.__module__.startswith("ssgi_cl.techniques.")
     }
     assert functions - EXTRA - {"auxiliary_cameras", "choose_vpls"} == set(CATALOGUE)
     assert {name for kind in KINDS for name in of_kind(kind)} == set(CATALOGUE)
@@ -76,10 +76,7 @@ def test_kernels_exist_and_have_the_macros(technique: Technique) -> None:
         text = sources.flatten(path)
         for macro in macros:
             assert macro in text, (path, macro)
-    there = {
-        f"{folder}/{file.name}" for folder in folders(technique)
-        for file in (KERNELS / folder).glob("*.cl")
-    }
+    there = {f"{folder}/{file.name}" for folder in folders(technique) for file in (KERNELS / folder).glob("*.cl")}
     assert there == set(technique.kernels)
 
 
@@ -91,8 +88,7 @@ def test_a_technique_builds_what_its_descriptor_says(
     kernel = Runtime.kernel
 
     def noted(
-        self: Runtime, path: str, macros: Mapping[str, int] | None = None,
-        structs: Sequence[Struct] = (), **more: Any,
+        self: Runtime, path: str, macros: Mapping[str, int] | None = None, structs: Sequence[Struct] = (), **more: Any
     ) -> Any:
         built[path] |= set(macros or {})
         return kernel(self, path, macros, structs, **more)
@@ -109,9 +105,7 @@ def test_a_technique_builds_what_its_descriptor_says(
 
 
 @every_technique
-def test_a_technique_reads_what_its_descriptor_says(
-    runtime: Runtime, given: Inputs, technique: Technique
-) -> None:
+def test_a_technique_reads_what_its_descriptor_says(runtime: Runtime, given: Inputs, technique: Technique) -> None:
     case = CASES[technique.name]
     if technique.name == "tonemap":
         assert technique.reads == ("image",)
@@ -163,8 +157,7 @@ def test_constructors_have_one_order(technique: Technique) -> None:
     assert rest == [name for name in order if name in rest]
     keywords = get_type_hints(technique.technique.__init__)
     assert technique.params in (keywords["params"], *get_args(keywords["params"])) or (
-        issubclass(technique.technique, OcclusionTechnique)
-        and technique.technique.defaults is technique.params
+        issubclass(technique.technique, OcclusionTechnique) and technique.technique.defaults is technique.params
     )
 
 

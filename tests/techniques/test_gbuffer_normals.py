@@ -27,8 +27,7 @@ def derived(runtime: Runtime, gbuffer: GBuffer) -> NDArray[np.float32]:
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     """Return the G-buffer on the device."""
     device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
-        attributes=gbuffer.layers,
+        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=gbuffer.layers
     )
     device.upload(gbuffer)
     return device
@@ -125,9 +124,7 @@ def test_normal_that_faces_away_from_its_surface_is_turned(
     variant_runtime: Runtime, rng: np.random.Generator, kind: str
 ) -> None:
     gbuffer = scene("corner", camera(kind), rng)
-    turned = GBuffer(
-        camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal)
-    )
+    turned = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal))
     a, b = derived(variant_runtime, gbuffer), derived(variant_runtime, turned)
     # In a crease the surface rebuilt from depth may be the other one; measured: 1 pixel of 2867,
     # with the camera given by intrinsics.
@@ -135,9 +132,7 @@ def test_normal_that_faces_away_from_its_surface_is_turned(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_smooth_normal_beyond_a_silhouette_keeps_its_side(
-    variant_runtime: Runtime, sign: float
-) -> None:
+def test_smooth_normal_beyond_a_silhouette_keeps_its_side(variant_runtime: Runtime, sign: float) -> None:
     # The surface is tilted by 80 degrees and its interpolated normal by 95: the view ray says that
     # the normal faces away, the surface that it does not. Its opposite faces the viewer already.
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.05, width=20, height=20)
@@ -176,9 +171,7 @@ def test_given_normal_of_0_is_reconstructed_and_others_are_kept(
     gbuffer = scene("bumpy", camera(), rng)
     holes = rng.random(gbuffer.size) < 0.3
     partly = np.where(holes[..., None], 0.0, gbuffer.normal)
-    mixed = derived(
-        variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly)
-    )
+    mixed = derived(variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly))
     given = derived(variant_runtime, gbuffer)
     rebuilt = derived(variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth))
     np.testing.assert_array_equal(mixed, np.where(holes[..., None], rebuilt, given))
@@ -227,9 +220,7 @@ def test_each_layer_has_the_normals_that_it_would_have_alone(
     np.testing.assert_array_equal(device.linear.download(), wanted)
 
 
-def test_a_deeper_layer_has_its_own_attributes_or_those_of_no_array(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_deeper_layer_has_its_own_attributes_or_those_of_no_array(runtime: Runtime, rng: np.random.Generator) -> None:
     made = camera(size=(5, 7))
     depth = np.stack([np.full((5, 7), i + 1.0) for i in range(2)])
     albedo, emission = rng.random((2, 5, 7, 3)), rng.random((5, 7, 3))
@@ -263,13 +254,8 @@ def test_normals_derived_in_place_are_those_of_kept_ones(
     made = camera("perspective")
     alone = [scene(name, made, rng) for name in ("corner", "ball")][:layers]
     depths = [np.asarray(each.depth) * 1024.0**layer for layer, each in enumerate(alone)]
-    gbuffer = GBuffer(
-        camera=made, depth=np.stack(depths),
-        normal=np.stack([np.asarray(each.normal) for each in alone]),
-    )
-    in_place = DeviceGBuffer(
-        variant_runtime, made.size, layers=layers, attributes=layers, world="until derived"
-    )
+    gbuffer = GBuffer(camera=made, depth=np.stack(depths), normal=np.stack([np.asarray(each.normal) for each in alone]))
+    in_place = DeviceGBuffer(variant_runtime, made.size, layers=layers, attributes=layers, world="until derived")
     for _ in range(2):  # what is derived is not taken for given the second time
         in_place.upload(gbuffer)
         with pytest.raises(ValueError, match="does not keep its normals"):

@@ -20,9 +20,7 @@ from .walls import wall_and_floor
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(
-    runtime: Runtime, kind: str
-) -> None:
+def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runtime, kind: str) -> None:
     gbuffer, distance = wall_and_floor(kind)
     a = gtao(gbuffer, 1.0, 16, 48, blur_radius=0, runtime=runtime)
     for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (0.9, 0.95), (1.02, 1.2)):
@@ -55,9 +53,7 @@ def test_more_slices_and_taps_converge(runtime: Runtime, rng: np.random.Generato
 
 
 @pytest.mark.parametrize("choice", [{"falloff": 0.6}, {"falloff": 0.3, "thin_occluder": 1.0}])
-def test_falloff_opens_what_is_far(
-    runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any]
-) -> None:
+def test_falloff_opens_what_is_far(runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any]) -> None:
     gbuffer = scene("corner", camera(), rng)
     sharp = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime)
     soft = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime, **choice)
@@ -75,17 +71,12 @@ def test_narrow_falloff_is_the_sharp_end(runtime: Runtime, rng: np.random.Genera
 
 def test_contrast_is_a_power(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
-    plain, powered = (
-        gtao(gbuffer, 0.6, blur_radius=0, contrast=contrast, runtime=runtime)
-        for contrast in (1.0, 2.2)
-    )
+    plain, powered = (gtao(gbuffer, 0.6, blur_radius=0, contrast=contrast, runtime=runtime) for contrast in (1.0, 2.2))
     assert np.ptp(plain) > 0.3
     np.testing.assert_allclose(powered, plain**2.2, atol=1e-5)
 
 
-def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(runtime: Runtime, rng: np.random.Generator) -> None:
     made = camera(size=(12, 64))
     # Both in the same groups of 16 pixels; 1 / 5 is exactly SIMILAR of 1 / 2, in float32 too.
     depth = np.where(np.arange(64) < 32, 2.0, 5.0) * np.ones((12, 1))

@@ -33,18 +33,13 @@ def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(
 
 def test_attenuation_opens_what_is_far(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    images = [
-        hbao(gbuffer, 0.6, 16, 48, attenuation=w, blur_radius=0, runtime=runtime)
-        for w in (0.0, 0.5, 1.0)
-    ]
+    images = [hbao(gbuffer, 0.6, 16, 48, attenuation=w, blur_radius=0, runtime=runtime) for w in (0.0, 0.5, 1.0)]
     # W is linear in the attenuation, and so is A; roundings of float32.
     np.testing.assert_allclose(images[1], 0.5 * (images[0] + images[2]), rtol=0, atol=2e-6)
     assert float(np.mean(images[2] - images[0])) > 5e-3
 
 
-def test_angle_bias_ignores_what_is_low_and_keeps_what_is_high(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_angle_bias_ignores_what_is_low_and_keeps_what_is_high(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     plain, raised = (
         hbao(gbuffer, 0.6, angle_bias=b, attenuation=0.0, blur_radius=0, runtime=runtime)

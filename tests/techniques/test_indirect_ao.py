@@ -23,9 +23,15 @@ from .test_vpl_glossy import SPOT, polished_scene
 def box(runtime: Runtime, **options: Any) -> Frame:
     made = BUILTIN_SCENES["cornell_box"]()
     return render(
-        made.scene, made.camera(48, 36), made.lights,
-        bounces=0, exposure=1.0, shadow_size=64, vpls=64,
-        runtime=runtime, **{"ao_radius": made.ao_radius, **options},
+        made.scene,
+        made.camera(48, 36),
+        made.lights,
+        bounces=0,
+        exposure=1.0,
+        shadow_size=64,
+        vpls=64,
+        runtime=runtime,
+        **{"ao_radius": made.ao_radius, **options},
     )
 
 
@@ -40,18 +46,12 @@ def test_shading_agrees_with_float64_reference(
     options: Any = {"ao": ao, "indirect": indirect, "indirect_ao": True}
     found = shade(gbuffer, lights, runtime=variant_runtime, **options)
     # As of shading without it: some roundings of 2^-24.
-    np.testing.assert_allclose(
-        found, shade_reference(gbuffer, lights, **options), rtol=2e-5, atol=1e-6
-    )
+    np.testing.assert_allclose(found, shade_reference(gbuffer, lights, **options), rtol=2e-5, atol=1e-6)
 
 
 @pytest.mark.parametrize("indirect", ["multires", "gather"])
-def test_ambient_occlusion_dims_reflected_light_where_asked_to(
-    runtime: Runtime, indirect: str
-) -> None:
-    plain, dimmed = (
-        box(runtime, indirect=indirect, indirect_ao=choice) for choice in (False, True)
-    )
+def test_ambient_occlusion_dims_reflected_light_where_asked_to(runtime: Runtime, indirect: str) -> None:
+    plain, dimmed = (box(runtime, indirect=indirect, indirect_ao=choice) for choice in (False, True))
     assert plain.ao is None  # there is no ambient light for it to dim
     assert dimmed.ao is not None
     assert plain.indirect is not None
@@ -59,9 +59,7 @@ def test_ambient_occlusion_dims_reflected_light_where_asked_to(
     np.testing.assert_array_equal(plain.indirect, dimmed.indirect)
     added, kept = (frame.radiance - box(runtime).radiance for frame in (plain, dimmed))
     # Differences of radiance, of which each is rounded.
-    np.testing.assert_allclose(
-        kept, added * dimmed.ao[..., None], rtol=1e-4, atol=1e-6 * plain.radiance.max()
-    )
+    np.testing.assert_allclose(kept, added * dimmed.ao[..., None], rtol=1e-4, atol=1e-6 * plain.radiance.max())
 
 
 @pytest.mark.parametrize(
@@ -84,8 +82,7 @@ def test_gaps_dim_bounces_and_occlusion_dims_the_sky(
         plane.upload(values)
     technique = Shade(runtime, gbuffer.size, ShadeParams(multi_bounce=False))
     found = technique.combine(
-        gbuffer, [], None, ambient=False, visibility=planes[0], indirect=planes[1],
-        sky_light=planes[2], **options,
+        gbuffer, [], None, ambient=False, visibility=planes[0], indirect=planes[1], sky_light=planes[2], **options
     ).download()
     albedo, there = gbuffer.albedo.download(), np.isfinite(gbuffer.depth.download()[0])
     expected = albedo / np.pi * (share(ao.astype(np.float64)) * indirect + ao * sky)
@@ -96,14 +93,8 @@ def test_gaps_dim_bounces_and_occlusion_dims_the_sky(
 def test_lights_with_lobes_are_drawn_chosen_and_shot(runtime: Runtime) -> None:
     made = polished_scene()
     view = camera(size=(45, 60), eye=(0.3, 1.0, 3.0), target=(0.0, 0.6, 0.0))
-    options: Any = {
-        "indirect": "vpl", "vpls": 64, "shadow_size": 64, "exposure": 1.0, "runtime": runtime
-    }
-    matt, glossy = (
-        render(
-            made, view, [SPOT], bounces=0, glossy_vpls=count, **options
-        ).indirect for count in (0, 256)
-    )
+    options: Any = {"indirect": "vpl", "vpls": 64, "shadow_size": 64, "exposure": 1.0, "runtime": runtime}
+    matt, glossy = (render(made, view, [SPOT], bounces=0, glossy_vpls=count, **options).indirect for count in (0, 256))
     assert matt is not None
     assert glossy is not None
     # Without lobes what they reflect goes all ways: less where they point, more beside.
@@ -115,8 +106,12 @@ def test_lights_with_lobes_are_drawn_chosen_and_shot(runtime: Runtime) -> None:
     ("options", "error", "message"),
     [
         ({"indirect_ao": 2}, TypeError, r"indirect_ao is 2: expected True or False"),
-        ({"indirect_ao": True}, ValueError, r"indirect_ao is True: expected False with ao=True "
-         r"and indirect=None"),
+        (
+            {"indirect_ao": True},
+            ValueError,
+            r"indirect_ao is True: expected False with ao=True "
+            r"and indirect=None",
+        ),
         ({"indirect_ao": True, "ao": False, "indirect": True}, ValueError, r"ao=False"),
         ({"indirect_ao": True, "indirect": "ssdo"}, ValueError, r"indirect='ssdo'"),
         ({"glossy_vpls": 8, "indirect": True}, ValueError, r"glossy_vpls is 8: expected 0 with"),

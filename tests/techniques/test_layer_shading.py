@@ -63,9 +63,7 @@ def lit(
         plane = runtime.plane(1, visibility.shape, 1.0)
         plane.upload(visibility[None])
     with runtime.frame():
-        result = LitLayers(runtime, device.whole, device.attributes).run(
-            device, lights, visibility=plane, step=step
-        )
+        result = LitLayers(runtime, device.whole, device.attributes).run(device, lights, visibility=plane, step=step)
         if result is None:
             return None
         return np.moveaxis(result.download().reshape(-1, 3, *device.whole), 1, -1)
@@ -119,8 +117,9 @@ def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     device = on_device(layered(rng, (3, 5), emits=False), variant_runtime)
-    sun, turned = ((DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3)))
-                   for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5)))
+    sun, turned = (
+        (DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3))) for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5))
+    )
     both = LitLayers(variant_runtime, device.whole, 2, backs=True)
     fronts = LitLayers(variant_runtime, device.whole, 2)
     with variant_runtime.frame():
@@ -136,9 +135,7 @@ def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
         assert expected[3:].any()
 
 
-def test_backs_see_the_sky_of_the_other_side(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_backs_see_the_sky_of_the_other_side(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     # What a sky sends to a normal it sends to the opposite one when it is mirrored at its middle:
     # rows from the top are those from the bottom, and columns lie half a turn further on.
     device = on_device(layered(rng, emits=False), variant_runtime)
@@ -158,9 +155,7 @@ def test_backs_see_the_sky_of_the_other_side(
     assert np.abs(found[6:] - found[:6]).max() > 0.05 * found.max()
 
 
-def test_records_have_radiance_to_the_bit_and_normals(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_records_have_radiance_to_the_bit_and_normals(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     device = on_device(layered(rng, (3, 5)), variant_runtime)
     technique = LitLayers(variant_runtime, device.whole, 2)
     with variant_runtime.frame():
@@ -186,13 +181,9 @@ def test_records_have_radiance_to_the_bit_and_normals(
         np.testing.assert_allclose(unfolded, normal[there], atol=6e-5)
 
 
-def test_without_light_and_emission_nothing_is_sent(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_without_light_and_emission_nothing_is_sent(runtime: Runtime, rng: np.random.Generator) -> None:
     assert lit(runtime, layered(rng, emits=False), (PointLight((0, 1, 0), 0.0),)) is None
-    assert ("lit layers", "no light and no emission") in [
-        (each.name, each.skipped) for each in runtime.times()
-    ]
+    assert ("lit layers", "no light and no emission") in [(each.name, each.skipped) for each in runtime.times()]
     assert lit(runtime, layered(rng), ()) is not None
 
 

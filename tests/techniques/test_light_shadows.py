@@ -36,10 +36,7 @@ ways to lights run along rows and columns more often than at random."""
 
 
 def lit(
-    runtime: Runtime,
-    gbuffer: GBuffer,
-    lights: tuple[Light, ...],
-    params: LightShadowParams = PARAMS,
+    runtime: Runtime, gbuffer: GBuffer, lights: tuple[Light, ...], params: LightShadowParams = PARAMS
 ) -> NDArray[np.float32]:
     """Return irradiance [rows, columns, 3] from the kernel."""
     plane = LightShadows(runtime, gbuffer.size, params).run(uploaded(runtime, gbuffer), lights)
@@ -78,7 +75,9 @@ def test_every_kernel_variant_agrees_with_numpy_reference_with_two_layers(
     depth, behind = np.asarray(front.depth), np.asarray(floor.depth)
     deep = np.where(behind > depth + 1e-3, behind, np.inf)
     gbuffer = GBuffer(
-        camera=made, depth=np.stack([depth, deep]), normal=front.normal,
+        camera=made,
+        depth=np.stack([depth, deep]),
+        normal=front.normal,
         thickness=rng.uniform(0.0, 1.6, depth.shape).astype(np.float32),
     )
     params = LightShadowParams(radius=0.8, taps=7, thickness=2.0)
@@ -132,8 +131,7 @@ def test_scale_of_the_world_does_not_matter(runtime: Runtime) -> None:
         rng = np.random.default_rng(1)
         gbuffer = scene("bumpy", camera(scale=scale), rng, scale=scale)
         punctual_light = PointLight(scale * np.array([0.5, 1.2, 0.4]), scale**2, radius=0.2 * scale)
-        results.append(lit(runtime, gbuffer, (punctual_light,),
-            LightShadowParams(radius=0.8 * scale)))
+        results.append(lit(runtime, gbuffer, (punctual_light,), LightShadowParams(radius=0.8 * scale)))
     assert_alike(*results)
 
 
@@ -143,11 +141,13 @@ def test_larger_light_has_a_softer_shadow(runtime: Runtime) -> None:
     shares = []
     for radius in (0.0, 0.4):
         punctual_light = PointLight((0.3, 2.5, 0.2), 4.0, radius=radius)
-        plain = lit(runtime, gbuffer,
+        plain = lit(
+            runtime,
+            gbuffer,
             (PointLight(punctual_light.position, punctual_light.intensity),),
-                    LightShadowParams(radius=1e-3))[..., 0]
-        found = lit(runtime, gbuffer, (punctual_light,),
-            LightShadowParams(radius=2.0, taps=32))[..., 0]
+            LightShadowParams(radius=1e-3),
+        )[..., 0]
+        found = lit(runtime, gbuffer, (punctual_light,), LightShadowParams(radius=2.0, taps=32))[..., 0]
         share = np.divide(found, plain, where=plain > 0.0, out=np.zeros_like(found))
         tiles = share[:44, :60].reshape(11, 4, 15, 4).mean(axis=(1, 3))
         shares.append(np.mean((tiles > 0.1) & (tiles < 0.9)))
@@ -166,7 +166,8 @@ def test_lights_that_reach_nothing_are_skipped_and_say_why(runtime: Runtime) -> 
         shadows = LightShadows(runtime, gbuffer.size)
         assert shadows.run(device, (behind, PointLight((0, 0, 0), 0.0))) is None
     assert [(time.name, time.skipped) for time in runtime.times()] == [
-        ("light spot", "its cone misses all that is seen"), ("light point", "it emits nothing"),
+        ("light spot", "its cone misses all that is seen"),
+        ("light point", "it emits nothing"),
     ]
 
 
@@ -178,9 +179,7 @@ def test_cone_that_is_said_to_miss_lights_nothing(runtime: Runtime, kind: str) -
     punctual_lights = PunctualLights(runtime, gbuffer.size)
     missed = 0
     for _ in range(40):
-        light = SpotLight(
-            rng.uniform(-8.0, 8.0, 3), rng.normal(size=3), rng.uniform(0.1, 1.2), 1.0
-        )
+        light = SpotLight(rng.uniform(-8.0, 8.0, 3), rng.normal(size=3), rng.uniform(0.1, 1.2), 1.0)
         if cone_misses(device, light):
             missed += 1
             plane = punctual_lights.run(device, (light,))
@@ -199,8 +198,6 @@ def test_cone_that_is_said_to_miss_lights_nothing(runtime: Runtime, kind: str) -
     ],
     ids=str,
 )
-def test_bad_parameter_is_refused_with_its_name_value_and_range(
-    params: dict[str, Any], message: str
-) -> None:
+def test_bad_parameter_is_refused_with_its_name_value_and_range(params: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         LightShadowParams(**params)

@@ -62,9 +62,7 @@ def test_a_slanted_surface_counts_for_the_sides_that_it_faces() -> None:
     slanted = light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi])
     volume = LightVolume.of(slanted, LOW, EXTENT)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, [0, 5]], 1.0)
-    np.testing.assert_allclose(
-        volume.area[6, 5, 4, [0, 5]], np.array((0.36, 0.64)) * 0.002 / SIDE**2
-    )
+    np.testing.assert_allclose(volume.area[6, 5, 4, [0, 5]], np.array((0.36, 0.64)) * 0.002 / SIDE**2)
 
 
 def test_light_besides_is_added_and_never_more_than_its_own_surface_sends() -> None:

@@ -75,9 +75,7 @@ def test_no_receiver_gets_more_than_the_bound_of_its_group() -> None:
 def test_few_lights_are_all_taken_once() -> None:
     rng = np.random.default_rng(2)
     at, normal = receivers(rng, 40)
-    numbers, weights = traced_lights(
-        at.astype(np.float32), normal.astype(np.float32), records(rng, 64), 64
-    )
+    numbers, weights = traced_lights(at.astype(np.float32), normal.astype(np.float32), records(rng, 64), 64)
     np.testing.assert_array_equal(numbers, np.tile(np.arange(64), (3, 1)))
     assert (weights == 1.0).all()
 
@@ -102,9 +100,9 @@ def test_sums_are_those_of_all_lights(count: int) -> None:
         assert abs(error.mean()) < 0.005 * whole.mean()
     # What may give much is there, and counts once.
     filled = np.minimum(np.arange(-(-count // 16) * 16), count - 1)
-    most = np.repeat(many_lights._most(
-        at[filled].astype(np.float32), normal[filled].astype(np.float32), lights
-    ), 16, axis=0)[:count]
+    most = np.repeat(
+        many_lights._most(at[filled].astype(np.float32), normal[filled].astype(np.float32), lights), 16, axis=0
+    )[:count]
     strong = most > most.sum(axis=1, keepdims=True) / 512
     assert strong.any()
     np.testing.assert_allclose(counted(count, 4096, chosen)[strong], 1.0, rtol=1e-6)

@@ -29,9 +29,7 @@ GREY = np.repeat(np.broadcast_to(STEPS, (201, 201))[..., None], 3, axis=-1)
 def test_function_agrees_with_float64_reference(rng: np.random.Generator) -> None:
     a, albedo = rng.random((31, 17)), rng.random((31, 17, 3))
     # Four roundings of float32 of sums of up to 5.
-    np.testing.assert_allclose(
-        multi_bounce(a, albedo), multi_bounce_reference(a, albedo), rtol=0, atol=2e-6
-    )
+    np.testing.assert_allclose(multi_bounce(a, albedo), multi_bounce_reference(a, albedo), rtol=0, atol=2e-6)
 
 
 def test_open_stays_open_and_closed_stays_closed() -> None:
@@ -58,9 +56,7 @@ def test_black_surfaces_leave_a_and_white_ones_brighten_it_much() -> None:
 
 @pytest.mark.parametrize("albedo", [0.5, (0.5, 0.5, 0.5)], ids=str)
 def test_one_albedo_may_stand_for_all_pixels(albedo: Any) -> None:
-    np.testing.assert_array_equal(
-        multi_bounce(A, albedo), multi_bounce(A, np.full((*A.shape, 3), 0.5))
-    )
+    np.testing.assert_array_equal(multi_bounce(A, albedo), multi_bounce(A, np.full((*A.shape, 3), 0.5)))
 
 
 @pytest.mark.parametrize(
@@ -81,9 +77,7 @@ def test_bad_input_is_refused(ao: Any, albedo: Any, error: type[Exception], mess
         multi_bounce(ao, albedo)
 
 
-def test_shading_with_bounces_agrees_with_float64_reference(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_shading_with_bounces_agrees_with_float64_reference(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = replace(scene("bumpy", camera(), rng), albedo=rng.random((47, 61, 3)))
     lights = (Environment((0.2, 0.4, 0.6)), DirectionalLight((-0.3, -1.0, -0.5), (3, 2, 1)))
     ao = rng.random(gbuffer.size, np.float32)
@@ -107,17 +101,23 @@ def test_rendering_with_bounces_is_brighter(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     view = Camera.look_at(made.eye, made.target, made.up, yfov=made.yfov, width=48, height=36)
     plain, bounced = (
-        render(made.scene, view, [Environment(1.0)], bounces=0, ao_radius=made.ao_radius,
-               multi_bounce=choice, exposure=1.0, runtime=runtime)
+        render(
+            made.scene,
+            view,
+            [Environment(1.0)],
+            bounces=0,
+            ao_radius=made.ao_radius,
+            multi_bounce=choice,
+            exposure=1.0,
+            runtime=runtime,
+        )
         for choice in (False, True)
     )
     assert (bounced.radiance >= plain.radiance).all()
     assert float(bounced.radiance.mean()) > 1.01 * float(plain.radiance.mean())
 
 
-def test_something_else_than_a_switch_is_refused(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_something_else_than_a_switch_is_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     wrong: Any = 2
     message = r"multi_bounce is 2: expected True or False"
     with pytest.raises(TypeError, match=message):

@@ -54,9 +54,7 @@ def fill(
 def run(
     runtime: Runtime, gbuffer: GBuffer, truth: Doubles, bound: float = 0.02, **params: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    grid = MultiresGrid(
-        runtime, gbuffer.size, MultiresGridParams(**params), channels=truth.shape[-1]
-    )
+    grid = MultiresGrid(runtime, gbuffer.size, MultiresGridParams(**params), channels=truth.shape[-1])
     return fill(grid, on_device(gbuffer, runtime), truth, bound)
 
 
@@ -119,9 +117,7 @@ def test_every_kernel_variant_gives_bit_identical_results_and_order(
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 40.0])
-def test_linear_light_on_a_tilted_plane_needs_the_coarsest_level_alone(
-    runtime: Runtime, degrees: float
-) -> None:
+def test_linear_light_on_a_tilted_plane_needs_the_coarsest_level_alone(runtime: Runtime, degrees: float) -> None:
     seen = camera(size=(65, 97))
     gbuffer = trace(seen, [tilted(seen, degrees)])
     y, x = np.indices(gbuffer.size)
@@ -132,9 +128,7 @@ def test_linear_light_on_a_tilted_plane_needs_the_coarsest_level_alone(
     np.testing.assert_allclose(values, truth, rtol=1e-5)
 
 
-def test_constant_light_is_constant_whatever_the_geometry(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_constant_light_is_constant_whatever_the_geometry(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(size=SIZE), rng)
     values, _ = run(runtime, gbuffer, np.full((*SIZE, 3), 0.7))
     expected = np.where(there(gbuffer), np.float32(0.7), 0.0)[..., None]
@@ -163,9 +157,7 @@ def test_a_sharp_edge_of_light_on_a_flat_wall_is_kept(runtime: Runtime) -> None:
     assert 0.02 < np.mean(computed != 0) < 0.2
 
 
-def test_a_smaller_bound_gives_a_smaller_error_for_more_points(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_smaller_bound_gives_a_smaller_error_for_more_points(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("ball", camera(size=SIZE), rng)
     truth = light(SIZE, 0.5)
     made = [run(runtime, gbuffer, truth, bound) for bound in (0.2, 0.05, 0.01, 0.002)]
@@ -188,20 +180,14 @@ def test_points_that_pass_the_bound_do_not_jump(runtime: Runtime) -> None:
     assert (jumps < 0.02 * errors.max()).all()
 
 
-def test_with_a_step_of_1_every_pixel_is_computed(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_with_a_step_of_1_every_pixel_is_computed(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=SIZE), rng)
     values, computed = run(runtime, gbuffer, light(SIZE), coarsest=1)
     np.testing.assert_array_equal(computed, there(gbuffer))
-    np.testing.assert_array_equal(
-        values, np.where(there(gbuffer)[..., None], light(SIZE), 0.0).astype(np.float32)
-    )
+    np.testing.assert_array_equal(values, np.where(there(gbuffer)[..., None], light(SIZE), 0.0).astype(np.float32))
 
 
-def test_the_bound_is_read_on_the_device_when_a_level_is_planned(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_the_bound_is_read_on_the_device_when_a_level_is_planned(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = on_device(scene("corner", camera(size=SIZE), rng), runtime)
     grid = MultiresGrid(runtime, SIZE)
     bound = runtime.array(np.array([0.0], np.float32))
@@ -270,9 +256,7 @@ def test_the_margin_does_not_count(runtime: Runtime, rng: np.random.Generator) -
         np.testing.assert_allclose(values, results[0][0], atol=EXACT)
 
 
-def test_a_second_frame_allocates_and_compiles_nothing(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_second_frame_allocates_and_compiles_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = on_device(scene("bumpy", camera(size=SIZE), rng), runtime)
     grid = MultiresGrid(runtime, SIZE)
     first, _ = fill(grid, gbuffer, light(SIZE), 0.02)
@@ -283,9 +267,7 @@ def test_a_second_frame_allocates_and_compiles_nothing(
     assert (runtime.allocated_bytes - bound.count * 4 * 2, runtime.builds) == before
 
 
-def test_a_camera_moved_a_hundredth_of_a_pixel_changes_little(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_camera_moved_a_hundredth_of_a_pixel_changes_little(runtime: Runtime, rng: np.random.Generator) -> None:
     made = []
     for shift in (0.0, 0.01):
         seen = camera(size=(96, 128))

@@ -14,15 +14,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.reference.multires_published import (
-    multires_published_reference,
-    subsplats,
-    upsampled,
-)
-from ssgi_cl.techniques.indirect.multires_published import (
-    MultiresPublished,
-    MultiresPublishedParams,
-)
+from ssgi_cl.reference.multires_published import multires_published_reference, subsplats, upsampled
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.indirect.multires_splat import multires_splat
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
 
@@ -39,9 +32,7 @@ FLIPS = 2e-3
 to either side of it."""
 
 
-def splatted(
-    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
-) -> tuple[Floats, MultiresPublished]:
+def splatted(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> tuple[Floats, MultiresPublished]:
     """Return irradiance, and what made it."""
     chosen = MultiresPublishedParams(vpls=max(len(vpls), 1), **params)
     technique = MultiresPublished(runtime, gbuffer.size, chosen)
@@ -58,9 +49,7 @@ def full(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
 # ---- against float64
 
 
-@pytest.mark.parametrize(
-    "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ball", "step"))]
-)
+@pytest.mark.parametrize("name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ball", "step"))])
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_variant_agrees_with_the_reference(
     variant_runtime: Runtime, rng: np.random.Generator, name: str, margin: tuple[int, int]
@@ -71,22 +60,16 @@ def test_every_kernel_variant_agrees_with_the_reference(
     e, technique = splatted(variant_runtime, gbuffer, vpls, **params)
     wanted, kept = multires_published_reference(gbuffer, vpls, 5, DEPTH, NORMAL)
     assert sum(count > 0 for count in technique.counts()) >= 3
-    assert [abs(a - b.sum()) <= 2 for a, b in zip(technique.counts(), kept, strict=True)] == (
-        [True] * 5
-    )
+    assert [abs(a - b.sum()) <= 2 for a, b in zip(technique.counts(), kept, strict=True)] == ([True] * 5)
     # Measured 7e-6 of the mean at most; grazing lights are differences of float32 positions.
     off = (np.abs(e - wanted) > 1e-3 * wanted + 1e-4 * wanted.mean()).any(axis=-1)
     assert off.mean() <= FLIPS
 
 
 @pytest.mark.parametrize("kind", slow_but(CAMERAS, "perspective", "orthographic"))
-def test_the_reference_is_met_in_every_camera(
-    runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
+def test_the_reference_is_met_in_every_camera(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     gbuffer, vpls = scene("bumpy", camera(kind), rng), lights(rng, 20)
-    e, _ = splatted(
-        runtime, gbuffer, vpls, levels=4, depth_threshold=0.1, normal_threshold=0.3
-    )
+    e, _ = splatted(runtime, gbuffer, vpls, levels=4, depth_threshold=0.1, normal_threshold=0.3)
     wanted, kept = multires_published_reference(gbuffer, vpls, 4, 0.1, 0.3)
     assert kept[1].any()
     off = (np.abs(e - wanted) > 1e-3 * wanted + 1e-4 * wanted.mean()).any(axis=-1)
@@ -99,9 +82,7 @@ def test_images_of_any_size(
     variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], levels: int
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng), lights(rng, 20)
-    e, _ = splatted(
-        variant_runtime, gbuffer, vpls, levels=levels, depth_threshold=0.2, normal_threshold=NORMAL
-    )
+    e, _ = splatted(variant_runtime, gbuffer, vpls, levels=levels, depth_threshold=0.2, normal_threshold=NORMAL)
     wanted, _ = multires_published_reference(gbuffer, vpls, levels, 0.2, NORMAL)
     np.testing.assert_allclose(e, wanted, rtol=1e-3, atol=1e-4 * wanted.mean())
 
@@ -114,9 +95,7 @@ def test_every_form_gives_bit_identical_results(
     np.testing.assert_array_equal(one, other)
 
 
-def test_a_margin_and_deeper_layers_change_nothing(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_margin_and_deeper_layers_change_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     wide, vpls = scene("step", camera(size=(45, 61)), rng, margin=(3, 5)), lights(rng)
     depth, normal = np.asarray(wide.depth), np.asarray(wide.normal)
     inner = GBuffer(camera=wide.camera, depth=wide.inner(depth), normal=wide.inner(normal))
@@ -131,21 +110,15 @@ def test_a_margin_and_deeper_layers_change_nothing(
 
 
 @pytest.mark.parametrize("size", [(128, 192), (100, 130)], ids=str)
-def test_a_flat_wall_has_the_coarsest_subsplats_alone(
-    variant_runtime: Runtime, size: tuple[int, int]
-) -> None:
+def test_a_flat_wall_has_the_coarsest_subsplats_alone(variant_runtime: Runtime, size: tuple[int, int]) -> None:
     _, technique = splatted(variant_runtime, wall(size), spots([(0.0, 0.0)], 1.0))
     coarsest = -(-size[0] // 64) * -(-size[1] // 64)
     assert technique.counts() == [0] * 6 + [coarsest]
 
 
-def test_every_pixel_with_a_surface_lies_in_one_subsplat(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_every_pixel_with_a_surface_lies_in_one_subsplat(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=(90, 121)), rng)
-    _, technique = splatted(
-        variant_runtime, gbuffer, lights(rng, 5), depth_threshold=DEPTH, normal_threshold=0.4
-    )
+    _, technique = splatted(variant_runtime, gbuffer, lights(rng, 5), depth_threshold=DEPTH, normal_threshold=0.4)
     there = np.isfinite(np.asarray(gbuffer.depth))
     assert not there.all()
     covered = np.zeros(there.shape, int)
@@ -159,13 +132,9 @@ def test_every_pixel_with_a_surface_lies_in_one_subsplat(
     np.testing.assert_array_equal(steps > 0, there)
 
 
-def test_edges_of_depth_and_of_normals_are_refined(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_edges_of_depth_and_of_normals_are_refined(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("step", camera(size=(96, 128)), rng)
-    _, technique = splatted(
-        variant_runtime, gbuffer, lights(rng, 5), depth_threshold=0.05, normal_threshold=NORMAL
-    )
+    _, technique = splatted(variant_runtime, gbuffer, lights(rng, 5), depth_threshold=0.05, normal_threshold=NORMAL)
     depth, normal = np.asarray(gbuffer.depth), np.asarray(gbuffer.normal)
     steps = technique.computed()
     # Pixels beside another surface are subsplats of their own, whichever block border they lie at.
@@ -177,14 +146,9 @@ def test_edges_of_depth_and_of_normals_are_refined(
     # A roof: no jump of depth, normals turn. One over and one upright fold.
     for axis in (0, 1):
         across = np.eye(3)[1 - axis]
-        sides = [
-            Plane((0, 0, 0), sign * 0.5 * across + (0, 0, 1), (sign * across, 0.0))
-            for sign in (1.0, -1.0)
-        ]
+        sides = [Plane((0, 0, 0), sign * 0.5 * across + (0, 0, 1), (sign * across, 0.0)) for sign in (1.0, -1.0)]
         roof = trace(camera("orthographic", (96, 128), eye=(0, 0, 5), target=(0, 0, 0)), sides)
-        _, technique = splatted(
-            variant_runtime, roof, lights(rng, 5), depth_threshold=10.0, normal_threshold=NORMAL
-        )
+        _, technique = splatted(variant_runtime, roof, lights(rng, 5), depth_threshold=10.0, normal_threshold=NORMAL)
         steps = technique.computed()
         normal = np.asarray(roof.normal)
         turn = np.abs(np.diff(normal, axis=axis)).max(axis=-1) > 0.5
@@ -260,8 +224,7 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
     errors, counts = [], []
     for share in (16.0, 4.0, 1.0, 0.25, 0.0):
         e, technique = splatted(
-            runtime, gbuffer, vpls, depth_threshold=0.1 / 16.0 * share,
-            normal_threshold=min(0.1 * share, 2.0),
+            runtime, gbuffer, vpls, depth_threshold=0.1 / 16.0 * share, normal_threshold=min(0.1 * share, 2.0)
         )
         errors.append(relative(e - every, every, seen))
         counts.append(sum(technique.counts()))
@@ -293,9 +256,7 @@ def test_lights_of_maps_are_those_of_splatting(runtime: Runtime) -> None:
 # ---- nothing, and bad input
 
 
-def test_nothing_seen_and_no_light_give_nothing(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_nothing_seen_and_no_light_give_nothing(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     view = camera(size=(37, 53))
     nothing = GBuffer(camera=view, depth=np.full((37, 53), np.inf))
     e, technique = splatted(variant_runtime, nothing, lights(rng, 5))
@@ -304,9 +265,7 @@ def test_nothing_seen_and_no_light_give_nothing(
     assert not multires_splat(wall(), [], method="published", runtime=variant_runtime).any()
 
 
-def test_second_call_allocates_and_builds_nothing(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng, 20)
     technique = MultiresPublished(variant_runtime, gbuffer.size, MultiresPublishedParams(vpls=20))
     first = technique.run(gbuffer, vpls).download()
@@ -320,12 +279,13 @@ def test_second_call_allocates_and_builds_nothing(
     ("params", "error", "message"),
     [
         ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
-        ({"error": 0.02, "method": "published"}, ValueError,
-         r"error=0.02 applies only to method='adaptive' \(got method='published'\)"),
-        ({"visibility": True, "method": "published"}, ValueError,
-         r"visibility=True applies only to method='adaptive'"),
-        ({"levels": 5}, ValueError,
-         r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
+        (
+            {"error": 0.02, "method": "published"},
+            ValueError,
+            r"error=0.02 applies only to method='adaptive' \(got method='published'\)",
+        ),
+        ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
+        ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
         ({"levels": 0, "method": "published"}, ValueError, r"levels is 0: expected an integer"),
         ({"depth_threshold": -1.0, "method": "published"}, ValueError, r"depth_threshold is -1.0"),
         ({"colour": 1, "method": "published"}, TypeError, r"colour"),

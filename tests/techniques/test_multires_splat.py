@@ -23,11 +23,7 @@ from ssgi_cl.reference.multires_splat import multires_splat_reference
 from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl_tree import VplTreeReference
-from ssgi_cl.techniques.indirect.multires_splat import (
-    MultiresSplat,
-    MultiresSplatParams,
-    multires_splat,
-)
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams, multires_splat
 from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams, vpl_splat
 from ssgi_cl.techniques.indirect.vpl_tree import GROUP, SHARES
@@ -39,9 +35,7 @@ from .test_vpl_tree import lights, uploaded
 Floats = NDArray[np.float32]
 
 
-def splatted(
-    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
-) -> tuple[Floats, MultiresSplat]:
+def splatted(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> tuple[Floats, MultiresSplat]:
     """Return irradiance, and what made it."""
     chosen = MultiresSplatParams(**{"vpls": max(len(vpls), 1), **params})
     technique = MultiresSplat(runtime, gbuffer.size, chosen)
@@ -73,10 +67,7 @@ def wall(size: tuple[int, int] = (96, 128)) -> GBuffer:
 def spots(at: Any, height: float, flux: float = 1.0) -> Vpls:
     """Lights above points (x, y) of that wall, which look at it."""
     position = np.concatenate([np.asarray(at), np.full((len(at), 1), height)], axis=1)
-    return Vpls(
-        position, np.tile([0.0, 0.0, -1.0], (len(at), 1)), np.full((len(at), 3), flux),
-        np.full(len(at), 1e-3),
-    )
+    return Vpls(position, np.tile([0.0, 0.0, -1.0], (len(at), 1)), np.full((len(at), 3), flux), np.full(len(at), 1e-3))
 
 
 # ---- against all lights at all pixels
@@ -85,8 +76,7 @@ def spots(at: Any, height: float, flux: float = 1.0) -> Vpls:
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 31)], ids=str)
 def test_every_kernel_variant_has_all_light_where_every_pixel_is_computed(
-    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
-    margin: tuple[int, int],
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], margin: tuple[int, int]
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng, margin=margin), lights(rng, 50)
     e, technique = splatted(variant_runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
@@ -100,8 +90,7 @@ def test_every_kernel_variant_has_all_light_where_every_pixel_is_computed(
 def test_a_margin_changes_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     wide, vpls = scene("ball", camera(size=(45, 61)), rng, margin=(3, 5)), lights(rng)
     inner = GBuffer(
-        camera=wide.camera, depth=wide.inner(np.asarray(wide.depth)),
-        normal=wide.inner(np.asarray(wide.normal)),
+        camera=wide.camera, depth=wide.inner(np.asarray(wide.depth)), normal=wide.inner(np.asarray(wide.normal))
     )
     one, other = (splatted(runtime, gbuffer, vpls)[0] for gbuffer in (wide, inner))
     # Positions round differently: columns count from the margin's.
@@ -118,9 +107,7 @@ def test_every_kernel_variant_gives_the_same_result(
 
 
 @pytest.mark.parametrize("params", [{}, {"cutoff": 0.2}, {"near": "clamped", "coarsest": 8}])
-def test_kernels_agree_with_numpy_reference(
-    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]
-) -> None:
+def test_kernels_agree_with_numpy_reference(runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng, 100)
     e, technique = splatted(runtime, gbuffer, vpls, light_error=0.0, **params)
     mean = float(technique.tree.limits.download()[0]) / technique.params.error
@@ -136,9 +123,7 @@ def test_kernels_agree_with_numpy_reference(
 
 
 @pytest.mark.parametrize("count", [200, 300, 1024])
-def test_errors_are_shares_of_the_mean_with_few_lights_and_many(
-    runtime: Runtime, count: int
-) -> None:
+def test_errors_are_shares_of_the_mean_with_few_lights_and_many(runtime: Runtime, count: int) -> None:
     gbuffer, vpls = box(runtime, count=count)
     e, technique = splatted(runtime, gbuffer, vpls)
     seen = np.isfinite(gbuffer.inner(np.asarray(gbuffer.depth)))
@@ -147,15 +132,12 @@ def test_errors_are_shares_of_the_mean_with_few_lights_and_many(
     np.testing.assert_allclose(mean, e[seen].mean(), rtol=0.15)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"]
-)
+@pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES[name]()
     gbuffer = drawn(made.scene, made.camera(320, 240), runtime=runtime)
     punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256,
-        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
+    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     every, _ = splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
     seen = np.isfinite(np.asarray(gbuffer.depth))
@@ -185,12 +167,21 @@ def test_constant_light_stays_constant(variant_runtime: Runtime) -> None:
 def test_sharp_light_on_a_flat_wall_is_not_blurred(runtime: Runtime) -> None:
     # Hot spots two to six pixels wide, between the points of the coarsest level.
     at = [(0.13, 0.21), (-0.71, 0.43), (0.9, -0.66)]
-    gbuffer, vpls = wall(), Vpls(*(
-        np.concatenate(pair) for pair in zip(
-            *((v.position, v.normal, v.flux, v.area)
-              for v in (spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0))), strict=True,
-        )
-    ))
+    gbuffer, vpls = (
+        wall(),
+        Vpls(
+            *(
+                np.concatenate(pair)
+                for pair in zip(
+                    *(
+                        (v.position, v.normal, v.flux, v.area)
+                        for v in (spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0))
+                    ),
+                    strict=True,
+                )
+            )
+        ),
+    )
     wanted = full(gbuffer, vpls)
     seen = np.ones(wanted.shape[:2], np.bool_)
     sharp, technique = splatted(runtime, gbuffer, vpls, error=0.01)
@@ -207,6 +198,7 @@ def test_a_camera_that_moves_by_a_hundredth_pixel_changes_little(runtime: Runtim
             projection = view.projection.copy()
             projection[0, 2] += 2.0 * pixels / 160
             return replace(view, projection=projection)
+
         return camera_of
 
     found = []
@@ -228,18 +220,16 @@ def test_a_camera_that_moves_by_a_hundredth_pixel_changes_little(runtime: Runtim
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "cornell_box"])
-def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
-    runtime: Runtime, name: str
-) -> None:
+def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES[name]()
     view = made.camera(320, 240)
     punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256,
-        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
+    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
-    kinds = [MultiresSplat(runtime, view.size, params) for params in (
-        MultiresSplatParams(), MultiresSplatParams(coarsest=1, light_error=0.0),
-    )]
+    kinds = [
+        MultiresSplat(runtime, view.size, params)
+        for params in (MultiresSplatParams(), MultiresSplatParams(coarsest=1, light_error=0.0))
+    ]
     before: tuple[Any, ...] | None = None
     fractions = []
     for frame in range(60):
@@ -251,14 +241,20 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(
         if before is not None:
             same = (near > 0.0) & (np.abs(near - before[0]) < 1e-3 * near)
             mean = images[1][near > 0.0].mean()
-            few, every = (
-                np.abs(one - other).max(axis=-1) / mean
-                for one, other in zip(images, before[1], strict=True)
-            )
+            few, every = (np.abs(one - other).max(axis=-1) / mean for one, other in zip(images, before[1], strict=True))
             calm = few[same & (every < 0.002)]
-            fractions.append([np.mean(jumps > limit) for jumps, limit in (
-                (few[same], 0.01), (every[same], 0.01), (calm, 0.01), (calm, 0.02), (calm, 0.05)
-            )])
+            fractions.append(
+                [
+                    np.mean(jumps > limit)
+                    for jumps, limit in (
+                        (few[same], 0.01),
+                        (every[same], 0.01),
+                        (calm, 0.01),
+                        (calm, 0.02),
+                        (calm, 0.05),
+                    )
+                ]
+            )
         before = near, images
     # Measured in the Cornell box and the hall: 0.0024 and 0.0249 of the pixels change by more than
     # a hundredth of the mean, where with all lights at all pixels it is 0.0019 and 0.0239. Of those
@@ -279,8 +275,7 @@ def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runt
     seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
     every = vpl_splat(gbuffer, seen, 1 << 16, 0.0, runtime=runtime)
     found = [
-        multires_splat(gbuffer, seen, 1024, 0.005, light_error=0.001, refine=r, runtime=runtime)
-        for r in (4.0, 0.0)
+        multires_splat(gbuffer, seen, 1024, 0.005, light_error=0.001, refine=r, runtime=runtime) for r in (4.0, 0.0)
     ]
     rmse = [math.sqrt(np.mean((e - every) ** 2)) for e in found]
     off = [float(e.mean() / every.mean()) - 1.0 for e in found]
@@ -308,12 +303,8 @@ def receivers_and_walls(
     gbuffer, seen, vpls = walled
     view = gbuffer.camera.view
     there, point, normal = receivers(gbuffer)
-    point, lights_at = (
-        points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position)
-    )
-    walls = OccupancyGridReference(
-        np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), cells
-    )
+    point, lights_at = (points @ view[:3, :3].T + view[:3, 3] for points in (point, vpls.position))
+    walls = OccupancyGridReference(np.concatenate([point, lights_at]), seen_surfaces(gbuffer, [seen]), cells)
     return there, point, normal @ view[:3, :3].T, walls
 
 
@@ -323,9 +314,7 @@ def test_lines_of_sight_agree_with_numpy_reference(
     variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], share: int
 ) -> None:
     gbuffer, seen, vpls = walled
-    params = MultiresSplatParams(
-        vpls=500, coarsest=1, light_error=0.0, visibility=True, grid=32, share=share
-    )
+    params = MultiresSplatParams(vpls=500, coarsest=1, light_error=0.0, visibility=True, grid=32, share=share)
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
@@ -344,9 +333,7 @@ def test_orthographic_lines_of_sight_agree_too(runtime: Runtime) -> None:
     # Rays that start in an occupied cell start towards the eye, which then is nowhere.
     made = BUILTIN_SCENES["cornell_box"]()
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
-    view = Camera.orthographic(
-        made.eye, made.target, view_height=1.1, width=40, height=30, near=0.01
-    )
+    view = Camera.orthographic(made.eye, made.target, view_height=1.1, width=40, height=30, near=0.01)
     gbuffer = drawn(made.scene, view, runtime=runtime)
     vpls = choose_vpls(seen, 500, runtime=runtime)
     test_lines_of_sight_agree_with_numpy_reference(runtime, (gbuffer, seen, vpls), 16)
@@ -357,15 +344,12 @@ def test_the_less_light_the_more_lights_share_a_ray(
     variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], light_error: float
 ) -> None:
     gbuffer, seen, vpls = walled
-    params = MultiresSplatParams(
-        vpls=500, coarsest=1, error=0.0, light_error=light_error, visibility=True,
-        grid=32,
-    )
+    params = MultiresSplatParams(vpls=500, coarsest=1, error=0.0, light_error=light_error, visibility=True, grid=32)
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
     there, point, normal, walls = receivers_and_walls(walled, params.grid)
-    (rows, columns), = (level.listed().T for level in technique.grid._levels)
+    ((rows, columns),) = (level.listed().T for level in technique.grid._levels)
     order = (np.cumsum(there.ravel()) - 1).reshape(there.shape)[rows, columns]
     point, normal = point[order], normal[order]
     tree = VplTreeReference(vpls, gbuffer.camera)
@@ -396,9 +380,7 @@ def test_walls_take_light_away_alone_and_in_bit_identical_results_again(
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     made = []
     for visibility in (False, True, True):
-        params = MultiresSplatParams(
-            vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32
-        )
+        params = MultiresSplatParams(vpls=500, coarsest=1, light_error=0.01, visibility=visibility, grid=32)
         technique = MultiresSplat(variant_runtime, gbuffer.size, params)
         made.append(technique.run(device, vpls, rsms=[map_]).download())
     np.testing.assert_array_equal(made[1], made[2])
@@ -427,9 +409,7 @@ def test_light_that_walls_block_is_close_to_a_path_tracer(runtime: Runtime) -> N
 # ---- nothing there
 
 
-def test_empty_pixels_and_images_get_no_light(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_empty_pixels_and_images_get_no_light(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     made, vpls = camera(size=(20, 30)), lights(rng, 40)
     nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
     np.testing.assert_array_equal(splatted(variant_runtime, nothing, vpls)[0], 0.0)
@@ -473,24 +453,18 @@ def test_noise_in_the_normals_makes_every_pixel_a_sample_and_no_more(
     assert computed.mean() > 0.9
     # Points of coarse levels count columns anew: grazing lights are differences of float32.
     np.testing.assert_allclose(
-        e[seen][computed], full_on_device(runtime, noisy, vpls)[seen][computed], rtol=1e-3,
-        atol=1e-3 * e[seen].mean(),
+        e[seen][computed], full_on_device(runtime, noisy, vpls)[seen][computed], rtol=1e-3, atol=1e-3 * e[seen].mean()
     )
 
 
 @pytest.mark.slow
-def test_noise_in_the_normals_costs_little_more_than_every_pixel(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_noise_in_the_normals_costs_little_more_than_every_pixel(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = box(runtime, lambda made: made.camera(400, 300))
     turned = rng.standard_normal((*gbuffer.size, 3))
     normal = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
     device = uploaded(runtime, replace(gbuffer, normal=normal.astype(np.float32)))
     techniques = [
-        MultiresSplat(
-            runtime, gbuffer.size,
-            MultiresSplatParams(vpls=len(vpls), light_error=0.0, coarsest=coarsest),
-        )
+        MultiresSplat(runtime, gbuffer.size, MultiresSplatParams(vpls=len(vpls), light_error=0.0, coarsest=coarsest))
         for coarsest in (1, 16)
     ]
     sums: list[list[float]] = [[], []]

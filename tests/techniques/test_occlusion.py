@@ -13,7 +13,8 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams, ssao
 from .analytic import camera, scene, tilted, trace
 
 BLURS = [
-    *((blur, (3, 5)) for blur in ((0, 1), (7, 1), (7, 2))), ((7, 2), (0, 0)),
+    *((blur, (3, 5)) for blur in ((0, 1), (7, 1), (7, 2))),
+    ((7, 2), (0, 0)),
     *(
         pytest.param(blur, margin, marks=pytest.mark.slow)
         for blur, margin in (((0, 1), (0, 0)), ((7, 1), (0, 0)), ((4, 2), (3, 5)))
@@ -26,13 +27,21 @@ BLURS = [
 @pytest.mark.parametrize("blur_resolution", ["own", "full"])
 @pytest.mark.parametrize(("blur", "margin"), BLURS, ids=str)
 def test_every_combination_of_resolution_and_blur_agrees_with_numpy_reference(
-    runtime: Runtime, rng: np.random.Generator, resolution: str, blur_resolution: str,
-    blur: tuple[int, int], margin: tuple[int, int],
+    runtime: Runtime,
+    rng: np.random.Generator,
+    resolution: str,
+    blur_resolution: str,
+    blur: tuple[int, int],
+    margin: tuple[int, int],
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(35, 51)), rng, margin=margin)
     params = {
-        "radius": 0.4, "samples": 4, "resolution": resolution, "blur_resolution": blur_resolution,
-        "blur_radius": blur[0], "blur_passes": blur[1],
+        "radius": 0.4,
+        "samples": 4,
+        "resolution": resolution,
+        "blur_resolution": blur_resolution,
+        "blur_radius": blur[0],
+        "blur_passes": blur[1],
     }
     found = ssao(gbuffer, runtime=runtime, **params)
     wanted = ssao_reference(gbuffer, SsaoParams(**params))
@@ -48,8 +57,7 @@ def test_plane_is_open_exactly_when_blurred_at_full_size(
 ) -> None:
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.3, width=71, height=33)
     gbuffer = trace(made, [tilted(made, degrees)])
-    a = ssao(gbuffer, radius=0.3, resolution=resolution, blur_radius=7, blur_resolution="full",
-             runtime=variant_runtime)
+    a = ssao(gbuffer, radius=0.3, resolution=resolution, blur_radius=7, blur_resolution="full", runtime=variant_runtime)
     np.testing.assert_array_equal(a, 1.0)
 
 

@@ -35,17 +35,17 @@ CELL = 4.0 / (CELLS - 6)
 
 def from_above(scene: Scene, runtime: Runtime, height: float = 3.0, layers: int = 1) -> GBuffer:
     """The floor from straight above, where upright walls are seen edge-on: not at all."""
-    camera = Camera.orthographic(
-        (0, height, 0), (0, 0, 0), (0, 0, -1), view_height=2.0, width=128, height=64
-    )
+    camera = Camera.orthographic((0, height, 0), (0, 0, 0), (0, 0, -1), view_height=2.0, width=128, height=64)
     return drawn(scene, camera, layers=layers, runtime=runtime)
 
 
 def punctual_lights(at: tuple[float, float, float], normal: tuple[float, float, float]) -> Vpls:
     """16 lights at one place, so that each pixel of an interleaved pattern has one."""
     return Vpls(
-        np.tile(np.array(at, np.float64), (16, 1)), np.tile(np.array(normal, np.float64), (16, 1)),
-        np.ones((16, 3)), np.full(16, 1e-4),
+        np.tile(np.array(at, np.float64), (16, 1)),
+        np.tile(np.array(normal, np.float64), (16, 1)),
+        np.ones((16, 3)),
+        np.full(16, 1e-4),
     )
 
 
@@ -61,22 +61,32 @@ def held_by(technique: MultiresSplat | VplSplat) -> NDArray[np.bool_]:
 
 
 def lit(
-    runtime: Runtime, kind: str, gbuffer: GBuffer, vpls: Vpls, scene: Scene | None,
-    visibility: bool = True, cells: int = CELLS,
+    runtime: Runtime,
+    kind: str,
+    gbuffer: GBuffer,
+    vpls: Vpls,
+    scene: Scene | None,
+    visibility: bool = True,
+    cells: int = CELLS,
 ) -> tuple[Doubles, Any]:
     """Return irradiance [rows, columns], and what made it."""
     device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers)
     device.upload(gbuffer)
     technique: Any
     if kind == "multires":
-        technique = MultiresSplat(runtime, gbuffer.size, MultiresSplatParams(
-            vpls=len(vpls), coarsest=1, light_error=0.0, visibility=visibility, grid=cells,
-        ))
+        technique = MultiresSplat(
+            runtime,
+            gbuffer.size,
+            MultiresSplatParams(vpls=len(vpls), coarsest=1, light_error=0.0, visibility=visibility, grid=cells),
+        )
     else:
-        technique = VplSplat(runtime, gbuffer.size, VplSplatParams(
-            vpls=len(vpls), cutoff=0.0, interleave=True, visibility=visibility, grid=cells,
-            blur_radius=0,
-        ))
+        technique = VplSplat(
+            runtime,
+            gbuffer.size,
+            VplSplatParams(
+                vpls=len(vpls), cutoff=0.0, interleave=True, visibility=visibility, grid=cells, blur_radius=0
+            ),
+        )
     solid = None if scene is None else device_scene(scene, runtime)
     return technique.run(device, vpls, scene=solid).download()[0].astype(np.float64), technique
 
@@ -104,13 +114,12 @@ def test_kernel_occupies_the_cells_of_the_reference(
             parts.append((corner, size * rng.standard_normal(3), size * rng.standard_normal(3)))
     # A sliver, a triangle seen edge-on along two axes, and one without area.
     parts += [
-        ((-1, 0.3, 0), (2, 0.001, 0.7), (0, 0.001, 0)), ((-1, 0.5, 0.5), (1, 0, 0), (0, 0.3, 0)),
+        ((-1, 0.3, 0), (2, 0.001, 0.7), (0, 0.001, 0)),
+        ((-1, 0.5, 0.5), (1, 0, 0), (0, 0.3, 0)),
         ((0, 0.5, 0), (1, 0, 0), (2, 0, 0)),
     ]
     scene = quads(*parts, shift=shift)
-    camera = Camera.look_at(
-        np.array([1.0, 2.0, 4.0]) + shift, np.array([0.1, 0.3, 0.0]) + shift, width=40, height=30
-    )
+    camera = Camera.look_at(np.array([1.0, 2.0, 4.0]) + shift, np.array([0.1, 0.3, 0.0]) + shift, width=40, height=30)
     gbuffer = drawn(scene, camera, runtime=variant_runtime)
     vpls = punctual_lights((shift, 1.0 + shift, shift), (0, -1, 0))
     _, technique = lit(variant_runtime, "multires", gbuffer, vpls, scene)
@@ -136,8 +145,7 @@ def test_holes_of_a_cut_out_texture_let_light_pass(runtime: Runtime) -> None:
     texture[:, 1, 3] = 0  # the half with u > 0.5: z > 0
     lid: Quad = ((-0.8, 0.5, -0.8), (1.6, 0, 0), (0, 0, 1.6))
     scene = textured_quads(
-        FLOOR, lid, textures=(texture,),
-        materials=[Material(), Material(texture=0, alpha_cutoff=0.5)],
+        FLOOR, lid, textures=(texture,), materials=[Material(), Material(texture=0, alpha_cutoff=0.5)]
     )
     floor = quads(FLOOR)
     gbuffer, vpls = from_above(floor, runtime), punctual_lights((0, 1.5, 0), (0, -1, 0))
@@ -146,10 +154,7 @@ def test_holes_of_a_cut_out_texture_let_light_pass(runtime: Runtime) -> None:
     x, z = floor_at(gbuffer)
     # The lid is at a third of the way down: its shadow is half as wide again.
     under, margin = np.abs(x) < 1.0, 6 * CELL
-    holes = {
-        side: (shadowed / free)[under & (np.abs(z) < 0.9) & (side * z > margin)].mean()
-        for side in (-1, 1)
-    }
+    holes = {side: (shadowed / free)[under & (np.abs(z) < 0.9) & (side * z > margin)].mean() for side in (-1, 1)}
     assert sorted(round(share, 6) for share in holes.values()) == [0.0, 1.0]
 
 
@@ -157,9 +162,7 @@ def test_holes_of_a_cut_out_texture_let_light_pass(runtime: Runtime) -> None:
 
 
 @pytest.mark.parametrize("kind", ["multires", "vpl"])
-def test_a_thin_wall_that_nobody_sees_shadows_the_floor_behind_it(
-    variant_runtime: Runtime, kind: str
-) -> None:
+def test_a_thin_wall_that_nobody_sees_shadows_the_floor_behind_it(variant_runtime: Runtime, kind: str) -> None:
     scene = quads(FLOOR, ((0, 0, -1), (0, 0.2, 0), (0, 0, 2)))
     gbuffer = from_above(scene, variant_runtime)
     vpls = punctual_lights((-0.6, 0.4, 0), (0.8, -0.6, 0))
@@ -182,9 +185,7 @@ def test_a_thin_wall_that_nobody_sees_shadows_the_floor_behind_it(
 @pytest.mark.parametrize("tilt", [0.0, 0.31])
 def test_light_passes_a_gap_of_two_cells(variant_runtime: Runtime, kind: str, tilt: float) -> None:
     half = CELL  # of the gap
-    parts: list[Quad] = [
-        ((0, 0, side * half), (0, 0.9, 0), (tilt, 0, side * 0.9)) for side in (-1, 1)
-    ]
+    parts: list[Quad] = [((0, 0, side * half), (0, 0.9, 0), (tilt, 0, side * 0.9)) for side in (-1, 1)]
     scene = quads(FLOOR, *parts)
     gbuffer = from_above(scene, variant_runtime)
     vpls = punctual_lights((-1.0, 0.5, 0), (1, 0, 0))
@@ -221,14 +222,9 @@ def test_a_box_under_a_plate_and_a_ceiling_above_the_camera_block_light(runtime:
     assert vpl_sum(runtime, gbuffer, vpls, None, every) > 0.0
 
 
-def vpl_sum(
-    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, scene: Scene | None, where: NDArray[np.bool_]
-) -> float:
+def vpl_sum(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, scene: Scene | None, where: NDArray[np.bool_]) -> float:
     """Return the light that both techniques find in a part of the image."""
-    return sum(
-        float(lit(runtime, kind, gbuffer, vpls, scene)[0][where].sum())
-        for kind in ("multires", "vpl")
-    )
+    return sum(float(lit(runtime, kind, gbuffer, vpls, scene)[0][where].sum()) for kind in ("multires", "vpl"))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.7])
@@ -246,8 +242,7 @@ def test_flat_and_tilted_planes_don_t_shadow_themselves(runtime: Runtime, height
 def test_scene_of_another_type_is_refused(runtime: Runtime) -> None:
     gbuffer = from_above(quads(FLOOR), runtime)
     with pytest.raises(TypeError, match=r"scene is int: expected a Scene"):
-        vpl_splat(gbuffer, [], scene=3, interleave=True, visibility=True,
-            runtime=runtime)  # type: ignore[arg-type]
+        vpl_splat(gbuffer, [], scene=3, interleave=True, visibility=True, runtime=runtime)  # type: ignore[arg-type]
 
 
 def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> None:
@@ -257,8 +252,11 @@ def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> 
     corners = (middle + rng.normal(0.0, 0.03, (4000, 3, 3))).astype(np.float32)
     points = corners.reshape(-1, 3)
     scene = Scene(
-        positions=points, normals=np.zeros_like(points), uvs=np.zeros((len(points), 2), np.float32),
-        colors=np.ones_like(points), triangles=np.arange(12000, dtype=np.int32).reshape(-1, 3),
+        positions=points,
+        normals=np.zeros_like(points),
+        uvs=np.zeros((len(points), 2), np.float32),
+        colors=np.ones_like(points),
+        triangles=np.arange(12000, dtype=np.int32).reshape(-1, 3),
         material_ids=np.zeros(4000, np.int32),
     )
     grid = OccupancyGrid(runtime, 32, (1, 1))

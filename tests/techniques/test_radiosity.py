@@ -80,12 +80,9 @@ def two_squares(albedo: float, emission: float, side: int = 1, distance: float =
     """A square of side 1 that emits below a dark one that reflects."""
     low, below = tiled(side, 0.0, 1.0)
     high, above = tiled(side, distance, 1.0)
-    materials = (
-        Material(albedo=(0.0,) * 3, emission=(emission,) * 3), Material(albedo=(albedo,) * 3),
-    )
+    materials = (Material(albedo=(0.0,) * 3, emission=(emission,) * 3), Material(albedo=(albedo,) * 3))
     return meshed(
-        np.concatenate([low, high]), np.concatenate([below, above + len(low)]), materials,
-        np.repeat([0, 1], len(below)),
+        np.concatenate([low, high]), np.concatenate([below, above + len(low)]), materials, np.repeat([0, 1], len(below))
     )
 
 
@@ -146,11 +143,11 @@ def test_surfels_take_texture_and_holes() -> None:
     texels = np.full((2, 2, 4), 255, np.uint8)
     texels[:, 0] = (255, 0, 0, 0)  # the left half is a hole
     corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    plain = meshed(
-        corners, [[0, 1, 2], [0, 2, 3]], (Material(albedo=(0.5,) * 3, texture=-1),)
-    )
+    plain = meshed(corners, [[0, 1, 2], [0, 2, 3]], (Material(albedo=(0.5,) * 3, texture=-1),))
     cut = replace(
-        plain, uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), textures=(texels,),
+        plain,
+        uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
+        textures=(texels,),
         materials=(Material(albedo=(0.5,) * 3, texture=0, alpha_cutoff=0.5),),
     )
     made = scene_surfels(cut, 512)
@@ -187,10 +184,7 @@ def test_a_furnace_at_pixels(runtime: Runtime) -> None:
     camera = Camera.look_at((0.9, -0.2, 0.8), (-1, -0.4, -1), width=96, height=72)
     made = Radiosity(runtime, RadiosityParams(surfels=2048))
     lights = made.run(scene, ())
-    splat = MultiresSplat(
-        runtime, camera.size,
-        MultiresSplatParams(vpls=16, visibility=True, grid=128), surfels=4096,
-    )
+    splat = MultiresSplat(runtime, camera.size, MultiresSplatParams(vpls=16, visibility=True, grid=128), surfels=4096)
     seen = on_device(gbuffer(scene, camera, runtime=runtime), runtime)
     plane = splat.run(seen, scene=device_scene(scene, runtime), surfels=lights)
     image = plane.download()
@@ -224,8 +218,7 @@ def test_bounces_add_up(runtime: Runtime) -> None:
 
 
 def test_kernel_against_float64(every_variant: Runtime) -> None:
-    made = solved(every_variant, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),),
-                  surfels=128, bounces=3)
+    made = solved(every_variant, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),), surfels=128, bounces=3)
     device, surfels = made._device, made.surfels
     words = device._visible.download().view(np.uint32).reshape(-1, device._stride)
     number = np.arange(len(surfels))
@@ -238,8 +231,7 @@ def test_kernel_against_float64(every_variant: Runtime) -> None:
     exitance = math.pi * surfels.emission
     unit = max(math.pi * 2.0, 1.0)  # the brightest source, in which the kernel counts
     expected = radiosity_reference(
-        factors, sky[3], surfels.albedo, exitance, sky[:3].T * unit,
-        np.zeros_like(surfels.albedo), 3,
+        factors, sky[3], surfels.albedo, exitance, sky[:3].T * unit, np.zeros_like(surfels.albedo), 3
     )
     # Sums of a few hundred float32 terms.
     np.testing.assert_allclose(made.irradiance, expected, atol=2e-5 * scale)
@@ -248,8 +240,7 @@ def test_kernel_against_float64(every_variant: Runtime) -> None:
 def test_variants_are_bit_identical(runtime: Runtime, other_variant: Runtime) -> None:
     scene = two_squares(0.7, 2.0, side=3)
     lights = (Environment((1.0, 0.5, 0.2)), SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0))
-    one, other = (solved(variant, scene, lights, surfels=128) for variant in (runtime,
-        other_variant))
+    one, other = (solved(variant, scene, lights, surfels=128) for variant in (runtime, other_variant))
     np.testing.assert_array_equal(one.irradiance, other.irradiance)
 
 
@@ -281,13 +272,10 @@ def test_surfaces_in_a_narrow_gap_take_no_part(runtime: Runtime) -> None:
     closed = box(0.5, 1.0)
     plate, triangles = tiled(4, -0.984, 1.0)
     scene = meshed(
-        np.concatenate([closed.positions, plate]),
-        np.concatenate([closed.triangles, triangles + 8]), closed.materials,
+        np.concatenate([closed.positions, plate]), np.concatenate([closed.triangles, triangles + 8]), closed.materials
     )
     surfels = solved(runtime, scene, surfels=2048).surfels
-    beneath = (np.abs(surfels.position[:, [0, 2]]) < 0.45).all(axis=1) & (
-        surfels.position[:, 1] < -0.98
-    )
+    beneath = (np.abs(surfels.position[:, [0, 2]]) < 0.45).all(axis=1) & (surfels.position[:, 1] < -0.98)
     on_top = beneath & (surfels.position[:, 1] > -0.99) & (surfels.normal[:, 1] > 0.0)
     assert on_top.any()
     assert (beneath == on_top).all()
@@ -323,12 +311,8 @@ def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
 LEFT = SpotLight((-1.0, -0.2, 0.0), (0, -1, 0), 1.0, 3.0)
 
 
-@pytest.mark.parametrize(
-    ("scene", "lights"), [(two_rooms(), (LEFT,)), (two_rooms(4.0), ())], ids=["spot", "emission"]
-)
-def test_only_rooms_that_light_enters_have_surfels(
-    runtime: Runtime, scene: Scene, lights: tuple[Any, ...]
-) -> None:
+@pytest.mark.parametrize(("scene", "lights"), [(two_rooms(), (LEFT,)), (two_rooms(4.0), ())], ids=["spot", "emission"])
+def test_only_rooms_that_light_enters_have_surfels(runtime: Runtime, scene: Scene, lights: tuple[Any, ...]) -> None:
     made = solved(runtime, scene, lights, surfels=1024)
     assert (made.surfels.position[:, 0] + scene.origin[0] < 0.02).all()
     # As many as were asked for, in place of the half that lies on this side.
@@ -362,9 +346,7 @@ def test_the_sky_enters_no_closed_room(runtime: Runtime) -> None:
 def test_what_stands_outside_has_surfels_under_a_sky_alone(runtime: Runtime) -> None:
     closed, squares = box(0.5), two_squares(0.5, 0.0)
     corners = np.concatenate([closed.positions, squares.positions + np.float32([4, 0, 0])])
-    scene = meshed(
-        corners, np.concatenate([closed.triangles, squares.triangles + 8]), closed.materials
-    )
+    scene = meshed(corners, np.concatenate([closed.triangles, squares.triangles + 8]), closed.materials)
     spot = SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0)
     outside = [
         (solved(runtime, scene, lights).surfels.position[:, 0] + scene.origin[0] > 1.1).mean()
@@ -375,10 +357,7 @@ def test_what_stands_outside_has_surfels_under_a_sky_alone(runtime: Runtime) -> 
 
 
 def test_the_sky_reaches_what_nothing_covers(runtime: Runtime) -> None:
-    made = solved(
-        runtime, two_squares(0.5, 0.0), (Environment(2.0),), surfels=1024, bounces=1,
-        directions=256,
-    )
+    made = solved(runtime, two_squares(0.5, 0.0), (Environment(2.0),), surfels=1024, bounces=1, directions=256)
     surfels = made.surfels
     lower = (surfels.position[:, 1] < 0.5) & (surfels.normal[:, 1] > 0.0)
     area = surfels.area[lower]
@@ -397,8 +376,7 @@ def test_sky_directions_hold_all_of_the_sky() -> None:
     total = ((image[..., 0] + 0.3) * solid).sum()
     assert (parts * radiance[:, 0]).sum() == pytest.approx(total)
     polar, around = (3.5) * math.pi / rows, ((5.5) / columns - 0.5) * 2.0 * math.pi
-    sun = np.array([math.sin(polar) * math.sin(around), math.cos(polar),
-                    -math.sin(polar) * math.cos(around)])
+    sun = np.array([math.sin(polar) * math.sin(around), math.cos(polar), -math.sin(polar) * math.cos(around)])
     assert ways[radiance[:, 0].argmax()] @ sun > 0.99
 
 
@@ -442,7 +420,9 @@ def test_emission_can_be_left_to_others(runtime: Runtime) -> None:
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"bounces": 0}, "bounces"), ({"bounces": "many"}, "bounces"), ({"grid": 48}, "grid"),
+        ({"bounces": 0}, "bounces"),
+        ({"bounces": "many"}, "bounces"),
+        ({"grid": 48}, "grid"),
         ({"surfels": 3}, "surfels"),
     ],
 )
@@ -455,14 +435,14 @@ def test_triangles_in_another_order_keep_their_corners_and_holes(runtime: Runtim
     made = make_scene("terrace").scene
     order = np.random.default_rng(2).permutation(len(made.triangles))
     holes = np.array([m.has_holes for m in made.materials])
-    materials = tuple(
-        replace(m, texture=0, alpha_cutoff=0.5) if i % 2 else m
-        for i, m in enumerate(made.materials)
-    )
+    materials = tuple(replace(m, texture=0, alpha_cutoff=0.5) if i % 2 else m for i, m in enumerate(made.materials))
     texture = np.full((1, 1, 4), 255, np.uint8)
     scene = replace(
-        made, triangles=made.triangles[order], material_ids=made.material_ids[order],
-        materials=materials, textures=made.textures or (texture,),
+        made,
+        triangles=made.triangles[order],
+        material_ids=made.material_ids[order],
+        materials=materials,
+        textures=made.textures or (texture,),
     )
     assert not holes.all()
     near = StartTriangles.of(runtime, scene, device_scene(scene, runtime))
@@ -483,9 +463,7 @@ def test_starts_do_not_depend_on_the_order_of_triangles(runtime: Runtime) -> Non
     order first."""
     made = make_scene("workshop").scene
     order = np.random.default_rng(2).permutation(len(made.triangles))
-    shuffled = replace(
-        made, triangles=made.triangles[order], material_ids=made.material_ids[order]
-    )
+    shuffled = replace(made, triangles=made.triangles[order], material_ids=made.material_ids[order])
     assert device_scene(made, runtime).spread < SPREAD < device_scene(shuffled, runtime).spread
     device = DeviceSurfels(runtime, 128)
     surfels = scene_surfels(made, 2048, TriangleShares.of(made))

@@ -51,12 +51,7 @@ STANDARD_ERRORS = 3.0
 """The mean over an image is that many of its standard errors from the closed form, at most."""
 
 
-def closely(
-    a: NDArray[np.float32],
-    error: NDArray[np.float32],
-    expected: float | Doubles,
-    other: float = 0.0,
-) -> None:
+def closely(a: NDArray[np.float32], error: NDArray[np.float32], expected: float | Doubles, other: float = 0.0) -> None:
     """Assert that the mean of A is that of `expected`, within standard errors and `other`."""
     difference = float(np.mean(a.astype(np.float64) - expected))
     own = math.sqrt(float(np.sum(error.astype(np.float64) ** 2))) / a.size
@@ -80,9 +75,7 @@ def test_open_plane_is_open(weighting: str, radius: float, rng: np.random.Genera
 
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_half_of_the_sky_is_seen_beside_an_infinite_wall(weighting: str) -> None:
-    a, error = ray_ao(
-        quads(FLOOR, WALL), above(0.7), math.inf, 256, weighting=weighting, return_error=True
-    )
+    a, error = ray_ao(quads(FLOOR, WALL), above(0.7), math.inf, 256, weighting=weighting, return_error=True)
     closely(a, error, 0.5, other=1e-4)  # 0.7 / FAR
 
 
@@ -91,9 +84,7 @@ def test_half_of_the_sky_is_seen_beside_an_infinite_wall(weighting: str) -> None
 def test_wall_of_finite_height_hides_its_form_factor(weighting: str, distance: float) -> None:
     height = 1.1
     wall: Quad = ((0, 0, -FAR), (0, height, 0), (0, 0, 2 * FAR))
-    a, error = ray_ao(
-        quads(FLOOR, wall), above(distance), math.inf, 256, weighting=weighting, return_error=True
-    )
+    a, error = ray_ao(quads(FLOOR, wall), above(distance), math.inf, 256, weighting=weighting, return_error=True)
     # Infinitely long: the angle in the profile decides.
     if weighting == "cosine":
         hidden = 0.5 * (1.0 - distance / math.hypot(distance, height))
@@ -104,22 +95,16 @@ def test_wall_of_finite_height_hides_its_form_factor(weighting: str, distance: f
 
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_a_quarter_of_the_sky_is_seen_in_the_corner_of_three_planes(weighting: str) -> None:
-    a, error = ray_ao(
-        quads(FLOOR, WALL, SIDE), above(0.4, 0.9), math.inf, 256, weighting=weighting,
-        return_error=True,
-    )
+    a, error = ray_ao(quads(FLOOR, WALL, SIDE), above(0.4, 0.9), math.inf, 256, weighting=weighting, return_error=True)
     closely(a, error, 0.25, other=2e-4)  # (0.4 + 0.9) / FAR
 
 
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("attenuation", ["none", "linear", "quadratic"])
 @pytest.mark.parametrize("distance", [0.05, 0.3])
-def test_wall_within_the_radius_hides_half_a_cone(
-    weighting: str, attenuation: str, distance: float
-) -> None:
+def test_wall_within_the_radius_hides_half_a_cone(weighting: str, attenuation: str, distance: float) -> None:
     a, error = ray_ao(
-        quads(FLOOR, WALL), above(distance), 0.8, 256, weighting=weighting,
-        attenuation=attenuation, return_error=True,
+        quads(FLOOR, WALL), above(distance), 0.8, 256, weighting=weighting, attenuation=attenuation, return_error=True
     )
     hidden = hidden_by_wall(distance / 0.8, weighting, attenuation)
     closely(a, error, 1.0 - hidden, other=START / 0.8)
@@ -127,10 +112,7 @@ def test_wall_within_the_radius_hides_half_a_cone(
 
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_two_walls_within_the_radius_hide_two_half_cones_that_do_not_meet(weighting: str) -> None:
-    a, error = ray_ao(
-        quads(FLOOR, WALL, SIDE), above(0.6, 0.7), 0.8, 256, weighting=weighting,
-        return_error=True,
-    )
+    a, error = ray_ao(quads(FLOOR, WALL, SIDE), above(0.6, 0.7), 0.8, 256, weighting=weighting, return_error=True)
     # 0.6^2 + 0.7^2 > 0.8^2: no direction reaches both.
     hidden = sum(hidden_by_wall(h / 0.8, weighting, "none") for h in (0.6, 0.7))
     closely(a, error, 1.0 - hidden, other=START / 0.8)
@@ -151,14 +133,9 @@ CURVES: dict[str, Callable[[Doubles], Doubles]] = {
 @pytest.mark.parametrize("name", CURVES)
 def test_ceiling_hides_the_integral_of_its_attenuation(weighting: str, name: str) -> None:
     c = 0.4  # height of the ceiling in radii
-    room = quads(
-        ((-50, 0, -50), (0, 0, 100), (100, 0, 0)), ((-50, 0.2, -50), (100, 0, 0), (0, 0, 100))
-    )
+    room = quads(((-50, 0, -50), (0, 0, 100), (100, 0, 0)), ((-50, 0.2, -50), (100, 0, 0), (0, 0, 100)))
     attenuation: Any = CURVE if name == "values" else name
-    a, error = ray_ao(
-        room, above(0.0), 0.2 / c, 256, weighting=weighting, attenuation=attenuation,
-        return_error=True,
-    )
+    a, error = ray_ao(room, above(0.0), 0.2 / c, 256, weighting=weighting, attenuation=attenuation, return_error=True)
     # Over cos t, by the midpoint rule in 1e5 steps: exact to 1e-9.
     z = c + (1.0 - c) * (np.arange(100_000) + 0.5) / 100_000
     density = 2.0 * z if weighting == "cosine" else np.ones_like(z)
@@ -181,13 +158,10 @@ def test_sphere_above_a_plane_hides_its_form_factor(weighting: str, lift: float)
 def test_each_pixel_beside_a_wall_has_the_closed_form_of_its_distance() -> None:
     floor: Quad = ((0, 0, -9), (0, 0, 18), (9, 0, 0))
     wall: Quad = ((0, 0, -9), (0, 9, 0), (0, 0, 18))
-    camera = Camera.orthographic(
-        (0.5, 2, 0), (0.5, 0, 0), (0, 0, 1), view_height=0.9, width=48, height=48
-    )
+    camera = Camera.orthographic((0.5, 2, 0), (0.5, 0, 0), (0, 0, 1), view_height=0.9, width=48, height=48)
     a, error = ray_ao(quads(floor, wall), camera, 0.8, 1024, return_error=True)
     x = np.abs(camera.unproject(np.full(camera.size, 2.0, np.float32))[..., 0])
-    expected = [1.0 - hidden_by_wall(c, "cosine", "none") if c < 1.0 else 1.0
-                for c in x.ravel() / 0.8]
+    expected = [1.0 - hidden_by_wall(c, "cosine", "none") if c < 1.0 else 1.0 for c in x.ravel() / 0.8]
     off = a - np.reshape(expected, a.shape)
     np.testing.assert_array_equal(a[x > 0.8001], 1.0)
     # The largest of 2304 errors of pixels: 8 batches have heavier tails than a normal law.
@@ -213,9 +187,7 @@ def test_back_of_a_plane_is_open_too() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_rays_below_the_triangle_of_a_tilted_normal_are_blocked_at_distance_zero(
-    sign: float,
-) -> None:
+def test_rays_below_the_triangle_of_a_tilted_normal_are_blocked_at_distance_zero(sign: float) -> None:
     tilt = 0.6
     normal = sign * np.array([math.sin(tilt), math.cos(tilt), 0.0])
     corners = [(-5, 0, -5), (-5, 0, 5), (5, 0, 5), (5, 0, -5)]
@@ -251,14 +223,11 @@ def test_near_and_far_plane_bound_what_is_seen() -> None:
 @pytest.mark.parametrize("kind", ["perspective", "orthographic", "off-centre"])
 def test_surface_of_a_gbuffer_gives_what_primary_rays_give(kind: str, runtime: Runtime) -> None:
     scene = with_mesh(
-        quads(((-50, 0, -50), (0, 0, 100), (100, 0, 0))),
-        trimesh.creation.icosphere(subdivisions=2, radius=1.0),
+        quads(((-50, 0, -50), (0, 0, 100), (100, 0, 0))), trimesh.creation.icosphere(subdivisions=2, radius=1.0)
     )
     camera = Camera.look_at((2, 3, 4), (0, 0.3, 0), yfov=0.7, width=48, height=40)
     if kind == "orthographic":
-        camera = Camera.orthographic(
-            (2, 3, 4), (0, 0.3, 0), view_height=3.0, width=48, height=40
-        )
+        camera = Camera.orthographic((2, 3, 4), (0, 0.3, 0), view_height=3.0, width=48, height=40)
     if kind == "off-centre":
         projection = camera.projection.copy()
         projection[0, 2], projection[1, 2] = 0.4, -0.3
@@ -326,9 +295,7 @@ def test_stated_error_is_the_actual_error(rays: int, nearly_exact: NDArray[np.fl
     assert beyond < {16: 0.2, 64: 0.05, 256: 0.03}[rays]  # measured: 0.155, 0.034, 0.015
 
 
-def test_rays_that_need_not_tell_their_error_are_better_spread(
-    nearly_exact: NDArray[np.float32],
-) -> None:
+def test_rays_that_need_not_tell_their_error_are_better_spread(nearly_exact: NDArray[np.float32]) -> None:
     scene, camera = posts()
     split, _ = ray_ao(scene, camera, 1.0, 256, return_error=True)
     whole, unknown = RayAo(scene)(camera, 1.0, 256, estimate_error=False)
@@ -347,8 +314,7 @@ def test_stratified_rays_beat_independent_ones(nearly_exact: NDArray[np.float32]
 
 @pytest.mark.parametrize("target", [0.02, 0.008])
 def test_rays_stop_when_the_error_is_met(
-    target: float, nearly_exact: NDArray[np.float32], runtime: Runtime,
-    monkeypatch: pytest.MonkeyPatch,
+    target: float, nearly_exact: NDArray[np.float32], runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     traced = 0
     weights = RayAo._weights
@@ -384,9 +350,7 @@ def test_any_number_of_rays_is_at_most_used(rays: int, nearly_exact: NDArray[np.
     assert np.isfinite(error).all() == (rays > 1)
 
 
-def test_same_arguments_give_bit_identical_results_with_any_number_of_threads(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_same_arguments_give_bit_identical_results_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, camera = posts()
     first, error = ray_ao(scene, camera, 1.0, 64, attenuation="linear", return_error=True)
     monkeypatch.setattr(module, "threads", lambda: 1)
@@ -397,12 +361,8 @@ def test_same_arguments_give_bit_identical_results_with_any_number_of_threads(
 
 def test_results_of_different_seeds_are_independent(nearly_exact: NDArray[np.float32]) -> None:
     scene, camera = posts()
-    np.testing.assert_array_equal(
-        ray_ao(scene, camera, 1.0, 16, seed=5), ray_ao(scene, camera, 1.0, 16, seed=5)
-    )
-    np.testing.assert_array_equal(
-        ray_ao(scene, camera, 1.0, 16, seed=0), ray_ao(scene, camera, 1.0, 16)
-    )
+    np.testing.assert_array_equal(ray_ao(scene, camera, 1.0, 16, seed=5), ray_ao(scene, camera, 1.0, 16, seed=5))
+    np.testing.assert_array_equal(ray_ao(scene, camera, 1.0, 16, seed=0), ray_ao(scene, camera, 1.0, 16))
     off = np.stack([ray_ao(scene, camera, 1.0, 16, seed=i) for i in (0, 1, 2, 3, 2**62)])
     off = (off - nearly_exact)[:, (nearly_exact > 0.1) & (nearly_exact < 0.9)]
     correlation = np.corrcoef(off)[~np.eye(len(off), dtype=bool)]
@@ -442,9 +402,7 @@ def test_place_in_the_world_does_not_matter() -> None:
 def test_distance_of_the_eye_does_not_matter() -> None:
     scene, _ = posts()
     views = [
-        Camera.orthographic(
-            np.array([0.5, 2.0, 3.0]) * far, (0, 0, 0), view_height=3.0, width=48, height=36
-        )
+        Camera.orthographic(np.array([0.5, 2.0, 3.0]) * far, (0, 0, 0), view_height=3.0, width=48, height=36)
         for far in (2.0, 1e5)
     ]
     near, far = (ray_ao(scene, view, 1.0, 64) for view in views)

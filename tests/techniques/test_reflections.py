@@ -42,9 +42,12 @@ def quads(*parts: Sequence[Sequence[float]]) -> Scene:
     faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
     count = len(points)
     return Scene(
-        positions=np.asarray(points, np.float32), normals=np.zeros((count, 3), np.float32),
-        uvs=np.zeros((count, 2), np.float32), colors=np.ones((count, 3), np.float32),
-        triangles=np.asarray(faces, np.int32), material_ids=np.zeros(len(faces), np.int32),
+        positions=np.asarray(points, np.float32),
+        normals=np.zeros((count, 3), np.float32),
+        uvs=np.zeros((count, 2), np.float32),
+        colors=np.ones((count, 3), np.float32),
+        triangles=np.asarray(faces, np.int32),
+        material_ids=np.zeros(len(faces), np.int32),
         materials=(Material(),),
     )
 
@@ -56,14 +59,18 @@ FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
 def even(value: float) -> LightVolume:
     """Return a volume of surfaces that all send the same."""
     shape = (CELLS, CELLS, CELLS, FACES)
-    return LightVolume(
-        np.full(3, -HALF), 2.0 * HALF / CELLS, np.full((*shape, 3), value), np.ones(shape)
-    )
+    return LightVolume(np.full(3, -HALF), 2.0 * HALF / CELLS, np.full((*shape, 3), value), np.ones(shape))
 
 
 def added(
-    runtime: Runtime, gbuffer: GBuffer, radiance: Doubles, light: Doubles, environment: Environment,
-    *, blocks: Scene = FAR_AWAY, volume: LightVolume | None = None,
+    runtime: Runtime,
+    gbuffer: GBuffer,
+    radiance: Doubles,
+    light: Doubles,
+    environment: Environment,
+    *,
+    blocks: Scene = FAR_AWAY,
+    volume: LightVolume | None = None,
 ) -> NDArray[np.float32]:
     """Return what `Reflections` adds to radiance, [rows, columns, 3]."""
     device = on_device(gbuffer, runtime)
@@ -73,13 +80,18 @@ def added(
     occupancy = OccupancyGrid(runtime, CUBE, device.size)
     with runtime.frame():
         occupancy.fill_scene(DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF)
-        rays = VPL.pack({
-            **dict.fromkeys((name for name, _ in VPL.members), 0),
-            "per_unit": 1.0 / HALF, "lift": occupancy.lift,
-        })
+        rays = VPL.pack(
+            {**dict.fromkeys((name for name, _ in VPL.members), 0), "per_unit": 1.0 / HALF, "lift": occupancy.lift}
+        )
         Reflections(runtime, device.size).run(
-            device, planes[0], light=planes[1], lights=[environment], shadows=[None],
-            occupancy=occupancy, rays=rays, volume=volume or even(0.0),
+            device,
+            planes[0],
+            light=planes[1],
+            lights=[environment],
+            shadows=[None],
+            occupancy=occupancy,
+            rays=rays,
+            volume=volume or even(0.0),
         )
         after = planes[0].download()
     return np.moveaxis(after, 0, -1) - radiance.astype(np.float32)
@@ -96,15 +108,15 @@ def glossy(gbuffer: GBuffer, gloss: float, rng: np.random.Generator | None = Non
         specular[patches < 0.3] = 0.0
         exponent[patches > 0.6] = 7.0
     return replace(
-        gbuffer, albedo=np.full((*size, 3), 0.2, np.float32), specular=specular.astype(np.float32),
+        gbuffer,
+        albedo=np.full((*size, 3), 0.2, np.float32),
+        specular=specular.astype(np.float32),
         gloss=exponent.astype(np.float32),
     )
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_kernels_agree_with_the_reference(
-    variant_runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
+def test_kernels_agree_with_the_reference(variant_runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     """Of balls on a floor before an even sky, which nothing blocks but what is shown."""
     made = camera(kind, (45, 61))
     balls = [Ball((x, 0.1, z), 0.4) for x, z in ((-0.9, 0.2), (0.1, -0.5), (0.8, 0.6))]
@@ -140,9 +152,7 @@ def test_sky_is_averaged_over_the_lobe(runtime: Runtime) -> None:
         mean = 1.0 + 0.9 * lobes.axis[..., 1:2] * (gloss + 1.0) / (gloss + 2.0)
         inner = np.s_[4:-4, 4:-4]
         # 16 rays of a lobe 13 degrees wide, whose sky differs by .2 within; texels of 1.4 degrees.
-        np.testing.assert_allclose(
-            found[inner], (lobes.specular * mean)[inner], rtol=0.02 if gloss > 100 else 0.05
-        )
+        np.testing.assert_allclose(found[inner], (lobes.specular * mean)[inner], rtol=0.02 if gloss > 100 else 0.05)
 
 
 def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
@@ -162,8 +172,7 @@ def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     gbuffer = glossy(trace(made, planes), 2000.0)
     size = (*made.size, 3)
     found = added(
-        runtime, gbuffer, np.full(size, 3.0), np.zeros(size), Environment(1000.0), blocks=room,
-        volume=even(3.0),
+        runtime, gbuffer, np.full(size, 3.0), np.zeros(size), Environment(1000.0), blocks=room, volume=even(3.0)
     )
     assert gbuffer.specular is not None
     position = made.unproject(np.asarray(gbuffer.depth))
@@ -201,9 +210,7 @@ def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
     np.testing.assert_allclose(found[inner], expected[inner], rtol=0.03)
 
 
-def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(
-    runtime: Runtime,
-) -> None:
+def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(runtime: Runtime) -> None:
     """A ball close to the eye, in front of which no mirrored ray comes."""
     made = camera("perspective", (45, 61), eye=(0.0, 1.0, 4.0), target=(0.0, 0.6, 0.0))
     floor, ball = Plane((0, -0.3, 0), (0, 1, 0)), Ball((0.0, 1.0, 2.8), 0.25)
@@ -227,9 +234,7 @@ def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(
     assert (found[behind][:, 0] > 0.49).mean() > 0.9
 
 
-def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(
-    runtime: Runtime,
-) -> None:
+def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(runtime: Runtime) -> None:
     """A table before a bright wall: its underside, which is not seen, is dark in the floor."""
     made = camera("perspective", (60, 80), eye=(0.0, 1.1, 3.5), target=(0.0, 0.4, 0.0))
     wall, floor = Plane((0, 0, -1.5), (0, 0, 1)), Plane((0, -0.3, 0), (0, 1, 0))
@@ -240,9 +245,11 @@ def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(
     table &= depth < np.asarray(seen[0].depth)
     gbuffer = glossy(
         GBuffer(
-            camera=made, depth=np.where(table, depth, seen[0].depth).astype(np.float32),
+            camera=made,
+            depth=np.where(table, depth, seen[0].depth).astype(np.float32),
             normal=np.where(table[..., None], (0.0, 1.0, 0.0), seen[0].normal).astype(np.float32),
-        ), 2000.0,
+        ),
+        2000.0,
     )
     position = made.unproject(np.asarray(gbuffer.depth))
     on_wall = position[..., 2] < -1.4
@@ -255,9 +262,7 @@ def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(
     # Floor points whose mirrored view ray crosses the table's plane within the table.
     eye = made.position
     to = position - eye
-    crossing = position + to * np.array((1, -1, 1)) * (
-        (0.6 - position[..., 1:2]) / -to[..., 1:2]
-    )
+    crossing = position + to * np.array((1, -1, 1)) * ((0.6 - position[..., 1:2]) / -to[..., 1:2])
     is_floor = (position[..., 1] < -0.25) & ~on_wall
     under = is_floor & (np.abs(crossing[..., 0]) < 0.8) & (np.abs(crossing[..., 2]) < 0.7)
     beside = is_floor & (np.abs(crossing[..., 0]) > 1.4) & (position[..., 2] < -0.5)

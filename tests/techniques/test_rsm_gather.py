@@ -69,15 +69,16 @@ def box_map(kind: str = "spot", size: int = 33) -> ReflectiveShadowMap:
     return rsm(scene_, LIGHTS[kind], size=size, runtime=Runtime.open())
 
 
-def texel(
-    *, flux: float = 2.0, distance: float = 1.0, cone: float = 0.5, size: int = 1
-) -> ReflectiveShadowMap:
+def texel(*, flux: float = 2.0, distance: float = 1.0, cone: float = 0.5, size: int = 1) -> ReflectiveShadowMap:
     """Return what a light at the origin that looks down -z sees of a wall: `size`^2 texels."""
     seen = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=2.0 * cone, width=size, height=size)
     depth = np.full((size, size), distance, np.float32)
     return ReflectiveShadowMap(
-        light=SpotLight((0, 0, 0), (0, 0, -1), cone, 1.0), camera=seen, depth=depth,
-        position=seen.unproject(depth), normal=np.broadcast_to([0.0, 0.0, 1.0], (size, size, 3)),
+        light=SpotLight((0, 0, 0), (0, 0, -1), cone, 1.0),
+        camera=seen,
+        depth=depth,
+        position=seen.unproject(depth),
+        normal=np.broadcast_to([0.0, 0.0, 1.0], (size, size, 3)),
         flux=np.full((size, size, 3), flux),
     )
 
@@ -85,9 +86,7 @@ def texel(
 def facing(distance: float, size: tuple[int, int] = (1, 1), view_height: float = 1e-3) -> GBuffer:
     """Return a wall that faces -z and the wall of `texel`, the given distance from it."""
     z = -1.0 + distance
-    made = Camera.orthographic(
-        (0, 0, z - 1.0), (0, 0, z), view_height=view_height, width=size[1], height=size[0]
-    )
+    made = Camera.orthographic((0, 0, z - 1.0), (0, 0, z), view_height=view_height, width=size[1], height=size[0])
     normal = np.broadcast_to([0.0, 0.0, -1.0], (*size, 3))
     return GBuffer(camera=made, depth=np.ones(size), normal=normal)
 
@@ -139,8 +138,7 @@ def test_every_kernel_variant_gives_bit_identical_results(
     runtime: Runtime, variant_runtime: Runtime, gather_method: str
 ) -> None:
     a = rsm_gather(box(), box_map("point"), 40, runtime=runtime, **GATHER_METHODS[gather_method])
-    b = rsm_gather(box(), box_map("point"), 40, runtime=variant_runtime,
-        **GATHER_METHODS[gather_method])
+    b = rsm_gather(box(), box_map("point"), 40, runtime=variant_runtime, **GATHER_METHODS[gather_method])
     np.testing.assert_array_equal(a, b)
 
 
@@ -148,11 +146,9 @@ def test_every_kernel_variant_gives_bit_identical_results(
 
 
 @pytest.mark.parametrize("gather_method", ["flux", "rotated", "all", "every"])
-def test_several_maps_give_the_sum_of_their_light(variant_runtime: Runtime,
-    gather_method: str) -> None:
+def test_several_maps_give_the_sum_of_their_light(variant_runtime: Runtime, gather_method: str) -> None:
     maps = [box_map("spot"), box_map("point", 16), box_map("directional")]
-    each = [rsm_gather(box(), seen, 60, runtime=variant_runtime,
-        **GATHER_METHODS[gather_method]) for seen in maps]
+    each = [rsm_gather(box(), seen, 60, runtime=variant_runtime, **GATHER_METHODS[gather_method]) for seen in maps]
     e = rsm_gather(box(), maps, 60, runtime=variant_runtime, **GATHER_METHODS[gather_method])
     # Sums of three float32; "every" may leave another pixel to interpolation with no error.
     off = np.abs(e - sum(each)) > 1e-5 * (e + e.mean())
@@ -172,8 +168,7 @@ def test_maps_that_change_places_are_told_apart(runtime: Runtime) -> None:
     one, other = box_map("spot"), box_map("directional")
     first = technique(box(), [one, other])
     np.testing.assert_allclose(technique(box(), [other, one]), first, rtol=1e-5, atol=1e-6)
-    np.testing.assert_array_equal(technique(box(), other), rsm_gather(box(), other,
-                                                                      runtime=runtime))
+    np.testing.assert_array_equal(technique(box(), other), rsm_gather(box(), other, runtime=runtime))
 
 
 # ---- formulas
@@ -207,7 +202,8 @@ def test_surfaces_that_face_away_get_and_give_nothing(runtime: Runtime) -> None:
     assert not rsm_gather(behind, texel(), 1, runtime=runtime).any()
     away = GBuffer(
         camera=Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=1.0, width=3, height=3),
-        depth=np.full((3, 3), 0.5), normal=np.broadcast_to([0.0, 0.0, 1.0], (3, 3, 3)),
+        depth=np.full((3, 3), 0.5),
+        normal=np.broadcast_to([0.0, 0.0, 1.0], (3, 3, 3)),
     )
     assert not rsm_gather(away, texel(), 1, runtime=runtime).any()
 
@@ -230,15 +226,10 @@ def test_nothing_is_brighter_than_discs_allow(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("light", slow_but(LIGHTS, "spot"))
 @pytest.mark.parametrize("pattern", ["fixed", "rotated", "flux"])
-def test_unbiased_samples_converge_to_the_sum_over_all_texels(
-    runtime: Runtime, light: str, pattern: str
-) -> None:
+def test_unbiased_samples_converge_to_the_sum_over_all_texels(runtime: Runtime, light: str, pattern: str) -> None:
     seen = box_map(light, 64)
     every = rsm_gather(box(), seen, pattern="all", runtime=runtime)
-    errors = [
-        relative(rsm_gather(box(), seen, n, pattern=pattern, runtime=runtime), every)
-        for n in (100, 6400, 65536)
-    ]
+    errors = [relative(rsm_gather(box(), seen, n, pattern=pattern, runtime=runtime), every) for n in (100, 6400, 65536)]
     # Well-spread points: the error falls by more than the root of the number. Measured: 0.14 to
     # 0.42, then 0.005 to 0.042, then 0.0009 to 0.01.
     assert errors[1] < 0.3 * errors[0]
@@ -249,9 +240,7 @@ def test_weights_of_a_pattern_add_up_to_what_it_covers() -> None:
     for weights in ("unbiased", "paper"):
         assert disk_pattern(400, weights)[:, 3].sum() == pytest.approx(math.pi)
         assert cap_pattern(400, weights, math.pi)[:, 3].sum() == pytest.approx(4.0 * math.pi)
-        assert cap_pattern(400, weights, 0.5)[:, 3].sum() == pytest.approx(
-            2.0 * math.pi * (1.0 - math.cos(0.5))
-        )
+        assert cap_pattern(400, weights, 0.5)[:, 3].sum() == pytest.approx(2.0 * math.pi * (1.0 - math.cos(0.5)))
     np.testing.assert_allclose(np.linalg.norm(cap_pattern(50, "paper", 1.0)[:, :3], axis=1), 1.0)
 
 
@@ -304,18 +293,17 @@ def test_points_of_the_square_are_well_spread() -> None:
 
 
 @pytest.mark.parametrize("light", ["spot", "directional"])
-@pytest.mark.parametrize(
-    "sizes", [(256, 512), pytest.param((256, 512, 1024, 2048), marks=pytest.mark.slow)], ids=str
-)
+@pytest.mark.parametrize("sizes", [(256, 512), pytest.param((256, 512, 1024, 2048), marks=pytest.mark.slow)], ids=str)
 def test_irradiance_does_not_depend_on_the_maps_resolution(
     runtime: Runtime, light: str, sizes: tuple[int, ...]
 ) -> None:
     small = box(12, 9)
     means = [
         rsm_gather(
-            small, rsm(BUILTIN_SCENES["cornell_box"]().scene, LIGHTS[light], size=size,
-                       runtime=runtime),
-            pattern="all", runtime=runtime,
+            small,
+            rsm(BUILTIN_SCENES["cornell_box"]().scene, LIGHTS[light], size=size, runtime=runtime),
+            pattern="all",
+            runtime=runtime,
         ).mean()
         for size in sizes
     ]
@@ -333,8 +321,7 @@ def test_the_cornell_box_has_the_light_that_mitsuba_traces_through_walls(
     small = box(48, 36)
     truth = one_bounce(view.scene, small.camera, [light], 256, visibility=False).mean
     seen = rsm(view.scene, light, size=512, runtime=runtime)
-    for gather_method in ({"pattern": "all"}, {"samples": 4096},
-        {"samples": 4096, "pattern": "fixed"}):
+    for gather_method in ({"pattern": "all"}, {"samples": 4096}, {"samples": 4096, "pattern": "fixed"}):
         e = rsm_gather(small, seen, runtime=runtime, **gather_method)
         np.testing.assert_allclose(e.mean(axis=(0, 1)), truth.mean(axis=(0, 1)), rtol=0.02)
 
@@ -342,12 +329,8 @@ def test_the_cornell_box_has_the_light_that_mitsuba_traces_through_walls(
 @pytest.mark.parametrize("albedo", [0.0, 1.0])
 def test_black_walls_reflect_nothing_and_white_ones_all(runtime: Runtime, albedo: float) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
-    painted = replace(
-        view.scene, materials=tuple(replace(m, albedo=(albedo,) * 3) for m in view.scene.materials)
-    )
-    e = rsm_gather(
-        box(), rsm(painted, LIGHTS["spot"], size=32, runtime=runtime), runtime=runtime
-    )
+    painted = replace(view.scene, materials=tuple(replace(m, albedo=(albedo,) * 3) for m in view.scene.materials))
+    e = rsm_gather(box(), rsm(painted, LIGHTS["spot"], size=32, runtime=runtime), runtime=runtime)
     assert np.isfinite(e).all()
     assert e.any() == bool(albedo)
 
@@ -356,18 +339,17 @@ def test_a_scene_far_from_the_origin_looks_like_one_there(runtime: Runtime) -> N
     results = []
     for shift in (0.0, 1e6):
         seen = texel(size=16)
-        there = Camera.look_at(
-            (shift, 0, 0), (shift, 0, -max(1.0, shift)), yfov=1.0, width=16, height=16
-        )
+        there = Camera.look_at((shift, 0, 0), (shift, 0, -max(1.0, shift)), yfov=1.0, width=16, height=16)
         moved = replace(
-            seen, camera=there, light=SpotLight((shift, 0, 0), (0, 0, -1), 0.5, 1.0),
+            seen,
+            camera=there,
+            light=SpotLight((shift, 0, 0), (0, 0, -1), 0.5, 1.0),
             position=there.unproject(np.asarray(seen.depth)),
         )
         eye = (shift + 0.5, 0.5, -3.0)
         made = Camera.look_at(eye, np.add(eye, (0, 0, 1e6)), width=20, height=15)
         gbuffer = GBuffer(
-            camera=made, depth=np.full((15, 20), 3.5),
-            normal=np.broadcast_to([0.6, 0.0, -0.8], (15, 20, 3)),
+            camera=made, depth=np.full((15, 20), 3.5), normal=np.broadcast_to([0.6, 0.0, -0.8], (15, 20, 3))
         )
         results.append(rsm_gather(gbuffer, moved, 200, runtime=runtime))
     assert results[0].any()
@@ -377,9 +359,7 @@ def test_a_scene_far_from_the_origin_looks_like_one_there(runtime: Runtime) -> N
 # ---- at fewer pixels
 
 
-def test_pixels_of_the_finest_level_are_gathered_for_as_at_full_size(
-    variant_runtime: Runtime,
-) -> None:
+def test_pixels_of_the_finest_level_are_gathered_for_as_at_full_size(variant_runtime: Runtime) -> None:
     params = RsmGatherParams(samples=30, resolution="adaptive")
     technique = RsmGather(variant_runtime, box().size, params)
     e = technique(box(), box_map())
@@ -441,8 +421,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     variant_runtime: Runtime, gather_method: str
 ) -> None:
     runtime = variant_runtime
-    technique = RsmGather(runtime, box().size,
-        RsmGatherParams(samples=20, **GATHER_METHODS[gather_method]))
+    technique = RsmGather(runtime, box().size, RsmGatherParams(samples=20, **GATHER_METHODS[gather_method]))
     gbuffer = DeviceGBuffer(runtime, box().size)
     gbuffer.upload(box())
     light = on_device_rsm(box_map(), runtime)
@@ -467,9 +446,7 @@ def test_what_depends_on_the_map_alone_is_made_when_it_changes(runtime: Runtime)
     assert "rsm pick" in passes(one)
     assert "rsm pick" not in passes(one)
     assert "rsm pick" in passes(other)
-    np.testing.assert_array_equal(
-        technique(box(), light), rsm_gather(box(), other, runtime=runtime)
-    )
+    np.testing.assert_array_equal(technique(box(), light), rsm_gather(box(), other, runtime=runtime))
 
 
 def test_result_is_written_to_the_given_array(runtime: Runtime) -> None:
@@ -494,11 +471,9 @@ def _empty(seen: ReflectiveShadowMap) -> ReflectiveShadowMap:
 @pytest.mark.parametrize("light", ["spot", "point"])
 @pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_a_map_without_light_gives_none(
-    runtime: Runtime, change: Callable[[ReflectiveShadowMap], ReflectiveShadowMap], light: str,
-    gather_method: str,
+    runtime: Runtime, change: Callable[[ReflectiveShadowMap], ReflectiveShadowMap], light: str, gather_method: str
 ) -> None:
-    e = rsm_gather(box(), change(box_map(light)), 30, runtime=runtime,
-        **GATHER_METHODS[gather_method])
+    e = rsm_gather(box(), change(box_map(light)), 30, runtime=runtime, **GATHER_METHODS[gather_method])
     assert not e.any()
 
 
@@ -513,15 +488,12 @@ def test_maps_of_one_texel_a_face(runtime: Runtime, light: str, gather_method: s
 
 @pytest.mark.parametrize("factor", [1e-12, 1e6, 1e20])
 @pytest.mark.parametrize("gather_method", GATHER_METHODS)
-def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float,
-    gather_method: str) -> None:
+def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float, gather_method: str) -> None:
     seen = box_map()
     brighter = replace(seen, flux=np.asarray(seen.flux, np.float64) * factor)
     one = rsm_gather(box(), seen, 30, runtime=runtime, **GATHER_METHODS[gather_method])
     other = rsm_gather(box(), brighter, 30, runtime=runtime, **GATHER_METHODS[gather_method])
-    np.testing.assert_allclose(
-        other.astype(np.float64) / factor, one, rtol=1e-3, atol=1e-4 * one.mean()
-    )
+    np.testing.assert_allclose(other.astype(np.float64) / factor, one, rtol=1e-3, atol=1e-4 * one.mean())
 
 
 @pytest.mark.parametrize("gather_method", GATHER_METHODS)
@@ -529,13 +501,11 @@ def test_texels_a_million_times_brighter_than_others(runtime: Runtime, gather_me
     seen = box_map()
     flux = np.asarray(seen.flux).copy()
     flux[16, 16] *= 1e6
-    e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime,
-        **GATHER_METHODS[gather_method])
+    e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **GATHER_METHODS[gather_method])
     assert np.isfinite(e).all()
     flux[16, 16] = 3e38
     assert np.isfinite(
-        rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime,
-        **GATHER_METHODS[gather_method])
+        rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **GATHER_METHODS[gather_method])
     ).all()
 
 
@@ -605,9 +575,7 @@ def test_faces_in_another_order_suit_flux_but_no_disk(runtime: Runtime) -> None:
         return np.concatenate([np.split(np.asarray(getattr(seen, name)), 6)[i] for i in order])
 
     names = ("depth", "position", "normal", "flux")
-    other = replace(
-        seen, camera=tuple(seen.cameras[i] for i in order), **{n: shuffled(n) for n in names}
-    )
+    other = replace(seen, camera=tuple(seen.cameras[i] for i in order), **{n: shuffled(n) for n in names})
     with pytest.raises(ValueError, match=r"has 6 faces: expected one, or the six of rasterize.rsm"):
         rsm_gather(box(), other, pattern="fixed", runtime=runtime)
     a, b = (rsm_gather(box(), m, pattern="all", runtime=runtime) for m in (seen, other))

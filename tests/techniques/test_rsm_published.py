@@ -21,9 +21,7 @@ from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublished
 from .analytic import CAMERAS, camera, scene, slow_but
 from .test_rsm_gather import LIGHTS, box, box_map, facing, relative, texel
 
-SETTINGS = Settings(
-    samples=60, radius=0.4, offset=1.0, spacing=4, position_tolerance=2.0, normal_tolerance=0.2
-)
+SETTINGS = Settings(samples=60, radius=0.4, offset=1.0, spacing=4, position_tolerance=2.0, normal_tolerance=0.2)
 REFERENCE = 1e-4
 """Relative to the mean and the pixel; measured 4e-6 at most, 2e-7 in the median."""
 FLIPS = 2e-3
@@ -50,7 +48,8 @@ def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
 @pytest.mark.parametrize(
     "change",
     [
-        {"radius": 1.5, "spacing": 3}, pytest.param({}, marks=pytest.mark.slow),
+        {"radius": 1.5, "spacing": 3},
+        pytest.param({}, marks=pytest.mark.slow),
         pytest.param({"spacing": 1}, marks=pytest.mark.slow),
     ],
     ids=str,
@@ -77,9 +76,7 @@ def test_the_reference_is_met_in_every_camera_and_with_a_margin(
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 1), (3, 17), (9, 16)], ids=str)
-def test_images_of_any_size(
-    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
-) -> None:
+def test_images_of_any_size(variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]) -> None:
     gbuffer = scene("corner", camera(size=size), rng)
     e, _ = gathered(variant_runtime, gbuffer, box_map(), SETTINGS)
     wanted, _ = rsm_published_reference(gbuffer, [box_map()], SETTINGS)
@@ -117,23 +114,15 @@ def test_lights_move_along_minus_their_normal(runtime: Runtime) -> None:
     settings = replace(SETTINGS, offset=0.5, spacing=1, samples=1, radius=1e-3)
     e, _ = gathered(runtime, facing(0.25), texel(), settings)
     away = 0.25 + math.tan(0.5)
-    np.testing.assert_allclose(
-        e[0, 0], math.pi * 1e-6 * 2.0 / (math.pi * away**2), rtol=1e-5
-    )
+    np.testing.assert_allclose(e[0, 0], math.pi * 1e-6 * 2.0 / (math.pi * away**2), rtol=1e-5)
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_the_published_weights_do_not_converge_to_the_sum_over_all_texels(
-    runtime: Runtime, light: str
-) -> None:
+def test_the_published_weights_do_not_converge_to_the_sum_over_all_texels(runtime: Runtime, light: str) -> None:
     every = rsm_gather(box(), box_map(light, 64), pattern="all", runtime=runtime)
     few, many = (
         relative(
-            rsm_gather(
-                box(), box_map(light, 64), n, method="published", radius=1.5, spacing=1,
-                runtime=runtime,
-            ),
-            every,
+            rsm_gather(box(), box_map(light, 64), n, method="published", radius=1.5, spacing=1, runtime=runtime), every
         )
         for n in (6400, 65536)
     )
@@ -154,9 +143,7 @@ def test_a_plain_wall_is_interpolated_alone(runtime: Runtime) -> None:
     # Linear in rows and columns between pixels 8 apart, constant beyond the outermost ones.
     for axis in (0, 1):
         known = np.arange(4, every.shape[axis], 8)
-        every = np.apply_along_axis(
-            lambda line, at=known: np.interp(np.arange(len(line)), at, line[at]), axis, every
-        )
+        every = np.apply_along_axis(lambda line, at=known: np.interp(np.arange(len(line)), at, line[at]), axis, every)
     np.testing.assert_allclose(e, every, rtol=1e-5)
 
 
@@ -229,8 +216,6 @@ def test_an_empty_image_gets_nothing(runtime: Runtime) -> None:
     ],
     ids=str,
 )
-def test_bad_parameter_is_refused(
-    runtime: Runtime, params: dict[str, Any], message: str
-) -> None:
+def test_bad_parameter_is_refused(runtime: Runtime, params: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         rsm_gather(box(), box_map(), method="published", runtime=runtime, **params)

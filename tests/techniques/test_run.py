@@ -33,7 +33,9 @@ OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""
 NEEDED = {
     "Reflections": {"light", "lights", "shadows", "occupancy", "rays", "volume"},
-    "SampledLights": {"scene"}, "Upsample": {"reduced"}, "UpsampleBlur": {"reduced"},
+    "SampledLights": {"scene"},
+    "Upsample": {"reduced"},
+    "UpsampleBlur": {"reduced"},
     "ViewImportance": {"occupancy", "packed"},
 }
 """Arguments that are given by name and have no default."""
@@ -106,19 +108,36 @@ def test_former_orders_of_arguments_work_and_warn(runtime: Runtime, given: Input
     mapped = gi.Tonemap(runtime, size)
     for former, now, text in (
         (lambda: ssao.run(gbuffer, None), lambda: ssao.run(gbuffer), "run(gbuffer, tiles=tiles)"),
-        (lambda: gtao.run(gbuffer, None, 1), lambda: gtao.run(gbuffer, layers=1),
-         "Gtao.run(gbuffer, tiles, layers) is now run(gbuffer, tiles=tiles, layers=layers)"),
-        (lambda: blur.run(value, gbuffer), lambda: blur.run(gbuffer, value),
-         "Bilateral.run(value, gbuffer) is now run(gbuffer, value)"),
-        (lambda: blur.run(value, gbuffer, "b"), lambda: blur.run(gbuffer, value, name="b"),
-         "run(gbuffer, value, name=name)"),
-        (lambda: upsample.run(coarse, reduced, gbuffer),
-         lambda: upsample.run(gbuffer, coarse, reduced=reduced),
-         "Upsample.run(coarse, reduced, gbuffer) is now run(gbuffer, coarse, reduced=reduced)"),
-        (lambda: splat.run(gbuffer, None, maps), lambda: splat.run(gbuffer, rsms=maps),
-         "run(gbuffer, vpls, rsms=rsms)"),
-        (lambda: mapped.run(radiance, 0.5), lambda: mapped.run(radiance, exposure=0.5),
-         "Tonemap.run(radiance, exposure) is now run(radiance, exposure=exposure)"),
+        (
+            lambda: gtao.run(gbuffer, None, 1),
+            lambda: gtao.run(gbuffer, layers=1),
+            "Gtao.run(gbuffer, tiles, layers) is now run(gbuffer, tiles=tiles, layers=layers)",
+        ),
+        (
+            lambda: blur.run(value, gbuffer),
+            lambda: blur.run(gbuffer, value),
+            "Bilateral.run(value, gbuffer) is now run(gbuffer, value)",
+        ),
+        (
+            lambda: blur.run(value, gbuffer, "b"),
+            lambda: blur.run(gbuffer, value, name="b"),
+            "run(gbuffer, value, name=name)",
+        ),
+        (
+            lambda: upsample.run(coarse, reduced, gbuffer),
+            lambda: upsample.run(gbuffer, coarse, reduced=reduced),
+            "Upsample.run(coarse, reduced, gbuffer) is now run(gbuffer, coarse, reduced=reduced)",
+        ),
+        (
+            lambda: splat.run(gbuffer, None, maps),
+            lambda: splat.run(gbuffer, rsms=maps),
+            "run(gbuffer, vpls, rsms=rsms)",
+        ),
+        (
+            lambda: mapped.run(radiance, 0.5),
+            lambda: mapped.run(radiance, exposure=0.5),
+            "Tonemap.run(radiance, exposure) is now run(radiance, exposure=exposure)",
+        ),
     ):
         with pytest.warns(DeprecationWarning, match=re.escape(text)) as found:
             first = former()

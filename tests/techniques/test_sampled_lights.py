@@ -17,11 +17,7 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.sampled_lights import depth_map, sampled_lights_reference
-from ssgi_cl.techniques.sampled_lights import (
-    SampledLights,
-    SampledLightsParams,
-    sampled_lights,
-)
+from ssgi_cl.techniques.sampled_lights import SampledLights, SampledLightsParams, sampled_lights
 
 Doubles = NDArray[np.float64]
 
@@ -37,10 +33,13 @@ def _scene(*, inside_out: bool = False, origin: float = 0.0) -> Scene:
     if inside_out:
         triangles = triangles[:, ::-1]
     return Scene(
-        origin=np.full(3, origin), positions=points,
+        origin=np.full(3, origin),
+        positions=points,
         normals=np.tile(np.float32([0, 1, 0]), (8, 1)),
-        uvs=np.zeros((8, 2), np.float32), colors=np.ones((8, 3), np.float32),
-        triangles=triangles, material_ids=np.zeros(4, np.int32),
+        uvs=np.zeros((8, 2), np.float32),
+        colors=np.ones((8, 3), np.float32),
+        triangles=triangles,
+        material_ids=np.zeros(4, np.int32),
     )
 
 
@@ -55,8 +54,7 @@ def _sky(rng: np.random.Generator, rows: int = 16) -> Environment:
 
 def _exact(radiance: Any, normal: Doubles) -> Doubles:
     """The irradiance of a surface that nothing hides, by the midpoint rule."""
-    image = np.atleast_3d(np.asarray(radiance, np.float64).reshape(-1, 1, 3)
-                          if np.ndim(radiance) == 1 else radiance)
+    image = np.atleast_3d(np.asarray(radiance, np.float64).reshape(-1, 1, 3) if np.ndim(radiance) == 1 else radiance)
     image = np.repeat(image, max(1, 512 // image.shape[0]), 0)
     image = np.repeat(image, max(1, 1024 // image.shape[1]), 1)
     towards, omega = texels(*image.shape[:2])
@@ -64,15 +62,11 @@ def _exact(radiance: Any, normal: Doubles) -> Doubles:
     return weighted
 
 
-GRADIENT = np.repeat(
-    np.linspace(1.0, 0.0, 64)[:, None, None] * np.array([1.0, 2.0, 4.0]) + 0.05, 128, 1
-)
+GRADIENT = np.repeat(np.linspace(1.0, 0.0, 64)[:, None, None] * np.array([1.0, 2.0, 4.0]) + 0.05, 128, 1)
 
 
 @pytest.mark.parametrize("radiance", [np.ones(3), GRADIENT], ids=["constant", "gradient"])
-def test_directions_sum_to_the_irradiance_of_any_normal(
-    radiance: Doubles, rng: np.random.Generator
-) -> None:
+def test_directions_sum_to_the_irradiance_of_any_normal(radiance: Doubles, rng: np.random.Generator) -> None:
     towards, flux = sample_environments([Environment(radiance)], 128)
     assert towards.shape == flux.shape == (128, 3)
     np.testing.assert_allclose(np.linalg.norm(towards, axis=1), 1.0, rtol=1e-12)
@@ -136,14 +130,11 @@ def test_every_kernel_variant_agrees_with_the_numpy_reference(
     params = SampledLightsParams(directions=32, map_size=48, blur=0)
     for each in (runtime, variant_runtime):
         gbuffer = gi.rasterize.gbuffer(scene, _camera(origin), overscan=0.1, runtime=each)
-        made = sampled_lights(
-            gbuffer, [sky], scene=scene, directions=32, map_size=48, blur=0, runtime=each
-        )
+        made = sampled_lights(gbuffer, [sky], scene=scene, directions=32, map_size=48, blur=0, runtime=each)
         towards, flux = sample_environments([sky], params.count)
         views, diagonals = sample_views(towards, scene.bounds - scene.origin, params.map_size)
         wanted = sampled_lights_reference(
-            gbuffer, scene, towards, flux, views, diagonals, interleaved(params.count),
-            params.map_size,
+            gbuffer, scene, towards, flux, views, diagonals, interleaved(params.count), params.map_size
         )
         # A tap that compares alike depths may fall either way; other differences are roundings.
         off = np.abs(made - wanted).max(axis=-1) > 1e-3 * wanted.max()
@@ -160,9 +151,12 @@ def test_maps_have_the_depth_of_numpy_in_every_texel(
     points = np.zeros((300, 3), np.float32)
     points[triangles] = middle + size * rng.uniform(-1.0, 1.0, (100, 3, 3))
     scene = Scene(
-        positions=points, normals=np.tile(np.float32([0, 1, 0]), (300, 1)),
-        uvs=np.zeros((300, 2), np.float32), colors=np.ones((300, 3), np.float32),
-        triangles=triangles, material_ids=np.zeros(100, np.int32),
+        positions=points,
+        normals=np.tile(np.float32([0, 1, 0]), (300, 1)),
+        uvs=np.zeros((300, 2), np.float32),
+        colors=np.ones((300, 3), np.float32),
+        triangles=triangles,
+        material_ids=np.zeros(100, np.int32),
     )
     for each in (runtime, variant_runtime):
         device = DeviceGBuffer(each, _camera().size)
@@ -201,8 +195,7 @@ def test_an_open_floor_has_all_the_light_and_under_a_table_it_is_dark(runtime: R
     np.testing.assert_allclose(light[30:34, 30:34], unhidden, rtol=0.02)
     low = Camera.look_at((0.0, 0.4, 3.0), (0, 0.0, 0), (0, 1, 0), yfov=0.3, width=32, height=32)
     under = sampled_lights(
-        gi.rasterize.gbuffer(scene, low, runtime=runtime), [Environment(1.0)], scene=scene,
-        runtime=runtime,
+        gi.rasterize.gbuffer(scene, low, runtime=runtime), [Environment(1.0)], scene=scene, runtime=runtime
     )[..., 0]
     assert 0.1 < under[16, 16] / unhidden < 0.6
 
@@ -212,10 +205,7 @@ def test_inside_out_changes_nothing(runtime: Runtime) -> None:
     for inside_out in (False, True):
         scene = _scene(inside_out=inside_out)
         gbuffer = gi.rasterize.gbuffer(_scene(), _camera(), runtime=runtime)
-        images.append(
-            sampled_lights(gbuffer, [Environment(1.0)], scene=scene, directions=32,
-                           runtime=runtime)
-        )
+        images.append(sampled_lights(gbuffer, [Environment(1.0)], scene=scene, directions=32, runtime=runtime))
     np.testing.assert_allclose(images[0], images[1], atol=1e-5)
 
 
@@ -271,9 +261,7 @@ def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -
         )  # fmt: skip
         device = DeviceGBuffer(runtime, _camera().size)
         device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
-        technique = SampledLights(
-            runtime, device.size, SampledLightsParams(directions=16, map_size=61)
-        )
+        technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=61))
         with runtime.frame():
             technique.run(device, [Environment(1.0)], scene=scene)
         assert technique._maps is not None

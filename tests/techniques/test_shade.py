@@ -43,9 +43,7 @@ def painted(gbuffer: GBuffer, rng: np.random.Generator, *, emits: bool = True) -
     """Return the G-buffer with random albedo and emission."""
     shape = (*np.asarray(gbuffer.depth).shape[-2:], 3)
     return replace(
-        gbuffer,
-        albedo=rng.random(shape, np.float32),
-        emission=rng.random(shape, np.float32) if emits else None,
+        gbuffer, albedo=rng.random(shape, np.float32), emission=rng.random(shape, np.float32) if emits else None
     )
 
 
@@ -68,10 +66,7 @@ LIGHTS: dict[str, tuple[Light, ...]] = {
     "constant environment": (Environment((0.2, 0.4, 0.6)),),
     "image environment": (Environment(sky_image()),),
 }
-LIGHTS["all"] = (
-    *(light for lights in LIGHTS.values() for light in lights),
-    PointLight((-1.0, 0.5, 1.0), 0.5),
-)
+LIGHTS["all"] = (*(light for lights in LIGHTS.values() for light in lights), PointLight((-1.0, 0.5, 1.0), 0.5))
 
 
 # ---- against the float64 reference
@@ -80,10 +75,9 @@ LIGHTS["all"] = (
 @pytest.mark.parametrize(
     ("kind", "lights"),
     [  # every camera with all lights at once, and one with each by itself
-        pytest.param(
-            kind, name, marks=[pytest.mark.slow] * (name != "all" and kind != "perspective")
-        )
-        for kind in CAMERAS for name in LIGHTS
+        pytest.param(kind, name, marks=[pytest.mark.slow] * (name != "all" and kind != "perspective"))
+        for kind in CAMERAS
+        for name in LIGHTS
     ],
 )
 def test_kernel_agrees_with_reference_for_every_light_and_camera(
@@ -128,9 +122,7 @@ def test_every_kernel_variant_gives_bit_identical_results(
 # ---- formulas
 
 
-def test_plane_under_a_point_light_has_irradiance_i_cos_over_d_squared(
-    variant_runtime: Runtime,
-) -> None:
+def test_plane_under_a_point_light_has_irradiance_i_cos_over_d_squared(variant_runtime: Runtime) -> None:
     made = Camera.orthographic((0, 9, 0), (0, 0, 0), (0, 0, 1), view_height=8, width=64, height=48)
     gbuffer = white(trace(made, [Plane((0, 0, 0), (0, 1, 0))]))
     position = made.unproject(np.asarray(gbuffer.depth))
@@ -157,9 +149,7 @@ def test_spot_shines_within_its_cone_and_nowhere_else(variant_runtime: Runtime) 
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0])
-def test_directional_light_gives_its_irradiance_times_the_cosine(
-    variant_runtime: Runtime, degrees: float
-) -> None:
+def test_directional_light_gives_its_irradiance_times_the_cosine(variant_runtime: Runtime, degrees: float) -> None:
     made = camera("orthographic", (9, 20))
     plane = tilted(made, degrees, distance=100.0)
     light = DirectionalLight(made.view[2, :3] * -3.0, (5.0, 2.0, 1.0))
@@ -188,8 +178,7 @@ def test_back_of_a_surface_is_not_lit(runtime: Runtime) -> None:
     np.testing.assert_array_equal(shade(gbuffer, lights, runtime=runtime), 0.0)
 
 
-def test_no_light_at_all_leaves_emission(variant_runtime: Runtime,
-    rng: np.random.Generator) -> None:
+def test_no_light_at_all_leaves_emission(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = painted(scene("noisy", camera(), rng), rng)
     there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
     radiance = shade(gbuffer, [], runtime=variant_runtime)
@@ -224,10 +213,11 @@ def test_radiance_is_direct_plus_ao_times_ambient_plus_indirect_plus_emission(
         + shade(dull, [], indirect=indirect, runtime=variant_runtime)
         + np.asarray(gbuffer.emission)
     )
-    whole = shade(gbuffer, punctual_lights + skies, ao=ao, indirect=indirect,
-        runtime=variant_runtime)
+    whole = shade(gbuffer, punctual_lights + skies, ao=ao, indirect=indirect, runtime=variant_runtime)
     np.testing.assert_allclose(
-        whole[there[..., 0]], parts[there[..., 0]], rtol=1e-6  # four sums round by 2^-24
+        whole[there[..., 0]],
+        parts[there[..., 0]],
+        rtol=1e-6,  # four sums round by 2^-24
     )
 
 
@@ -239,9 +229,7 @@ def test_order_of_lights_does_not_matter(runtime: Runtime, rng: np.random.Genera
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
-def test_radiance_is_proportional_to_the_light(
-    runtime: Runtime, rng: np.random.Generator, factor: float
-) -> None:
+def test_radiance_is_proportional_to_the_light(runtime: Runtime, rng: np.random.Generator, factor: float) -> None:
     gbuffer = painted(scene("bumpy", camera(), rng), rng, emits=False)
     scaled: list[Light] = [
         SpotLight((0.5, 3.0, 1.0), (-0.1, -1.0, -0.4), 0.6, factor * np.array([3, 2, 1])),
@@ -256,11 +244,7 @@ def test_radiance_is_proportional_to_the_light(
 
 @pytest.mark.parametrize(
     "light",
-    [
-        SpotLight((0, 3, 0), (0, -1, 0), 0.5, 0),
-        PointLight((0, 3, 0), 0),
-        DirectionalLight((0, -1, 0), 0),
-    ],
+    [SpotLight((0, 3, 0), (0, -1, 0), 0.5, 0), PointLight((0, 3, 0), 0), DirectionalLight((0, -1, 0), 0)],
     ids=["spot", "point", "directional"],
 )
 def test_light_that_emits_nothing_is_skipped_with_a_reason(
@@ -292,9 +276,7 @@ def test_light_at_a_surface_point_gives_finite_radiance(variant_runtime: Runtime
             assert np.isfinite(shade(gbuffer, [light], runtime=variant_runtime)).all()
 
 
-def test_absurdly_bright_light_gives_finite_radiance(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_absurdly_bright_light_gives_finite_radiance(runtime: Runtime, rng: np.random.Generator) -> None:
     brightness = 1e30  # brighter lights are refused
     gbuffer = white(scene("noisy", camera(), rng))
     for light in (
@@ -306,9 +288,7 @@ def test_absurdly_bright_light_gives_finite_radiance(
         assert np.isfinite(shade(gbuffer, [light, light], runtime=runtime)).all()
 
 
-def test_scene_a_million_units_away_looks_the_same(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_scene_a_million_units_away_looks_the_same(runtime: Runtime, rng: np.random.Generator) -> None:
     shift = np.array([1e6, -1e6, 1e6])
     here = white(scene("corner", camera(), rng))
     there = white(scene("corner", camera(shift=shift), rng, shift=shift))
@@ -341,9 +321,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     np.testing.assert_array_equal(first, second)
 
 
-def test_result_of_one_call_does_not_leak_into_the_next(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_result_of_one_call_does_not_leak_into_the_next(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = painted(scene("bumpy", camera(), rng), rng)
     spot = shade(gbuffer, LIGHTS["spot"], runtime=runtime)
     size = gbuffer.size
@@ -368,8 +346,7 @@ def rsm_of(light: Any, cameras: Any) -> ReflectiveShadowMap:
     shape = (sum(c.height for c in faces), faces[0].width)
     zero = np.zeros((*shape, 3))
     return ReflectiveShadowMap(
-        light=light, camera=cameras, depth=np.full(shape, np.inf), position=zero, normal=zero,
-        flux=zero,
+        light=light, camera=cameras, depth=np.full(shape, np.inf), position=zero, normal=zero, flux=zero
     )
 
 
@@ -387,7 +364,8 @@ OBLONG = Camera.look_at((0, 3, 0.1), (0, 0, 0), width=4, height=6)
         ({"rsms": [np.ones((4, 4))]}, TypeError, r"rsms\[0\] is ndarray: expected a Reflective"),
         (
             {"rsms": [rsm_of(DirectionalLight((0, -1, 0), 1), SQUARE)]},
-            ValueError, r"rsms\[0\] is that of a DirectionalLight: expected.*a PointLight",
+            ValueError,
+            r"rsms\[0\] is that of a DirectionalLight: expected.*a PointLight",
         ),
         ({"rsms": [rsm_of(LAMP, SQUARE)]}, ValueError, r"rsms\[0\] has 1 cameras.*expected 6"),
         ({"rsms": [rsm_of(LAMP, (OBLONG,) * 6)]}, ValueError, r"rsms\[0\] has 6 cameras.*square"),
@@ -422,9 +400,13 @@ def test_another_environment_takes_the_place_of_the_last_one(runtime: Runtime) -
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), width=8, height=4)
     gbuffer = GBuffer(camera=camera, depth=np.full((4, 8), 2.0), albedo=np.ones((4, 8, 3)))
     bright, dim = Environment(2.0), Environment(0.5)
-    for lights, radiance in (([bright], 2.0), ([bright], 2.0), ([dim], 0.5), ([], 0.0),
-                             ([bright, dim], 2.5), ([bright], 2.0)):
+    for lights, radiance in (
+        ([bright], 2.0),
+        ([bright], 2.0),
+        ([dim], 0.5),
+        ([], 0.0),
+        ([bright, dim], 2.5),
+        ([bright], 2.0),
+    ):
         # A white surface under a constant sky has the sky's radiance; float32 rounds pi twice.
-        np.testing.assert_allclose(
-            shade(gbuffer, lights, runtime=runtime), radiance, rtol=1e-6, atol=0
-        )
+        np.testing.assert_allclose(shade(gbuffer, lights, runtime=runtime), radiance, rtol=1e-6, atol=0)

@@ -34,7 +34,8 @@ def glossy(gbuffer: GBuffer, rng: np.random.Generator, most: float = 60.0) -> GB
     size = np.asarray(gbuffer.depth).shape[-2:]
     matt = rng.random(size) < 0.2
     return replace(
-        gbuffer, albedo=rng.random((*size, 3), np.float32),
+        gbuffer,
+        albedo=rng.random((*size, 3), np.float32),
         specular=np.where(matt[..., None], 0.0, rng.random((*size, 3))).astype(np.float32),
         gloss=np.exp(rng.uniform(0.0, math.log(most), size)).astype(np.float32),
     )
@@ -46,9 +47,7 @@ def share_off(a: NDArray[np.float32], b: NDArray[np.float64], relative: float) -
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_kernel_agrees_with_reference(
-    variant_runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
+def test_kernel_agrees_with_reference(variant_runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     for name in ("corner", "bumpy"):
         drawn = scene(name, camera(kind, (21, 37)), rng, margin=(2, 3))
         gbuffer = glossy(drawn, rng)
@@ -65,10 +64,7 @@ def test_sharp_lobes_keep_their_precision(runtime: Runtime, rng: np.random.Gener
     made = Camera.orthographic((0, 9, 0), (0, 0, 0), (0, 0, 1), view_height=0.02, width=64,
                                height=48)  # fmt: skip
     plane = trace(made, [Plane((0, 0, 0), (0, 1, 0))])
-    gbuffer = replace(
-        plane, albedo=np.zeros((48, 64, 3)), specular=np.ones((48, 64, 3)),
-        gloss=np.full((48, 64), 1e6),
-    )
+    gbuffer = replace(plane, albedo=np.zeros((48, 64, 3)), specular=np.ones((48, 64, 3)), gloss=np.full((48, 64), 1e6))
     light = PointLight((0.0, 4.0, 0.0), 1.0)
     found = shade(gbuffer, [light], runtime=runtime)[..., 0]
     expected = shade_reference(gbuffer, [light])[..., 0]
@@ -78,9 +74,7 @@ def test_sharp_lobes_keep_their_precision(runtime: Runtime, rng: np.random.Gener
     np.testing.assert_allclose(found[seen], expected[seen], rtol=2e-3)
 
 
-def test_a_highlight_on_a_small_sphere_does_not_depend_on_where_pixels_fall(
-    runtime: Runtime,
-) -> None:
+def test_a_highlight_on_a_small_sphere_does_not_depend_on_where_pixels_fall(runtime: Runtime) -> None:
     """A ball of 12 pixels, of which a highlight of gloss 1000 is 1/10 of a pixel wide."""
     light = DirectionalLight((-0.4, -1.0, -0.7), 1.0)
     sums = []
@@ -89,8 +83,7 @@ def test_a_highlight_on_a_small_sphere_does_not_depend_on_where_pixels_fall(
                                    view_height=2.4, width=24, height=24)  # fmt: skip
         ball = trace(made, [Ball((0, 0, 0), 0.6)])
         gbuffer = replace(
-            ball, albedo=np.zeros((24, 24, 3)), specular=np.ones((24, 24, 3)),
-            gloss=np.full((24, 24), 1000.0),
+            ball, albedo=np.zeros((24, 24, 3)), specular=np.ones((24, 24, 3)), gloss=np.full((24, 24), 1000.0)
         )
         sums.append(float(shade(gbuffer, [light], runtime=runtime).sum()))
     # At 16 times the resolution it is 27, in all places; unwidened lobes give 0 to 247.

@@ -71,8 +71,7 @@ NAMES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @pytest.mark.parametrize("name", ["spot", "point", "directional"])
-def test_shadow_agrees_with_reference_on_every_kernel_variant(variant_runtime: Runtime,
-    name: str) -> None:
+def test_shadow_agrees_with_reference_on_every_kernel_variant(variant_runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     light = {
         "spot": made.lights[0],
@@ -93,10 +92,13 @@ def test_shadow_agrees_with_reference_on_every_kernel_variant(variant_runtime: R
     ("way", "kind"),
     [  # a point light by each face of its map, the others by two
         pytest.param(
-            way, kind, id=f"{kind}-{NAMES[number]}",
+            way,
+            kind,
+            id=f"{kind}-{NAMES[number]}",
             marks=[pytest.mark.slow] * (kind != "point" and number not in (0, 3)),
         )
-        for number, way in enumerate(WAYS) for kind in ("spot", "point", "directional")
+        for number, way in enumerate(WAYS)
+        for kind in ("spot", "point", "directional")
     ],
 )
 def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
@@ -114,9 +116,7 @@ def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
         "directional": DirectionalLight(way, 1.0),
     }[kind]
     rsm = gi.rasterize.rsm(made, light, size=256, runtime=runtime)  # type: ignore[arg-type]
-    viewer = Camera.orthographic(
-        shift + 1.5 * way, shift + 2.0 * way, v, view_height=0.06, width=400, height=12
-    )
+    viewer = Camera.orthographic(shift + 1.5 * way, shift + 2.0 * way, v, view_height=0.06, width=400, height=12)
     gbuffer = trace(viewer, [Plane(shift + 2.0 * way, -way)])
     factor, lit = shadow_factor(gbuffer, light, rsm, runtime)
     position = viewer.unproject(np.asarray(gbuffer.depth)) - shift
@@ -139,17 +139,19 @@ def test_shadow_of_a_half_plane_has_its_edge_where_geometry_puts_it(
 
 @pytest.mark.parametrize(
     "degrees",
-    [0.0, *(pytest.param(d, marks=pytest.mark.slow) for d in (20.0, 45.0)), 60.0,
-     pytest.param(75.0, marks=pytest.mark.slow), 85.0],
+    [
+        0.0,
+        *(pytest.param(d, marks=pytest.mark.slow) for d in (20.0, 45.0)),
+        60.0,
+        pytest.param(75.0, marks=pytest.mark.slow),
+        85.0,
+    ],
 )
 @pytest.mark.parametrize("kind", ["spot", "point", "directional"])
-def test_lit_plane_has_no_false_shadow_at_any_tilt(
-    runtime: Runtime, kind: str, degrees: float
-) -> None:
+def test_lit_plane_has_no_false_shadow_at_any_tilt(runtime: Runtime, kind: str, degrees: float) -> None:
     tilt = math.radians(degrees)
     for turn, shift in ((0.0, 0.0), (0.5, 0.0), (2.0, 1e6)):
-        n = np.array([math.sin(tilt) * math.cos(turn), math.cos(tilt),
-                      math.sin(tilt) * math.sin(turn)])
+        n = np.array([math.sin(tilt) * math.cos(turn), math.cos(tilt), math.sin(tilt) * math.sin(turn)])
         u = np.cross(n, [0.3, 0.2, 0.9])
         u /= np.linalg.norm(u)
         v = np.cross(n, u)
@@ -169,9 +171,7 @@ def test_lit_plane_has_no_false_shadow_at_any_tilt(
             "directional": DirectionalLight((0, -1, 0), 1.0),
         }[kind]
         rsm = gi.rasterize.rsm(made, light, size=256, runtime=runtime)  # type: ignore[arg-type]
-        viewer = Camera.look_at(
-            shift + 4.0 * n + 0.5 * u, np.full(3, shift), v, yfov=0.5, width=120, height=90
-        )
+        viewer = Camera.look_at(shift + 4.0 * n + 0.5 * u, np.full(3, shift), v, yfov=0.5, width=120, height=90)
         gbuffer = gi.rasterize.gbuffer(made, viewer, runtime=runtime)
         factor, lit = shadow_factor(gbuffer, light, rsm, runtime)
         assert lit.mean() > 0.5
@@ -182,8 +182,9 @@ def test_smooth_ball_of_flat_triangles_shadows_only_its_far_side(runtime: Runtim
     trimesh = pytest.importorskip("trimesh")
     mesh = trimesh.creation.icosphere(subdivisions=4)
     made = gi.rasterize.load_scene(mesh)
-    smooth = replace(made, normals=(made.positions / np.linalg.norm(
-        made.positions, axis=1, keepdims=True)).astype(np.float32))
+    smooth = replace(
+        made, normals=(made.positions / np.linalg.norm(made.positions, axis=1, keepdims=True)).astype(np.float32)
+    )
     light = DirectionalLight((-0.3, -1.0, -0.2), 1.0)
     rsm = gi.rasterize.rsm(smooth, light, size=512, runtime=runtime)
     viewer = Camera.look_at((2, 3, 3), (0, 0, 0), width=200, height=150)
@@ -234,10 +235,7 @@ def lit_by_ray(
         length = np.linalg.norm(to_light, axis=-1)
         way = to_light / length[:, None]
         length = length * (1.0 - 1e-3)
-    hit = rays.run(
-        start.astype(np.float32), way.astype(np.float32), dists=length.astype(np.float32),
-        query="OCCLUDED",
-    )
+    hit = rays.run(start.astype(np.float32), way.astype(np.float32), dists=length.astype(np.float32), query="OCCLUDED")
     return np.asarray(hit) < 0
 
 
@@ -251,9 +249,7 @@ BUILTIN_LIGHTS = [
 
 
 @pytest.mark.parametrize(("name", "index", "kind"), BUILTIN_LIGHTS)
-def test_shadow_is_that_of_rays_away_from_shadow_edges(
-    runtime: Runtime, name: str, index: int, kind: str
-) -> None:
+def test_shadow_is_that_of_rays_away_from_shadow_edges(runtime: Runtime, name: str, index: int, kind: str) -> None:
     built = BUILTIN_SCENES[name]()
     light = built.lights[index]
     assert not isinstance(light, Environment)
@@ -325,9 +321,12 @@ def test_reference_of_the_shadow_is_open_where_the_map_is_empty(rng: np.random.G
     position, normal, _ = world_surface(scene("corner", made, rng))
     square = Camera.look_at((0, 3, 0.1), (0, 0, 0), width=8, height=8)
     empty = ReflectiveShadowMap(
-        light=SpotLight((0, 3, 0.1), (0, -1, 0), 0.4, 1.0), camera=square,
-        depth=np.full((8, 8), np.inf), position=np.zeros((8, 8, 3)),
-        normal=np.zeros((8, 8, 3)), flux=np.zeros((8, 8, 3)),
+        light=SpotLight((0, 3, 0.1), (0, -1, 0), 0.4, 1.0),
+        camera=square,
+        depth=np.full((8, 8), np.inf),
+        position=np.zeros((8, 8, 3)),
+        normal=np.zeros((8, 8, 3)),
+        flux=np.zeros((8, 8, 3)),
     )
     np.testing.assert_array_equal(shadow_reference(empty, position, normal), 1.0)
 

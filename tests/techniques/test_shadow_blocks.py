@@ -76,9 +76,7 @@ def test_all_texels_of_a_block_lie_between_its_planes(
     for face, row, column in np.ndindex(2, *blocks.shape[2:]):
         block = blocks[face, :, row, column]
         if not face:
-            np.testing.assert_allclose(
-                block[2:], slopes(measured(depth[0], perspective), row, column), atol=1e-5
-            )
+            np.testing.assert_allclose(block[2:], slopes(measured(depth[0], perspective), row, column), atol=1e-5)
         off = offsets(measured(depth[face], perspective), block, row, column)
         assert block[0] == pytest.approx(off.max(), abs=1e-5)
         assert block[1] == pytest.approx(off.min(), abs=1e-5)
@@ -91,19 +89,26 @@ def test_frames_with_blocks_have_the_bits_of_those_without(runtime: Runtime, kin
     low, high = view.scene.bounds
     above = 0.5 * (low + high) + (high - low) * (0.1, 0.6, 0.1)
     light: gi.Light = (
-        gi.SpotLight(above, (0.3, -1.0, 0.1), 1.2, 50.0) if kind == "spot"
+        gi.SpotLight(above, (0.3, -1.0, 0.1), 1.2, 50.0)
+        if kind == "spot"
         else gi.DirectionalLight((0.9, -0.35, 0.2), 3.0)
     )
 
     def last(skips: bool, frames: int) -> NDArray[np.float32]:
         for step in range(4 - frames, 4):
             eye = np.add(view.eye, (0.01 * step, 0.0, 0.0))
-            camera = gi.Camera.look_at(
-                eye, view.target, view.up, yfov=view.yfov, width=80, height=60
-            )
+            camera = gi.Camera.look_at(eye, view.target, view.up, yfov=view.yfov, width=80, height=60)
             frame = gi.render(
-                view.scene, camera, [light], bounces=0, ao=False, shadow_size=128, skips=skips,
-                outputs=("radiance",), exposure=1.0, runtime=runtime,
+                view.scene,
+                camera,
+                [light],
+                bounces=0,
+                ao=False,
+                shadow_size=128,
+                skips=skips,
+                outputs=("radiance",),
+                exposure=1.0,
+                runtime=runtime,
             )
         return frame.radiance
 

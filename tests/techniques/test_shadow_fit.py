@@ -21,23 +21,11 @@ from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.rasterize.shadow_map import light_cameras
 from ssgi_cl.rasterize.view import device_scene, downloaded
 from ssgi_cl.reference.facets import facets_reference
-from ssgi_cl.reference.shade import (
-    direct_reference,
-    face_shadow_reference,
-    world_surface,
-)
+from ssgi_cl.reference.shade import direct_reference, face_shadow_reference, world_surface
 from ssgi_cl.techniques.shading.light_data import PunctualLight, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
-from ssgi_cl.techniques.shading.shadow_fit import (
-    ALL_PARTS,
-    GRID,
-    MOST_ZOOM,
-    PARTS,
-    Crop,
-    fitted,
-    parts,
-)
+from ssgi_cl.techniques.shading.shadow_fit import ALL_PARTS, GRID, MOST_ZOOM, PARTS, Crop, fitted, parts
 
 from .test_shade_shadows import boxes
 
@@ -61,10 +49,7 @@ def moved(step: float) -> Camera:
     """Return the street's camera that goes and turns."""
     forward = TARGET - EYE
     eye = EYE + 0.02 * step * forward
-    return Camera.look_at(
-        eye, eye + forward + (0.0, 0.0, 0.05 * step), yfov=STREET.yfov, width=SIZE[1],
-        height=SIZE[0],
-    )
+    return Camera.look_at(eye, eye + forward + (0.0, 0.0, 0.05 * step), yfov=STREET.yfov, width=SIZE[1], height=SIZE[0])
 
 
 def fractions(
@@ -86,9 +71,7 @@ def fractions(
 
 @pytest.mark.parametrize("light", LIGHTS, ids=lambda light: type(light).__name__)
 @pytest.mark.parametrize("step", [0.0, 3.0])
-def test_parts_hold_all_that_is_seen_with_the_filters_taps(
-    runtime: Runtime, light: PunctualLight, step: float
-) -> None:
+def test_parts_hold_all_that_is_seen_with_the_filters_taps(runtime: Runtime, light: PunctualLight, step: float) -> None:
     camera, size = moved(step), 64
     device, depths = seen_by(runtime, STREET.scene, camera)
     faces = light_cameras(light, STREET.scene.bounds, size)
@@ -105,8 +88,7 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(
         k = np.ones(len(points)) if face.is_orthographic else -view[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             column, row = (view[:, 0] / k - ox) / sx, (view[:, 1] / k - oy) / sy
-        inside = (k > 0) & (np.abs(column - size / 2) < size / 2) & (np.abs(row - size / 2)
-                                                                     < size / 2)
+        inside = (k > 0) & (np.abs(column - size / 2) < size / 2) & (np.abs(row - size / 2) < size / 2)
         shown |= inside
         for crop in crops:
             if crop.face != number:
@@ -115,7 +97,7 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(
             for at, zoom, first in ((column, crop.zoom_x, crop.left), (row, crop.zoom_y, crop.top)):
                 own = at * zoom - first
                 # Two texels on either side are read, but beyond the border of the face.
-                near &= (own >= (2.0 if first else 0.0))
+                near &= own >= (2.0 if first else 0.0)
                 near &= own <= size - (2.0 if first + size < zoom * size else 0.0)
             held |= near
     assert shown.any()
@@ -146,7 +128,7 @@ def test_parts_lie_on_a_grid_so_that_texels_stay_where_they_are(runtime: Runtime
 
 def test_the_camera_of_a_part_sees_its_texels_where_the_face_has_them() -> None:
     for light in (SUN, SPOT):
-        face, = light_cameras(light, STREET.scene.bounds, 40)
+        (face,) = light_cameras(light, STREET.scene.bounds, 40)
         crop = Crop(0, 4, 2, 70, 15)
         own = crop.camera(face)
         depth = np.full((40, 40), 3.0, np.float32)
@@ -171,8 +153,7 @@ def test_nothing_seen_and_lights_that_miss_it_have_a_map(runtime: Runtime) -> No
 
 
 @pytest.mark.parametrize("light", LIGHTS, ids=lambda light: type(light).__name__)
-def test_shadow_of_parts_agrees_with_the_reference(variant_runtime: Runtime,
-    light: PunctualLight) -> None:
+def test_shadow_of_parts_agrees_with_the_reference(variant_runtime: Runtime, light: PunctualLight) -> None:
     device, depths = seen_by(variant_runtime, STREET.scene, moved(0.0))
     size = 64
     maps = LightMaps(variant_runtime, size, flux=False)
@@ -182,8 +163,9 @@ def test_shadow_of_parts_agrees_with_the_reference(variant_runtime: Runtime,
     host = downloaded(device)
     position, normal, there = world_surface(host)
     known, facet = facets_reference(np.asarray(host.depth), normal, host.camera)
-    way = -np.asarray(light.direction) if isinstance(light, DirectionalLight) else (
-        np.asarray(light.position) - position)
+    way = (
+        -np.asarray(light.direction) if isinstance(light, DirectionalLight) else (np.asarray(light.position) - position)
+    )
     way = way / np.linalg.norm(way, axis=-1, keepdims=True)
     front = np.sum(facet * way, axis=-1)
     expected = np.where(known & (front < -1e-3), 0.0, 1.0)
@@ -218,19 +200,31 @@ def ball(columns: int) -> Scene:
     """Return a unit ball of flat triangles with the ball's normals."""
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     polar = np.linspace(0.0, math.pi, columns // 2 + 1)
-    points = np.stack([
-        np.outer(np.sin(polar), np.cos(angle)), np.outer(np.cos(polar), np.ones(columns + 1)),
-        np.outer(np.sin(polar), np.sin(angle)),
-    ], axis=-1).reshape(-1, 3).astype(np.float32)
+    points = (
+        np.stack(
+            [
+                np.outer(np.sin(polar), np.cos(angle)),
+                np.outer(np.cos(polar), np.ones(columns + 1)),
+                np.outer(np.sin(polar), np.sin(angle)),
+            ],
+            axis=-1,
+        )
+        .reshape(-1, 3)
+        .astype(np.float32)
+    )
     rows = [
         (a, b, c)
-        for j in range(columns // 2) for i in range(columns)
+        for j in range(columns // 2)
+        for i in range(columns)
         for k in [j * (columns + 1) + i]
         for a, b, c in ((k, k + 1, k + columns + 1), (k + 1, k + columns + 2, k + columns + 1))
     ]
     return Scene(
-        positions=points, normals=points, uvs=np.zeros((len(points), 2), np.float32),
-        colors=np.ones((len(points), 3), np.float32), triangles=np.array(rows, np.int32),
+        positions=points,
+        normals=points,
+        uvs=np.zeros((len(points), 2), np.float32),
+        colors=np.ones((len(points), 3), np.float32),
+        triangles=np.array(rows, np.int32),
         material_ids=np.zeros(len(rows), np.int32),
     )
 
@@ -263,9 +257,7 @@ def test_facets_that_turn_away_from_a_light_are_dark(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("turn", [2.4, math.pi, 4.0])
 @pytest.mark.parametrize("height", [0.05, 0.2, 0.6, 2.0])
-def test_a_lit_ground_has_no_false_shadow_and_boxes_touch_theirs(
-    runtime: Runtime, turn: float, height: float
-) -> None:
+def test_a_lit_ground_has_no_false_shadow_and_boxes_touch_theirs(runtime: Runtime, turn: float, height: float) -> None:
     # A box of 2 x 2 x 2 on a ground of 200 x 200, which one whole map shows with texels of .2.
     half = 100.0
     scene = boxes([((0.0, -0.5, 0.0), (half, 0.5, half)), ((0.0, 1.0, 0.0), (1.0, 1.0, 1.0))])
@@ -286,9 +278,7 @@ def test_a_lit_ground_has_no_false_shadow_and_boxes_touch_theirs(
     shaded = leaves > np.maximum(enters, 0.0)
     # Two pixels on either side of the shadow's edge don't count.
     padded = np.pad(shaded, 2, mode="edge")
-    near = np.stack([
-        padded[j : j + shaded.shape[0], i : i + shaded.shape[1]] for j in range(5) for i in range(5)
-    ])
+    near = np.stack([padded[j : j + shaded.shape[0], i : i + shaded.shape[1]] for j in range(5) for i in range(5)])
     assert (found[ground & ~near.any(axis=0)] > 0.999).all()
     assert (found[ground & near.all(axis=0)] < 0.5).mean() > 0.995
 
@@ -298,15 +288,17 @@ def test_facets_add_no_false_shadow_to_the_walls_of_a_room(runtime: Runtime) -> 
     scene = boxes([((0.0, 0.0, 0.0), (3.0, 2.0, 4.0))])
     camera = Camera.look_at((2.5, 1.5, 3.5), (-1.0, -0.5, -1.0), yfov=1.3, width=160, height=120)
     device, depths = seen_by(runtime, scene, camera)
-    lights = (PointLight((0.4, 0.9, -0.3), 5.0), PointLight((-2.9, -1.9, -3.8), 5.0),
-              SpotLight((0.0, 1.8, 0.0), (0.3, -1.0, -0.4), 1.1, 5.0))
+    lights = (
+        PointLight((0.4, 0.9, -0.3), 5.0),
+        PointLight((-2.9, -1.9, -3.8), 5.0),
+        SpotLight((0.0, 1.8, 0.0), (0.3, -1.0, -0.4), 1.1, 5.0),
+    )
     maps = LightMaps(runtime, 512, flux=False)
     shadows, _ = maps.draw(scene, lights, seen=depths.find(device))
     for light, shadow in zip(lights, shadows, strict=True):
         assert shadow is not None
         with_, without = (
-            fractions(runtime, device, light, replace(shadow, is_fitted=facets)) < 0.999
-            for facets in (True, False)
+            fractions(runtime, device, light, replace(shadow, is_fitted=facets)) < 0.999 for facets in (True, False)
         )
         assert with_.mean() < 0.01
         assert with_.sum() <= without.sum() + 20
@@ -373,18 +365,17 @@ def test_shadows_do_not_crawl(runtime: Runtime) -> None:
         # 240 x 320 pixels and 512 texels: edges of shadows and thin things, which are as long in
         # pixels as at any size, weigh more than in 600 x 800 pixels and 1024 texels. Percent of
         # the pixels, a third above what is measured: drivers round differently.
-        ("street-101", 1.2), ("terrain-101", 1.2), ("machine-100", 0.6),
+        ("street-101", 1.2),
+        ("terrain-101", 1.2),
+        ("machine-100", 0.6),
         pytest.param("hall", 1.5, marks=pytest.mark.slow),
         pytest.param("chambers-100", 0.3, marks=pytest.mark.slow),
     ],
 )
-def test_few_pixels_are_wrong_and_fewer_than_with_whole_maps(
-    runtime: Runtime, name: str, most: float
-) -> None:
+def test_few_pixels_are_wrong_and_fewer_than_with_whole_maps(runtime: Runtime, name: str, most: float) -> None:
     view = make_scene(name).views()[0]
     fit, all_ = (
-        [sum(errors.percent) for errors in
-         shadow_errors(view, runtime, (240, 320), map_size=512, fitted=fitted_)]
+        [sum(errors.percent) for errors in shadow_errors(view, runtime, (240, 320), map_size=512, fitted=fitted_)]
         for fitted_ in (True, False)
     )
     assert max(fit) < most
@@ -394,14 +385,10 @@ def test_few_pixels_are_wrong_and_fewer_than_with_whole_maps(
 def test_frames_use_fitted_maps(runtime: Runtime) -> None:
     camera = moved(0.0)
     device, depths = seen_by(runtime, STREET.scene, camera)
-    shadow = LightMaps(runtime, 64, flux=False).draw(
-        STREET.scene, [SUN], seen=depths.find(device)
-    )[0][0]
+    shadow = LightMaps(runtime, 64, flux=False).draw(STREET.scene, [SUN], seen=depths.find(device))[0][0]
     plane = PunctualLights(runtime, SIZE).run(device, [SUN], shadows=[shadow])
     assert plane is not None
-    frame = gi.render(
-        STREET.scene, camera, [replace(SUN)], bounces=0, ao=False, shadow_size=64, runtime=runtime
-    )
+    frame = gi.render(STREET.scene, camera, [replace(SUN)], bounces=0, ao=False, shadow_size=64, runtime=runtime)
     light = np.moveaxis(plane.download(), 0, -1)
     dark = np.isfinite(device.depth.download()[0]) & ~light.any(axis=-1)
     assert dark.any()

@@ -41,9 +41,7 @@ def test_texels_lie_where_directions_are_looked_up() -> None:
 
 
 @pytest.mark.parametrize("size", [(32, 64), (1, 1), (2, 4), (300, 700)])
-def test_filter_keeps_the_flux_of_any_image(
-    rng: np.random.Generator, size: tuple[int, int]
-) -> None:
+def test_filter_keeps_the_flux_of_any_image(rng: np.random.Generator, size: tuple[int, int]) -> None:
     environment = Environment(10.0 ** rng.uniform(-6.0, 6.0, (*size, 3)))
     kept = np.einsum("rcd,rc->d", filtered(np.asarray(environment.radiance)), directions()[1])
     np.testing.assert_allclose(kept, flux(environment), rtol=1e-9)
@@ -55,18 +53,14 @@ def test_sun_stays_where_it_is() -> None:
     way, solid_angle = directions()
     centre = np.einsum("rcd,rc,rc->d", way, look_up[..., 0], solid_angle)
     polar, azimuth = (10.5 / 32) * np.pi, (40.5 / 64 - 0.5) * 2.0 * np.pi
-    there = [
-        np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)
-    ]
+    there = [np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)]
     cosine = centre @ there / np.linalg.norm(centre)
     assert np.degrees(np.arccos(cosine)) < 1.0
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 55.0])
-def test_open_plane_receives_the_integral_over_its_hemisphere(
-    runtime: Runtime, kind: str, degrees: float
-) -> None:
+def test_open_plane_receives_the_integral_over_its_hemisphere(runtime: Runtime, kind: str, degrees: float) -> None:
     made = camera(kind, size=(32, 64))
     plane = tilted(made, degrees)
     gbuffer = trace(made, [plane])

@@ -21,9 +21,7 @@ def mean(image: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (8, 16), (64, 32), (512, 1024)], ids=str)
-def test_every_level_has_the_mean_of_the_sphere(
-    rng: np.random.Generator, size: tuple[int, int]
-) -> None:
+def test_every_level_has_the_mean_of_the_sphere(rng: np.random.Generator, size: tuple[int, int]) -> None:
     sky = rng.random((*size, 3)) ** 4
     images = levels(sky)
     assert images[0].shape[0] == min(size[0], MOST_ROWS)

@@ -74,9 +74,7 @@ def layered(made: Camera, margin: tuple[int, int] = (0, 0)) -> tuple[GBuffer, GB
     covered = np.asarray(front.depth) < np.asarray(behind.depth)
     assert 0.01 < covered.mean() < 0.5
     deeper = np.where(covered, behind.depth, np.inf).astype(np.float32)
-    both = GBuffer(
-        camera=made, depth=np.stack([np.asarray(front.depth), deeper]), normal=front.normal
-    )
+    both = GBuffer(camera=made, depth=np.stack([np.asarray(front.depth), deeper]), normal=front.normal)
     return front, both, behind
 
 
@@ -124,28 +122,28 @@ MANY: dict[str, dict[str, Any]] = {
 VARIANTS: list[tuple[str, dict[str, Any]]] = [
     *((name, choice) for name in SUBJECTS for choice in SHARED.values()),
     ("hbao", {"attenuation": 0.0, "angle_bias": 0.4}),
-    ("gtao", {  # XeGTAO's High
-        "falloff": 0.615, "radius": 0.73, "slices": 3, "taps": 3, "contrast": 2.2,
-    }),
+    (
+        "gtao",
+        {  # XeGTAO's High
+            "falloff": 0.615,
+            "radius": 0.73,
+            "slices": 3,
+            "taps": 3,
+            "contrast": 2.2,
+        },
+    ),
     ("gtao", {"falloff": 1.0, "thin_occluder": 0.7}),
     ("bitmask", {"sectors": "angle", "thickness": 0.1}),
     ("bitmask", {"thickness": 0.0}),
     ("bitmask", {"thickness": 1e3}),
 ]
-SLOW = [
-    pytest.param(name, choice, marks=pytest.mark.slow)
-    for name in SUBJECTS for choice in MANY.values()
-]
+SLOW = [pytest.param(name, choice, marks=pytest.mark.slow) for name in SUBJECTS for choice in MANY.values()]
 
 
 @pytest.mark.parametrize(("name", "choice"), [*VARIANTS, *SLOW], ids=str)
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
-    variant_runtime: Runtime,
-    rng: np.random.Generator,
-    name: str,
-    choice: dict[str, Any],
-    kind: str,
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, choice: dict[str, Any], kind: str
 ) -> None:
     subject = SUBJECTS[name]
     gbuffer = scene("bumpy", camera(kind, size=(31, 39)), rng)
@@ -171,7 +169,10 @@ SLOW_MARGINS = [("full", (0, 0)), ("full", (2, 7)), ("half", (0, 0)), ("quarter"
 @pytest.mark.parametrize(
     ("resolution", "margin"),
     [
-        ("full", (1, 2)), ("half", (1, 2)), ("half", (2, 7)), ("quarter", (0, 0)),
+        ("full", (1, 2)),
+        ("half", (1, 2)),
+        ("half", (2, 7)),
+        ("quarter", (0, 0)),
         ("quarter", (2, 7)),
         *(pytest.param(*choice, marks=pytest.mark.slow) for choice in SLOW_MARGINS),
     ],
@@ -190,11 +191,7 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_reference_at_every_reso
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime,
-    every_variant: Runtime,
-    rng: np.random.Generator,
-    subject: Subject,
-    name: str,
+    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, subject: Subject, name: str
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = subject.function(gbuffer, RADIUS, runtime=runtime)
@@ -231,9 +228,7 @@ def test_plane_is_exactly_open_at_any_tilt(
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_plane_with_rebuilt_normals_is_open_at_any_tilt(
-    runtime: Runtime, subject: Subject, kind: str
-) -> None:
+def test_plane_with_rebuilt_normals_is_open_at_any_tilt(runtime: Runtime, subject: Subject, kind: str) -> None:
     made = camera(kind)
     for degrees in TILTS:
         gbuffer = trace(made, [tilted(made, degrees)], normals=False)
@@ -275,8 +270,7 @@ def test_second_layer_shows_what_a_thing_near_the_eye_hides(
     # Joined, the surfaces of the bitmask break where they go from one layer to the next.
     single: dict[str, Any] = {"joined": False} if subject.kind is BitmaskAo else {}
     one, two, whole = (
-        subject.function(g, 1.0, blur_radius=0, runtime=variant_runtime, **single)
-        for g in (front, both, behind)
+        subject.function(g, 1.0, blur_radius=0, runtime=variant_runtime, **single) for g in (front, both, behind)
     )
     # The ball is farther away than the radius, so that only what it hides makes a difference.
     assert np.abs(one - whole)[seen].max() > 0.02
@@ -293,9 +287,7 @@ def test_second_layer_shows_what_a_thing_near_the_eye_hides(
     ],
     ids=str,
 )
-def test_empty_layers_change_nothing(
-    runtime: Runtime, name: str, choice: dict[str, Any]
-) -> None:
+def test_empty_layers_change_nothing(runtime: Runtime, name: str, choice: dict[str, Any]) -> None:
     subject = SUBJECTS[name]
     front, _, _ = layered(camera())
     depth = np.full((4, *front.size), np.inf, np.float32)
@@ -322,8 +314,9 @@ def test_margin_gives_what_a_larger_image_gives_inside(
     assert a.shape == made.size
     # The same pixels, but a camera whose numbers round differently.
     assert share_off(a, b, ROUNDING) <= FLIPS
-    bare = GBuffer(camera=made, depth=inner.inner(np.asarray(whole.depth)),
-                   normal=inner.inner(np.asarray(whole.normal)))
+    bare = GBuffer(
+        camera=made, depth=inner.inner(np.asarray(whole.depth)), normal=inner.inner(np.asarray(whole.normal))
+    )
     assert np.abs(a - subject.function(bare, RADIUS, blur_radius=0, runtime=runtime)).max() > 0.02
 
 
@@ -335,9 +328,7 @@ def test_limit_of_the_projected_radius_is_a_smaller_radius(
 ) -> None:
     gbuffer = scene("bumpy", made := camera("orthographic"), rng)
     unit_px = made.height / 4.0
-    limited = subject.function(
-        gbuffer, 1.0, max_radius_px=0.5 * unit_px, blur_radius=0, runtime=runtime
-    )
+    limited = subject.function(gbuffer, 1.0, max_radius_px=0.5 * unit_px, blur_radius=0, runtime=runtime)
     small = subject.function(gbuffer, 0.5, blur_radius=0, runtime=runtime)
     assert share_off(limited, small, ROUNDING) <= FLIPS
 
@@ -355,18 +346,14 @@ def test_radius_beyond_the_scene_sees_the_scene_and_no_more(
     runtime: Runtime, rng: np.random.Generator, subject: Subject, kind: str
 ) -> None:
     gbuffer = scene("bumpy", camera(kind), rng)
-    far, farther = (
-        subject.function(gbuffer, radius, blur_radius=0, runtime=runtime) for radius in (1e4, 1e8)
-    )
+    far, farther = (subject.function(gbuffer, radius, blur_radius=0, runtime=runtime) for radius in (1e4, 1e8))
     assert far.min() < 0.5
     # Nor does what is infinitely far away occlude, however large the radius.
     assert share_off(far, farther, ROUNDING) <= FLIPS
 
 
 @pytest.mark.parametrize("radius", [1e-30, 1e-6, 1e3, 1e6, 1e30])
-@pytest.mark.parametrize(
-    "kind", ["perspective", pytest.param("orthographic", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("kind", ["perspective", pytest.param("orthographic", marks=pytest.mark.slow)])
 def test_any_radius_gives_visibility_between_0_and_1(
     runtime: Runtime, rng: np.random.Generator, subject: Subject, radius: float, kind: str
 ) -> None:
@@ -392,9 +379,7 @@ def test_any_depths_give_visibility_between_0_and_1(
         depth[rng.random(made.size) < 0.1] = np.inf
         gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
         for radius in (1e-20, 1.0, 1e20):
-            a = subject.function(
-                gbuffer, radius, resolution=resolution, runtime=variant_runtime, **choice
-            )
+            a = subject.function(gbuffer, radius, resolution=resolution, runtime=variant_runtime, **choice)
             assert a.min() >= 0.0
             assert a.max() <= 1.0
 
@@ -421,9 +406,7 @@ def test_result_does_not_depend_on_the_unit_of_length(
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_scene_far_from_the_origin_looks_as_at_the_origin(
-    runtime: Runtime, subject: Subject, kind: str
-) -> None:
+def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, subject: Subject, kind: str) -> None:
     one, other = (
         subject.function(
             scene("bumpy", camera(kind, (31, 39), shift=s), np.random.default_rng(3), shift=s),
@@ -455,9 +438,7 @@ def test_empty_image_is_open(variant_runtime: Runtime, subject: Subject) -> None
             np.testing.assert_array_equal(a, 1.0)
 
 
-def test_pixels_with_nothing_are_open(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
+def test_pixels_with_nothing_are_open(runtime: Runtime, rng: np.random.Generator, subject: Subject) -> None:
     gbuffer = scene("noisy", camera(), rng)
     for resolution in ("full", "half"):
         a = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
@@ -478,14 +459,10 @@ def test_pattern_of_a_tile_spreads_angles_and_distances_evenly() -> None:
 
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_second_call_allocates_and_builds_nothing(
-    variant_runtime: Runtime, subject: Subject, resolution: str
-) -> None:
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, subject: Subject, resolution: str) -> None:
     _, both, _ = layered(camera())
     device = _uploaded(variant_runtime, both)
-    technique = subject.kind(
-        variant_runtime, both.size, subject.params(radius=RADIUS, resolution=resolution), layers=2
-    )
+    technique = subject.kind(variant_runtime, both.size, subject.params(radius=RADIUS, resolution=resolution), layers=2)
     first = technique.run(device).download()
     before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device).download()
@@ -503,9 +480,7 @@ def test_camera_may_change_its_kind_from_frame_to_frame(
         np.testing.assert_array_equal(a, subject.function(gbuffer, RADIUS, runtime=runtime))
 
 
-def test_result_is_written_to_the_given_array(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
+def test_result_is_written_to_the_given_array(runtime: Runtime, rng: np.random.Generator, subject: Subject) -> None:
     gbuffer = scene("corner", camera(), rng)
     technique = subject.kind(runtime, gbuffer.size, subject.params(radius=RADIUS))
     out = np.zeros(gbuffer.size, np.float32)
@@ -514,9 +489,7 @@ def test_result_is_written_to_the_given_array(
 
 
 def _uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    device = DeviceGBuffer(
-        runtime, gbuffer.size, margin=gbuffer.margin, layers=gbuffer.layers
-    )
+    device = DeviceGBuffer(runtime, gbuffer.size, margin=gbuffer.margin, layers=gbuffer.layers)
     device.upload(gbuffer)
     return device
 
@@ -525,9 +498,7 @@ def _uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
 
 
 @pytest.mark.parametrize("layers", [1, 2])
-def test_gbuffer_of_another_shape_is_refused(
-    runtime: Runtime, subject: Subject, layers: int
-) -> None:
+def test_gbuffer_of_another_shape_is_refused(runtime: Runtime, subject: Subject, layers: int) -> None:
     technique = subject.kind(runtime, (8, 8))
     gbuffer = DeviceGBuffer(runtime, (8, 8) if layers == 2 else (9, 8), layers=layers)
     with pytest.raises(ValueError, match=r"size, margin and layers are .*expected \(8, 8\)"):
@@ -557,11 +528,7 @@ def test_gbuffer_of_another_shape_is_refused(
     ids=str,
 )
 def test_bad_parameter_is_refused_with_its_name_value_and_range(
-    runtime: Runtime,
-    subject: Subject,
-    params: dict[str, Any],
-    error: type[Exception],
-    message: str,
+    runtime: Runtime, subject: Subject, params: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         subject.function(layered(camera())[0], runtime=runtime, **params)

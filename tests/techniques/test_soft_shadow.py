@@ -22,11 +22,15 @@ from .test_shade_shadows import boxes
 
 Light = SpotLight | PointLight | DirectionalLight
 
-SCENE = boxes([
-    ((0, -0.05, 0), (6, 0.05, 6)), ((0, 0.5, 0), (0.3, 0.5, 0.3)),
-    ((1.2, 0.75, -0.5), (0.04, 0.75, 0.04)), ((-1.1, 0.8, 0.3), (0.5, 0.02, 0.3)),
-    ((0.6, 0.15, 1.0), (0.15, 0.15, 0.15)),
-])
+SCENE = boxes(
+    [
+        ((0, -0.05, 0), (6, 0.05, 6)),
+        ((0, 0.5, 0), (0.3, 0.5, 0.3)),
+        ((1.2, 0.75, -0.5), (0.04, 0.75, 0.04)),
+        ((-1.1, 0.8, 0.3), (0.5, 0.02, 0.3)),
+        ((0.6, 0.15, 1.0), (0.15, 0.15, 0.15)),
+    ]
+)
 """A floor with a block, a rod, a board in the air and a cube."""
 LIGHTS: dict[str, Light] = {
     "spot": SpotLight((1.5, 3.5, 1.5), (-1.2, -3.3, -1.5), 0.7, 40.0, radius=0.25),
@@ -77,9 +81,7 @@ def test_penumbrae_are_those_that_paths_find(runtime: Runtime, name: str) -> Non
     truth = gi.truth.radiance(SCENE, camera, [light], 256, 0).mean
 
     def error(one: Light) -> tuple[float, float]:
-        found = gi.render(
-            SCENE, camera, [one], bounces=0, ao=False, outputs=("radiance",), runtime=runtime
-        ).radiance
+        found = gi.render(SCENE, camera, [one], bounces=0, ao=False, outputs=("radiance",), runtime=runtime).radiance
         rmse = float(np.sqrt(np.mean((found - truth) ** 2)) / truth.mean())
         return rmse, abs(float(found.mean() / truth.mean()) - 1.0)
 
@@ -121,7 +123,8 @@ def test_planes_do_not_shadow_themselves(runtime: Runtime) -> None:
 def test_empty_maps_and_huge_lights_leave_finite_light(runtime: Runtime) -> None:
     gbuffer = white(gi.rasterize.gbuffer(SCENE, eye(32, 24), runtime=runtime))
     for light in (
-        PointLight((-1.5, 2.5, 1.2), 20.0, radius=1e30), PointLight((0, 0, 0), 1.0, radius=1e-30),
+        PointLight((-1.5, 2.5, 1.2), 20.0, radius=1e30),
+        PointLight((0, 0, 0), 1.0, radius=1e-30),
         DirectionalLight((0, -1, 0), 1.0, angle=0.5),
     ):
         maps = [gi.rasterize.rsm(SCENE, light, size=16, runtime=runtime)]

@@ -41,9 +41,7 @@ def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> float:
 
 def wall(size: tuple[int, int], depth: float = 5.0) -> GBuffer:
     """Return a wall that faces an orthographic camera; a pixel covers 0.1 scene units."""
-    made = Camera.orthographic(
-        (0, 0, 0), (0, 0, -1), view_height=0.1 * size[0], width=size[1], height=size[0]
-    )
+    made = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=0.1 * size[0], width=size[1], height=size[0])
     return trace(made, [tilted(made, 0.0, distance=depth)])
 
 
@@ -78,9 +76,7 @@ def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "ball": {"hemisphere": False},
-    "exponential": {
-        "falloff": "exponential", "rate": 2.0, "outside": "open", "hemisphere": False,
-    },
+    "exponential": {"falloff": "exponential", "rate": 2.0, "outside": "open", "hemisphere": False},
     "power": {"full": 0.3, "none": 0.9, "power": 1.7, "samples": 7, "length_power": 1 / 3},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "radii": {"radius": (0.2, 0.6, 1.5), "max_radius_px": 9.0},
@@ -128,9 +124,7 @@ SHAPES = [
 
 @pytest.mark.parametrize(("kind", "size"), SHAPES, ids=str)
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
-def test_plane_is_open_at_any_tilt(
-    runtime: Runtime, kind: str, size: tuple[int, int], normals: bool
-) -> None:
+def test_plane_is_open_at_any_tilt(runtime: Runtime, kind: str, size: tuple[int, int], normals: bool) -> None:
     made = camera(kind, size)
     # At least 4 pixels, so that small images have samples at all.
     unit_px = 0.5 * made.height * made.projection[1, 1] / (1 if made.is_orthographic else 5.0)
@@ -147,7 +141,10 @@ def test_plane_is_open_on_every_kernel_variant(variant_runtime: Runtime) -> None
     for normals in (True, False):
         gbuffer = trace(made, [tilted(made, 80.0)], normals=normals)
         np.testing.assert_allclose(
-            ssao(gbuffer, 1.0, runtime=variant_runtime), 1.0, rtol=0, atol=1e-5  # as above
+            ssao(gbuffer, 1.0, runtime=variant_runtime),
+            1.0,
+            rtol=0,
+            atol=1e-5,  # as above
         )
 
 
@@ -163,18 +160,13 @@ def test_plane_is_open_at_reduced_resolution_of_odd_sizes(
     np.testing.assert_allclose(a, 1.0, rtol=0, atol=5e-7)
 
 
-def test_half_of_the_ball_round_a_flat_wall_is_occluded_without_hemisphere(
-    runtime: Runtime,
-) -> None:
-    a = ssao(wall((32, 32)), 0.5, 40, hemisphere=False, blur_radius=0, contrast=1.0,
-             runtime=runtime)
+def test_half_of_the_ball_round_a_flat_wall_is_occluded_without_hemisphere(runtime: Runtime) -> None:
+    a = ssao(wall((32, 32)), 0.5, 40, hemisphere=False, blur_radius=0, contrast=1.0, runtime=runtime)
     # 40 quasi-random points of 16 reflections: half of them behind the wall, to a point of each.
     assert abs(float(a.mean()) - 0.5) < 1 / 64
 
 
-def test_inner_corner_is_darker_than_the_planes_away_from_it(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_inner_corner_is_darker_than_the_planes_away_from_it(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     a = ssao(gbuffer, RADIUS, runtime=runtime)
     assert a.min() < 0.7
@@ -184,9 +176,7 @@ def test_inner_corner_is_darker_than_the_planes_away_from_it(
 # ---- formulas
 
 
-def occlusion_by_formula(
-    params: SsaoParams, row: int, column: int, weight: Any
-) -> NDArray[np.float64]:
+def occlusion_by_formula(params: SsaoParams, row: int, column: int, weight: Any) -> NDArray[np.float64]:
     """Return A of a pixel of `wall` by definition: a point s lies s_z radii in front of it."""
     points = reflected_points(params.samples, params.length_power)[row % 4, column % 4]
     behind = -points[:, 2]
@@ -197,10 +187,7 @@ FALLOFFS: dict[str, tuple[dict[str, Any], Any]] = {
     "exponential": ({"falloff": "exponential", "rate": 2.5}, lambda d: np.exp(-2.5 * d)),
     "constant": ({}, np.ones_like),
     "ramp": ({"full": 0.2, "none": 0.7}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1)),
-    "power": (
-        {"full": 0.2, "none": 0.7, "power": 2.2},
-        lambda d: np.clip((0.7 - d) / 0.5, 0, 1) ** 2.2,
-    ),
+    "power": ({"full": 0.2, "none": 0.7, "power": 2.2}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1) ** 2.2),
     "values": (
         {"falloff": (1.0, 0.25, 0.75), "falloff_end": 0.8},
         lambda d: np.where(d <= 0.8, np.interp(d, (0.0, 0.4, 0.8), (1.0, 0.25, 0.75)), 0.0),
@@ -213,8 +200,7 @@ def test_falloff_weighs_occluders_by_its_formula(runtime: Runtime, name: str) ->
     choice, weight = FALLOFFS[name]
     params = SsaoParams(radius=0.4, hemisphere=False, blur_radius=0, contrast=1.0, **choice)
     a = Ssao(runtime, (16, 16), params)(_uploaded(runtime, wall((16, 16))))
-    wanted = [[occlusion_by_formula(params, y, x, weight) for x in range(6, 10)]
-              for y in range(6, 10)]
+    wanted = [[occlusion_by_formula(params, y, x, weight) for x in range(6, 10)] for y in range(6, 10)]
     # Depths of 5 are rounded to 2^-22, which is 6e-7 radii; the steepest falloff is 4.4 a radius.
     np.testing.assert_allclose(a[6:10, 6:10], wanted, rtol=0, atol=5e-6)
 
@@ -233,12 +219,9 @@ def test_contrast_raises_the_result_to_its_power_and_leaves_the_open_open(
 
 
 @pytest.mark.parametrize("outside", ["unknown", "open", 4.8])
-def test_samples_outside_the_image_count_as_the_policy_says(
-    runtime: Runtime, outside: str | float
-) -> None:
+def test_samples_outside_the_image_count_as_the_policy_says(runtime: Runtime, outside: str | float) -> None:
     params = SsaoParams(
-        radius=0.4, hemisphere=False, blur_radius=0, outside=outside, falloff="exponential",
-        contrast=1.0,
+        radius=0.4, hemisphere=False, blur_radius=0, outside=outside, falloff="exponential", contrast=1.0
     )
     a = Ssao(runtime, (8, 8), params)(_uploaded(runtime, wall((8, 8))))
     points = reflected_points(16, 0.5)[0, 0]
@@ -253,9 +236,7 @@ def test_samples_outside_the_image_count_as_the_policy_says(
     np.testing.assert_allclose(a[0, 0], 1 - np.sum(weight) / np.sum(counted), rtol=0, atol=5e-6)
 
 
-def test_of_several_radii_the_greatest_occlusion_counts(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_of_several_radii_the_greatest_occlusion_counts(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     radii = (0.15, 0.5, 2.0)
     single = [ssao(gbuffer, r, blur_radius=0, runtime=runtime) for r in radii]
@@ -266,9 +247,7 @@ def test_of_several_radii_the_greatest_occlusion_counts(
 # ---- limits near the camera
 
 
-def test_limit_of_the_projected_radius_is_a_smaller_radius(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_limit_of_the_projected_radius_is_a_smaller_radius(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", made := camera("orthographic"), rng)
     unit_px = made.height / 4.0
     limited = ssao(gbuffer, 1.0, max_radius_px=0.5 * unit_px, blur_radius=0, runtime=runtime)
@@ -287,13 +266,9 @@ def test_samples_grow_with_the_projected_radius_up_to_the_most(
     np.testing.assert_array_equal(a, b)  # the same points in the same order
 
 
-def test_radius_below_a_pixel_leaves_everything_open(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_radius_below_a_pixel_leaves_everything_open(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", made := camera("orthographic"), rng)
-    a = ssao(
-        gbuffer, 0.99 * 4.0 / made.height, hemisphere=False, blur_radius=0, runtime=runtime
-    )
+    a = ssao(gbuffer, 0.99 * 4.0 / made.height, hemisphere=False, blur_radius=0, runtime=runtime)
     np.testing.assert_array_equal(a, 1.0)
 
 
@@ -301,7 +276,8 @@ def test_radius_below_a_pixel_leaves_everything_open(
 @pytest.mark.parametrize(
     ("hemisphere", "kind"),
     [
-        (True, "perspective"), (False, "orthographic"),
+        (True, "perspective"),
+        (False, "orthographic"),
         pytest.param(True, "orthographic", marks=pytest.mark.slow),
         pytest.param(False, "perspective", marks=pytest.mark.slow),
     ],
@@ -335,13 +311,9 @@ def test_any_depths_give_visibility_between_0_and_1(
 # ---- what must not matter
 
 
-@pytest.mark.parametrize(
-    "scale", [1e-4, 1e4, *(pytest.param(s, marks=pytest.mark.slow) for s in (1e-2, 1e2))]
-)
+@pytest.mark.parametrize("scale", [1e-4, 1e4, *(pytest.param(s, marks=pytest.mark.slow) for s in (1e-2, 1e2))])
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_result_does_not_depend_on_the_unit_of_length(
-    runtime: Runtime, kind: str, scale: float
-) -> None:
+def test_result_does_not_depend_on_the_unit_of_length(runtime: Runtime, kind: str, scale: float) -> None:
     one, other = (
         ssao(
             scene("bumpy", camera(kind, (31, 39), scale=s), np.random.default_rng(3), scale=s),
@@ -370,8 +342,7 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, kind
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-def test_two_runs_give_bit_identical_results(variant_runtime: Runtime,
-    rng: np.random.Generator) -> None:
+def test_two_runs_give_bit_identical_results(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     device = _uploaded(variant_runtime, gbuffer)
     technique = Ssao(variant_runtime, gbuffer.size, SsaoParams(radius=RADIUS))
@@ -434,18 +405,14 @@ def test_pixels_with_nothing_are_open(runtime: Runtime, rng: np.random.Generator
 
 def test_zero_normals_mean_reconstruction(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    zero = GBuffer(
-        camera=gbuffer.camera, depth=gbuffer.depth, normal=np.zeros((*gbuffer.size, 3))
-    )
+    zero = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=np.zeros((*gbuffer.size, 3)))
     none = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
     a = ssao(zero, RADIUS, runtime=runtime)
     np.testing.assert_array_equal(a, ssao(none, RADIUS, runtime=runtime))
 
 
 @pytest.mark.parametrize("length", [1e-30, 1e-3, 3.7, 1e30])
-def test_length_of_given_normals_does_not_matter(
-    runtime: Runtime, rng: np.random.Generator, length: float
-) -> None:
+def test_length_of_given_normals_does_not_matter(runtime: Runtime, rng: np.random.Generator, length: float) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     normal = np.asarray(gbuffer.normal) * np.float32(length)
     scaled = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=normal)
@@ -457,9 +424,7 @@ def test_length_of_given_normals_does_not_matter(
 
 def test_normals_may_point_either_way(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
-    turned = GBuffer(
-        camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal)
-    )
+    turned = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal))
     a = ssao(gbuffer, RADIUS, runtime=runtime)
     np.testing.assert_array_equal(a, ssao(turned, RADIUS, runtime=runtime))
 
@@ -473,9 +438,7 @@ def test_second_call_allocates_and_builds_nothing(
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
     device = _uploaded(variant_runtime, gbuffer)
-    technique = Ssao(
-        variant_runtime, gbuffer.size, SsaoParams(radius=RADIUS, resolution=resolution)
-    )
+    technique = Ssao(variant_runtime, gbuffer.size, SsaoParams(radius=RADIUS, resolution=resolution))
     first = technique.run(device).download()
     before = variant_runtime.allocated_bytes, variant_runtime.builds
     second = technique.run(device).download()

@@ -32,9 +32,7 @@ IMAGE = Environment(np.random.default_rng(3).random((8, 16, 3)))
 
 Floats = NDArray[np.float32]
 
-PUBLISHED_SLOW = [
-    pytest.param(name, marks=[pytest.mark.slow] * (name == "published")) for name in METHODS
-]
+PUBLISHED_SLOW = [pytest.param(name, marks=[pytest.mark.slow] * (name == "published")) for name in METHODS]
 """The published method where it goes the way of "points": its kernel has tests of its own."""
 
 
@@ -45,9 +43,7 @@ def means(irradiance: Floats) -> Floats:
 @pytest.fixture
 def corner(rng: np.random.Generator) -> GBuffer:
     """Two layers with all attributes and a margin."""
-    front, back = (
-        scene(name, camera(size=(40, 56)), rng, margin=(4, 6)) for name in ("corner", "ball")
-    )
+    front, back = (scene(name, camera(size=(40, 56)), rng, margin=(4, 6)) for name in ("corner", "ball"))
     depth = np.stack([np.asarray(front.depth), 8.0 * np.asarray(back.depth)])
     return GBuffer(
         camera=front.camera,
@@ -61,14 +57,10 @@ def corner(rng: np.random.Generator) -> GBuffer:
 
 
 @pytest.mark.parametrize("method", PUBLISHED_SLOW)
-def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(
-    runtime: Runtime, method: str
-) -> None:
+def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(runtime: Runtime, method: str) -> None:
     made = camera(size=(32, 48))
     gbuffer = trace(made, [tilted(made, 40.0)])
-    direct, bounce, *bent = ssdo(
-        gbuffer, [SKY], runtime=runtime, method=method, bent_normals=method == "bitmask"
-    )
+    direct, bounce, *bent = ssdo(gbuffer, [SKY], runtime=runtime, method=method, bent_normals=method == "bitmask")
     expected = np.broadcast_to(np.pi * np.asarray(SKY.radiance), direct.shape)
     there = np.isfinite(np.asarray(gbuffer.depth))
     np.testing.assert_allclose(direct[there], expected[there], rtol=1e-5)  # a few roundings
@@ -77,26 +69,18 @@ def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(
         np.testing.assert_allclose(found, np.asarray(gbuffer.normal), atol=1e-6)
 
 
-def test_bent_normals_change_neither_light(
-    runtime: Runtime, corner: GBuffer, rng: np.random.Generator
-) -> None:
+def test_bent_normals_change_neither_light(runtime: Runtime, corner: GBuffer, rng: np.random.Generator) -> None:
     lights = [Environment(rng.random((8, 16, 3))), SUN]
-    plain, bent = (
-        ssdo(corner, lights, resolution="half", bent_normals=b, runtime=runtime)
-        for b in (False, True)
-    )
+    plain, bent = (ssdo(corner, lights, resolution="half", bent_normals=b, runtime=runtime) for b in (False, True))
     for one, other in zip(plain, bent[:2], strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("views", [0, 1])
-def test_bent_normals_are_those_of_gtao_if_slices_are_many(
-    runtime: Runtime, corner: GBuffer, views: int
-) -> None:
+def test_bent_normals_are_those_of_gtao_if_slices_are_many(runtime: Runtime, corner: GBuffer, views: int) -> None:
     one = GBuffer(
-        camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"),
-        albedo=corner.first("albedo"),
+        camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"), albedo=corner.first("albedo")
     )
     many: dict[str, Any] = {"slices": 8, "taps": 32, "blur_radius": 0, "bent_normals": True}
     further = [one] * views  # sees nothing more
@@ -143,26 +127,26 @@ def test_shadow_maps_dim_direct_light_and_what_it_makes_surfaces_send(runtime: R
     [("bitmask", SKY), ("bitmask", IMAGE), ("points", SKY)],
     ids=["bitmask-constant", "bitmask-image", "points-constant"],
 )
-def test_light_adds_up_and_scales(
-    runtime: Runtime, corner: GBuffer, method: str, sky: Environment
-) -> None:
+def test_light_adds_up_and_scales(runtime: Runtime, corner: GBuffer, method: str, sky: Environment) -> None:
     def both(lights: list[Light]) -> Floats:
         return np.stack(ssdo(corner, lights, runtime=runtime, method=method))
 
     summed = both([LAMP, sky])
     np.testing.assert_allclose(
-        summed, both([LAMP]) + both([sky]), atol=1e-5 * summed.max()  # orders of float32 sums
+        summed,
+        both([LAMP]) + both([sky]),
+        atol=1e-5 * summed.max(),  # orders of float32 sums
     )
-    brighter = [PointLight(LAMP.position, 1024.0 * np.asarray(LAMP.intensity)),
-                Environment(1024.0 * np.asarray(sky.radiance))]
+    brighter = [
+        PointLight(LAMP.position, 1024.0 * np.asarray(LAMP.intensity)),
+        Environment(1024.0 * np.asarray(sky.radiance)),
+    ]
     # A power of two: no rounding differs, but in the filtered map of an image.
     np.testing.assert_allclose(both([*brighter]), 1024.0 * summed, rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.parametrize("method", PUBLISHED_SLOW)
-def test_given_radiance_is_what_surfaces_send(
-    runtime: Runtime, corner: GBuffer, method: str
-) -> None:
+def test_given_radiance_is_what_surfaces_send(runtime: Runtime, corner: GBuffer, method: str) -> None:
     shape = (*np.shape(corner.depth), 3)
     options: dict[str, Any] = {"runtime": runtime, "method": method}
     direct, dark = ssdo(corner, [LAMP], radiance=np.zeros(shape), **options)
@@ -178,11 +162,11 @@ def test_given_radiance_is_what_surfaces_send(
     assert 0.0 < front.mean() <= one.mean()
 
 
-def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
-    runtime: Runtime, corner: GBuffer
-) -> None:
+def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(runtime: Runtime, corner: GBuffer) -> None:
     single = GBuffer(
-        camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"),
+        camera=corner.camera,
+        depth=corner.first("depth"),
+        normal=corner.first("normal"),
         albedo=np.full((*np.shape(corner.depth)[1:], 3), 0.5),
     )
     options: dict[str, Any] = {"runtime": runtime, "method": "points", "blur_passes": 0}
@@ -193,8 +177,10 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(
         visibility = SenderVisibility(runtime, device.size, params, device.margin, 1).run(device)
         coarse = visibility.download()[0]
     # Each pixel takes the nearest that was looked at; the margin has the border's.
-    index = [np.clip((np.arange(-edge, size + edge).clip(0) + 2) // 4, 0, len_ - 1)
-             for edge, size, len_ in zip((4, 6), device.size, coarse.shape, strict=True)]
+    index = [
+        np.clip((np.arange(-edge, size + edge).clip(0) + 2) // 4, 0, len_ - 1)
+        for edge, size, len_ in zip((4, 6), device.size, coarse.shape, strict=True)
+    ]
     lit = 0.5 * coarse[np.ix_(*index)][..., None] * np.asarray(SKY.radiance)
     _, expected = ssdo(single, [], radiance=lit, **options)
     np.testing.assert_allclose(bounce, expected, rtol=1e-5, atol=1e-6)
@@ -225,16 +211,12 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> No
     # A camera that sees nothing of it changes nothing.
     away = gi.Camera.look_at((50, 0, 0), (99, 0, 0), width=32, height=24)
     blind = gi.rasterize.gbuffer(made.scene, away, runtime=runtime)
-    for with_it, without in zip(
-        ssdo(gbuffer, [punctual_light, SKY], views=[blind], **options), alone, strict=True
-    ):
+    for with_it, without in zip(ssdo(gbuffer, [punctual_light, SKY], views=[blind], **options), alone, strict=True):
         np.testing.assert_array_equal(with_it, without)
 
 
 def test_view_taps_are_how_many_depths_are_read_in_how_many_directions(runtime: Runtime) -> None:
-    published, finer = (
-        ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16)
-    )
+    published, finer = (ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16))
     assert published == ViewsParams()
     assert finer == replace(published, taps=16, strata=4)
     with pytest.raises(ValueError, match="view_taps is 65: expected an integer >= 1 and <= 64"):
@@ -264,9 +246,7 @@ def test_bent_normals_need_the_bitmask(runtime: Runtime, corner: GBuffer) -> Non
         ("published", "thickness", 0.25, "'bitmask' or 'points'"),
     ],
 )
-def test_parameter_of_another_method_is_refused(
-    method: str, name: str, value: float, methods: str
-) -> None:
+def test_parameter_of_another_method_is_refused(method: str, name: str, value: float, methods: str) -> None:
     message = f"{name}={value:g} applies only to method={methods} (got method='{method}')"
     with pytest.raises(ValueError, match=re.escape(message)):
         SsdoParams(method=method, **{name: value})
@@ -280,9 +260,7 @@ def test_views_must_be_gbuffers(runtime: Runtime, corner: GBuffer) -> None:
 # ---- what is not needed
 
 
-def test_without_light_all_is_zero_and_the_reason_is_told(
-    runtime: Runtime, corner: GBuffer
-) -> None:
+def test_without_light_all_is_zero_and_the_reason_is_told(runtime: Runtime, corner: GBuffer) -> None:
     dark: list[Light] = [PointLight((0, 1, 0), 0.0), Environment(0.0)]
     for lights in ([], dark):
         direct, bounce = ssdo(corner, lights, runtime=runtime)
@@ -337,9 +315,7 @@ def test_lower_resolutions_find_about_the_same(
     gbuffer = replace(gbuffer, emission=None)
     options: dict[str, Any] = {"radius": 0.1, "runtime": runtime, "method": method}
     lights = [SKY, made.lights[0]]
-    found = ssdo(
-        gbuffer, lights, resolution=resolution, blur_resolution=blur_resolution, **options
-    )
+    found = ssdo(gbuffer, lights, resolution=resolution, blur_resolution=blur_resolution, **options)
     full = ssdo(gbuffer, lights, resolution="full", **options)
     for low, high in zip(found, full, strict=True):
         # The radius is 25 pixels: much of the bounce falls next to edges, of which every second
@@ -360,9 +336,7 @@ def test_every_kernel_variant_finds_the_same(
 
 
 @pytest.mark.parametrize("method", PUBLISHED_SLOW)
-def test_where_nothing_is_there_is_no_light(
-    runtime: Runtime, corner: GBuffer, method: str
-) -> None:
+def test_where_nothing_is_there_is_no_light(runtime: Runtime, corner: GBuffer, method: str) -> None:
     gbuffer = replace(corner, depth=np.full_like(corner.depth, np.inf))
     for image in ssdo(gbuffer, [SKY, IMAGE, LAMP], runtime=runtime, method=method):
         assert not image.any()

@@ -32,25 +32,19 @@ FLIPS = 3e-3
 side of an edge: 3 of 1209."""
 
 
-def with_layers(
-    rng: np.random.Generator, kind: str = "perspective", margin: tuple[int, int] = (2, 3)
-) -> GBuffer:
+def with_layers(rng: np.random.Generator, kind: str = "perspective", margin: tuple[int, int] = (2, 3)) -> GBuffer:
     """Return a bumpy scene with a deeper layer behind half of its pixels."""
     front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=margin)
     depth = np.asarray(front.depth)
     deeper = depth + rng.uniform(0.05, 0.5, depth.shape)
     deeper[rng.random(depth.shape) < 0.5] = np.inf
-    return GBuffer(
-        camera=made, depth=np.stack([depth, deeper]).astype(np.float32), normal=front.normal
-    )
+    return GBuffer(camera=made, depth=np.stack([depth, deeper]).astype(np.float32), normal=front.normal)
 
 
 def radiance_of(gbuffer: GBuffer, rng: np.random.Generator) -> Floats:
     """Return [layers, rows, columns, 3] of random radiance, 0 where nothing is."""
     depth = np.asarray(gbuffer.depth).reshape(gbuffer.layers, *gbuffer.depth.shape[-2:])
-    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(
-        np.float32
-    )
+    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(np.float32)
 
 
 def gathered(
@@ -65,7 +59,10 @@ def gathered(
     """Return what the back end gathers, and itself."""
     chosen = SsdoBitmaskParams(**params)
     device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+        runtime,
+        gbuffer.size,
+        layers=gbuffer.layers,
+        margin=gbuffer.margin,
         attributes=gbuffer.layers if np.ndim(gbuffer.normal) == 4 else 1,
     )
     device.upload(gbuffer)
@@ -93,10 +90,7 @@ def image_sky(rng: np.random.Generator) -> Environment:
 
 CHOICES: list[dict[str, Any]] = [
     {"back": 0.7},
-    {
-        "resolution": "half", "thickness": 0.1, "end": "layer", "slices": 1, "taps": 5, "cones": 3,
-        "bent_normals": True,
-    },
+    {"resolution": "half", "thickness": 0.1, "end": "layer", "slices": 1, "taps": 5, "cones": 3, "bent_normals": True},
 ]
 
 
@@ -124,8 +118,8 @@ def test_every_kernel_variant_agrees_with_numpy_reference(
     # find: depths moved by 1e-7 change 2 to 22 of 1209 pixels of the orthographic reference itself.
     most = FLIPS if kind == "perspective" else 1e-2
     sky_first = 4 if "bent_normals" in choice else 1
-    looked_up = off[sky_first:sky_first + 3]
-    rest = np.concatenate([off[:sky_first], off[sky_first + 3:]])
+    looked_up = off[sky_first : sky_first + 3]
+    rest = np.concatenate([off[:sky_first], off[sky_first + 3 :]])
     assert rest.any(axis=0).mean() <= most
     # Each of up to 16 directions may lie on the edge of two texels of the sky's map.
     assert looked_up.any(axis=0).mean() <= 5 * FLIPS
@@ -137,8 +131,7 @@ def test_every_kernel_variant_gives_bit_identical_results(
     gbuffer, sky = with_layers(rng), image_sky(rng)
     radiance = radiance_of(gbuffer, rng)
     (one, first), (other, second) = (
-        gathered(device, gbuffer, radiance, (sky,), radius=0.6, back=0.7)
-        for device in (runtime, other_variant)
+        gathered(device, gbuffer, radiance, (sky,), radius=0.6, back=0.7) for device in (runtime, other_variant)
     )
     np.testing.assert_array_equal(one, other)
     assert first.masks is not None
@@ -147,9 +140,7 @@ def test_every_kernel_variant_gives_bit_identical_results(
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_bounce_in_a_furnace_is_pi_l_of_what_is_hidden(
-    runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
+def test_bounce_in_a_furnace_is_pi_l_of_what_is_hidden(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
     gbuffer = with_layers(rng, kind)
     radiance = np.sign(radiance_of(gbuffer, rng)) * np.float32(2.5)
     found, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=1.0)
@@ -157,9 +148,7 @@ def test_bounce_in_a_furnace_is_pi_l_of_what_is_hidden(
     np.testing.assert_allclose(found[1], np.pi * 2.5 * (1.0 - found[0]), rtol=1e-5, atol=2e-6)
 
 
-def test_backs_send_nothing_and_no_more_than_is_hidden(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_backs_send_nothing_and_no_more_than_is_hidden(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     radiance = np.sign(radiance_of(gbuffer, rng))
     dark, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=0.0)
@@ -176,9 +165,7 @@ def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> 
     point = gbuffer.camera.unproject(np.asarray(gbuffer.depth, np.float32))
     wall = np.abs(point[..., 0]) < np.abs(point[..., 1])
     radiance = np.where(wall[None, ..., None], 3.0, 0.0) * np.ones(3)
-    found, _ = gathered(
-        runtime, gbuffer, radiance.astype(np.float32), radius=1.0, slices=8, taps=24
-    )
+    found, _ = gathered(runtime, gbuffer, radiance.astype(np.float32), radius=1.0, slices=8, taps=24)
     there = floor & (distance > 0.05) & (distance < 0.9)
     hidden = np.pi * 3.0 * (1.0 - found[0])
     # Between the last tap on the floor and the first on the wall the mean of both is taken: half
@@ -188,9 +175,7 @@ def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> 
     assert float(error.mean()) > -0.06 * float(hidden[there].mean())
 
 
-def test_bounce_is_what_it_converges_to_on_average(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_bounce_is_what_it_converges_to_on_average(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=(32, 40)), rng)
     radiance = radiance_of(gbuffer, rng)
     params = {"radius": 0.6, "slices": 8, "taps": 24}
@@ -199,17 +184,13 @@ def test_bounce_is_what_it_converges_to_on_average(
     # noise too, of either sign from scene to scene: 1280 pixels with 16 sides each, whose ends are
     # rounded to 1/32, and most light falls on few of them.
     for sectors, share in ((32, 1e-3), (1024, 8e-3)):
-        wanted = ssdo_bitmask_reference(
-            gbuffer, SsdoBitmaskParams(**params), radiance, sectors=sectors
-        )
+        wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, sectors=sectors)
         wanted[0], images = 1.0 - wanted[0], np.stack([1.0 - found[0], *found[1:]])
         for image, mean in zip(images, wanted.mean(axis=(1, 2)), strict=True):
             assert float(np.mean(image)) == pytest.approx(float(mean), rel=share)
 
 
-def test_result_does_not_depend_on_the_unit_of_length(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_result_does_not_depend_on_the_unit_of_length(runtime: Runtime, rng: np.random.Generator) -> None:
     images = []
     for scale in (1.0, 1024.0):
         gbuffer = scene("bumpy", camera(scale=scale), np.random.default_rng(5), scale=scale)
@@ -219,18 +200,14 @@ def test_result_does_not_depend_on_the_unit_of_length(
     assert off.mean() <= FLIPS
 
 
-def test_radiance_of_any_size_gives_finite_light_in_proportion(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_radiance_of_any_size_gives_finite_light_in_proportion(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     exponent = rng.uniform(-6.0, 6.0, (1, *np.shape(gbuffer.depth)[1:], 1))
     radiance = (radiance_of(gbuffer, rng) * 10.0**exponent).astype(np.float32)
     found, _ = gathered(runtime, gbuffer, radiance, radius=0.6)
     assert np.isfinite(found).all()
     assert found.min() >= 0.0
-    brighter, _ = gathered(
-        runtime, gbuffer, radiance * np.float32(2.0**60), radius=0.6
-    )
+    brighter, _ = gathered(runtime, gbuffer, radiance * np.float32(2.0**60), radius=0.6)
     np.testing.assert_array_equal(brighter[1:], found[1:] * np.float32(2.0**60))
 
 
@@ -245,24 +222,18 @@ def test_masks_are_what_visibility_counts(runtime: Runtime, rng: np.random.Gener
     np.testing.assert_allclose(count.reshape(rows, columns), 32.0 * (1.0 - found[0]), atol=1e-4)
 
 
-def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     there = np.isfinite(gbuffer.inner(gbuffer.first("depth")))
     sky, radiance = Environment(np.full((8, 16, 3), 2.0)), radiance_of(gbuffer, rng)
     for radius in (0.6, 1e-6):
         found, _ = gathered(runtime, gbuffer, radiance, (sky,), radius=radius)
         # The filter's texels are weighted by approximate solid angles: within 0.3 %.
-        np.testing.assert_allclose(
-            found[1][there], 2.0 * np.pi * found[0][there], rtol=3e-3, atol=1e-6
-        )
+        np.testing.assert_allclose(found[1][there], 2.0 * np.pi * found[0][there], rtol=3e-3, atol=1e-6)
         assert np.all(found[1][~there] == 0.0)
 
 
-def test_second_call_allocates_and_builds_nothing(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_second_call_allocates_and_builds_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     device = DeviceGBuffer(runtime, gbuffer.size, layers=2, margin=gbuffer.margin)
     device.upload(gbuffer)

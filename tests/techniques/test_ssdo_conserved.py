@@ -42,9 +42,7 @@ def inside_of(camera: Camera, low: Sequence[float], high: Sequence[float]) -> GB
     axis = depth.argmin(axis=-1)
     normal = np.eye(3)[axis] * -np.sign(np.take_along_axis(along, axis[..., None], -1))
     nearest = depth.min(axis=-1)
-    return GBuffer(
-        camera=camera, depth=nearest.astype(np.float32), normal=normal.astype(np.float32)
-    )
+    return GBuffer(camera=camera, depth=nearest.astype(np.float32), normal=normal.astype(np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +76,11 @@ def wall_beside_floor(camera: Camera) -> Beside:
     shown = np.isfinite(depth)[..., None]
     form = np.zeros(camera.size)
     form[floor] = lit_by_wall(
-        at_floor[floor, 0], 0.5 * WALL[1] + at_floor[floor, 2], 0.5 * WALL[1] - at_floor[floor, 2],
-        WALL[0],
+        at_floor[floor, 0], 0.5 * WALL[1] + at_floor[floor, 2], 0.5 * WALL[1] - at_floor[floor, 2], WALL[0]
     )
     gbuffer = GBuffer(
-        camera=camera, depth=depth.astype(np.float32),
+        camera=camera,
+        depth=depth.astype(np.float32),
         normal=np.where(shown, normal, 0.0).astype(np.float32),
         albedo=np.zeros((*camera.size, 3), np.float32),
         emission=np.repeat(wall[..., None], 3, axis=-1).astype(np.float32),
@@ -94,13 +92,10 @@ def wall_beside_floor(camera: Camera) -> Beside:
 
 ROOM = (np.array([-2.0, -1.5, -2.0]), np.array([2.0, 1.5, 2.0]))
 FURNACES = {
-    "from inside": (
-        Camera.look_at((0.3, 0.2, 1.8), (0, 0, -1), yfov=1.2, width=80, height=60), 0.0
-    ),
+    "from inside": (Camera.look_at((0.3, 0.2, 1.8), (0, 0, -1), yfov=1.2, width=80, height=60), 0.0),
     "orthographic, odd size": (
-        Camera.orthographic(
-            (0.1, 0.1, 1.5), (0.3, -0.2, -1.0), view_height=2.5, width=61, height=47
-        ), 0.0,
+        Camera.orthographic((0.1, 0.1, 1.5), (0.3, -0.2, -1.0), view_height=2.5, width=61, height=47),
+        0.0,
     ),
     "elsewhere, another size": (
         Camera.look_at((11.3, 5.2, -8.2), (10, 4.5, -11), yfov=1.0, width=35, height=53),
@@ -112,7 +107,8 @@ FURNACES = {
 @pytest.mark.parametrize(
     ("name", "samples"),
     [
-        *((name, 16) for name in FURNACES), ("from inside", 256),
+        *((name, 16) for name in FURNACES),
+        ("from inside", 256),
         *(pytest.param(name, 256, marks=pytest.mark.slow) for name in list(FURNACES)[1:]),
     ],
 )
@@ -120,8 +116,7 @@ def test_furnace_of_points_is_exact(runtime: Runtime, name: str, samples: int) -
     camera, shift = FURNACES[name]
     gbuffer = inside_of(camera, ROOM[0] + shift, ROOM[1] + shift)
     direct, bounce = ssdo(
-        gbuffer, [SKY], 3.0, radiance=np.ones((*camera.size, 3)), method="points",
-        samples=samples, runtime=runtime,
+        gbuffer, [SKY], 3.0, radiance=np.ones((*camera.size, 3)), method="points", samples=samples, runtime=runtime
     )
     # Each direction brings one of both; 256 weights and the blur's are added in float32.
     np.testing.assert_allclose(direct + bounce, math.pi, rtol=1e-4)
@@ -133,8 +128,7 @@ def test_furnace_as_published_is_not_conserved(runtime: Runtime) -> None:
     # Which is what its documentation says, and why "points" exists.
     camera, _ = FURNACES["from inside"]
     direct, bounce = ssdo(
-        inside_of(camera, *ROOM), [SKY], 3.0, radiance=np.ones((*camera.size, 3)),
-        method="published", runtime=runtime,
+        inside_of(camera, *ROOM), [SKY], 3.0, radiance=np.ones((*camera.size, 3)), method="published", runtime=runtime
     )
     total = (direct + bounce) / math.pi
     assert total.max() > 1.1
@@ -145,23 +139,15 @@ def test_furnace_as_published_is_not_conserved(runtime: Runtime) -> None:
 
 BESIDE = {
     "perspective": Camera.look_at((2.2, 1.6, 1.2), (0.4, 0.3, 0), yfov=0.9, width=120, height=90),
-    "low, odd size": Camera.look_at(
-        (2.6, 0.5, 0.6), (0.3, 0.3, 0), yfov=0.9, width=121, height=91
-    ),
-    "orthographic": Camera.orthographic(
-        (3.0, 2.4, 1.4), (0.5, 0.2, 0), view_height=2.6, width=131, height=99
-    ),
+    "low, odd size": Camera.look_at((2.6, 0.5, 0.6), (0.3, 0.3, 0), yfov=0.9, width=121, height=91),
+    "orthographic": Camera.orthographic((3.0, 2.4, 1.4), (0.5, 0.2, 0), view_height=2.6, width=131, height=99),
 }
 
 
 @pytest.mark.parametrize("name", BESIDE)
-def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
-    runtime: Runtime, name: str
-) -> None:
+def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(runtime: Runtime, name: str) -> None:
     case = wall_beside_floor(BESIDE[name])
-    direct, bounce = ssdo(
-        case.gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime
-    )
+    direct, bounce = ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime)
     expected = math.pi * case.form[case.floor].mean()
     # Rays that leave the wall's image between two taps miss it, and nothing below .5 % of the
     # radius counts.
@@ -170,19 +156,13 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(
     assert hidden == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE]
-)
-@pytest.mark.parametrize(
-    "count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))]
-)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE])
+@pytest.mark.parametrize("count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
     case = wall_beside_floor(BESIDE[name])
     cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
     views = [wall_beside_floor(each).gbuffer for each in cameras]
-    direct, bounce = ssdo(
-        case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime
-    )
+    direct, bounce = ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime)
     expected = math.pi * case.form[case.floor].mean()
     assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
     assert math.pi - direct[case.floor].mean() == pytest.approx(expected, rel=0.05)
@@ -194,10 +174,7 @@ def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) 
 def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, name: str) -> None:
     case = wall_beside_floor(BESIDE[name])
     alone, again = (
-        ssdo(
-            case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views,
-            runtime=runtime,
-        )
+        ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime)
         for views in ([], [case.gbuffer])
     )
     for one, other in zip(alone, again, strict=True):
@@ -211,9 +188,9 @@ def test_knobs_of_the_published_bounce(runtime: Runtime) -> None:
     case = wall_beside_floor(BESIDE["perspective"])
 
     def bounce(**options: float) -> NDArray[np.float32]:
-        found: NDArray[np.float32] = ssdo(
-            case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options
-        )[1]
+        found: NDArray[np.float32] = ssdo(case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)[
+            1
+        ]
         return found
 
     plain, strong = bounce(), bounce(strength=2.5)

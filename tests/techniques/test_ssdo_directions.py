@@ -15,9 +15,7 @@ from ssgi_cl.techniques.indirect.ssdo_directions import cell_flux, direction_set
 def test_directions_are_those_of_the_definition(count: int) -> None:
     sky = np.random.default_rng(1).random((12, 20, 3)) ** 8 * 100.0
     for image, equal in ((None, False), (sky, False), (sky, True)):
-        made, expected = (
-            one(count, image, equal=equal) for one in (direction_sets, directions)
-        )
+        made, expected = (one(count, image, equal=equal) for one in (direction_sets, directions))
         for name in ("direction", "length", "solid_angle", "light"):
             a, b = getattr(made, name), getattr(expected, name)
             if b is None:

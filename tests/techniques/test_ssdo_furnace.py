@@ -21,8 +21,12 @@ EMISSION = 3.0
 def ball_from_inside(height: float) -> tuple[GBuffer, float]:
     """Return a sphere's inside, seen from `height` radii above its centre, and the share seen."""
     camera = Camera.look_at(
-        (0.0, height * RADIUS, 0.0), (0.0, -RADIUS, 0.0), (0.0, 0.0, 1.0),
-        yfov=math.radians(110.0), width=PIXELS, height=PIXELS,
+        (0.0, height * RADIUS, 0.0),
+        (0.0, -RADIUS, 0.0),
+        (0.0, 0.0, 1.0),
+        yfov=math.radians(110.0),
+        width=PIXELS,
+        height=PIXELS,
     )
     start = camera.position
     along = camera.unproject(np.ones(camera.size)) - start
@@ -35,16 +39,16 @@ def ball_from_inside(height: float) -> tuple[GBuffer, float]:
     to_x, to_y, _, _ = camera.pixel_to_view
     area = np.sum(abs(to_x * to_y) * depth**2 / np.sqrt(a) / facing)
     gbuffer = GBuffer(
-        camera=camera, depth=depth.astype(np.float32), normal=normal.astype(np.float32),
+        camera=camera,
+        depth=depth.astype(np.float32),
+        normal=normal.astype(np.float32),
         emission=np.full((*camera.size, 3), EMISSION, np.float32),
     )
     return gbuffer, float(area / (4.0 * math.pi * RADIUS**2))
 
 
 @pytest.mark.parametrize("height", [0.5, 0.95])
-def test_bounce_in_a_sphere_is_pi_l_times_the_share_of_it_that_is_seen(
-    runtime: Runtime, height: float
-) -> None:
+def test_bounce_in_a_sphere_is_pi_l_times_the_share_of_it_that_is_seen(runtime: Runtime, height: float) -> None:
     gbuffer, share = ball_from_inside(height)
     expected = math.pi * EMISSION * share
     _, bounce = ssdo(gbuffer, [], radius=2.5 * RADIUS, slices=8, taps=48, runtime=runtime)

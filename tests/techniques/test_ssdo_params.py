@@ -17,12 +17,17 @@ from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
 from ssgi_cl.techniques.shading.light_shadows import LightShadowParams
 
 BACK_ENDS: dict[str, Callable[[SsdoParams], Params]] = {
-    "bitmask": SsdoParams.bitmask, "points": SsdoParams.points, "published": SsdoParams.points,
+    "bitmask": SsdoParams.bitmask,
+    "points": SsdoParams.points,
+    "published": SsdoParams.points,
 }
 COUNTS: list[tuple[str, type[Params], str]] = [
-    ("slices", SsdoBitmaskParams, "slices"), ("taps", SsdoBitmaskParams, "taps"),
-    ("samples", PointsParams, "samples"), ("blur_radius", BilateralParams, "radius"),
-    ("blur_passes", BilateralParams, "passes"), ("lamp_taps", LightShadowParams, "taps"),
+    ("slices", SsdoBitmaskParams, "slices"),
+    ("taps", SsdoBitmaskParams, "taps"),
+    ("samples", PointsParams, "samples"),
+    ("blur_radius", BilateralParams, "radius"),
+    ("blur_passes", BilateralParams, "passes"),
+    ("lamp_taps", LightShadowParams, "taps"),
 ]
 """Of SSDO, and where they are handed on."""
 
@@ -51,7 +56,5 @@ def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value
 
 
 @pytest.mark.parametrize(("name", "behind", "there"), COUNTS)
-def test_counts_go_as_high_as_those_they_become(
-    name: str, behind: type[Params], there: str
-) -> None:
+def test_counts_go_as_high_as_those_they_become(name: str, behind: type[Params], there: str) -> None:
     assert declared(SsdoParams)[name]["high"] == declared(behind)[there]["high"]

@@ -43,8 +43,14 @@ class Case:
     """A G-buffer and auxiliary cameras on the device, and what is gathered."""
 
     def __init__(
-        self, runtime: Runtime, gbuffer: GBuffer, *, params: PointsParams = PARAMS, step: int = 1,
-        own: Doubles | None = None, sky: Doubles | None = None,
+        self,
+        runtime: Runtime,
+        gbuffer: GBuffer,
+        *,
+        params: PointsParams = PARAMS,
+        step: int = 1,
+        own: Doubles | None = None,
+        sky: Doubles | None = None,
     ) -> None:
         self.runtime = runtime
         self.gbuffer = gbuffer
@@ -52,9 +58,7 @@ class Case:
         self.points = SsdoPoints(runtime, gbuffer.size, step, params, kept=True)
         sent = None if own is None else planar(runtime, own)
         self.has_sky = sky is not None
-        self.plane = self.points.run(
-            self.device, radiance=sent, sky=SimpleNamespace(image=sky)
-        )
+        self.plane = self.points.run(self.device, radiance=sent, sky=SimpleNamespace(image=sky))
         self.views = SsdoPointViews(runtime)
 
     def add(self, other: GBuffer, sent: Doubles | None) -> None:
@@ -94,14 +98,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize(
-    "variant",
-    [
-        pytest.param(name, marks=[] if name == "perspective" else [pytest.mark.slow])
-        for name in VARIANTS
-    ],
+    "variant", [pytest.param(name, marks=[] if name == "perspective" else [pytest.mark.slow]) for name in VARIANTS]
 )
-def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime,
-    variant: str) -> None:
+def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime, variant: str) -> None:
     rng = np.random.default_rng(5)
     chosen = dict(VARIANTS[variant])
     step = chosen.pop("step", 1)
@@ -129,9 +128,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runti
         np.testing.assert_array_equal(getattr(case.found(), name), getattr(found, name))
 
 
-def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, other_variant: Runtime
-) -> None:
+def test_every_kernel_variant_gives_the_same_result(runtime: Runtime, other_variant: Runtime) -> None:
     results = []
     for one in (runtime, other_variant):
         rng = np.random.default_rng(5)
@@ -183,8 +180,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
     narrow = camera(size=(48, 16), eye=(0.4, 1.0, 2.0), target=(0.0, -0.3, 0.0))
     gbuffer = scene("corner", narrow, np.random.default_rng(1))
     eyes = ((1.5, 1.5, 2.5), (1.7, 1.3, 2.4))
-    wide = [scene("corner", camera(size=(60, 80), eye=eye), np.random.default_rng(1))
-            for eye in eyes]
+    wide = [scene("corner", camera(size=(60, 80), eye=eye), np.random.default_rng(1)) for eye in eyes]
     params = replace(PARAMS, radius=1.0)
     case = Case(runtime, gbuffer, params=params, own=np.zeros((1, 48, 16, 3)), sky=EVEN)
     before = case.found()
@@ -222,9 +218,7 @@ def test_empty_gbuffer_and_points_that_keep_nothing_are_refused(runtime: Runtime
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
     case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
-        case.views.add(
-            case.plane, case.points, case.device, DeviceGBuffer(runtime, SIZE), None
-        )
+        case.views.add(case.plane, case.points, case.device, DeviceGBuffer(runtime, SIZE), None)
     points = SsdoPoints(runtime, SIZE, 1, PARAMS)
     with pytest.raises(ValueError, match="points keeps no directions: expected one that"):
         case.views.add(case.plane, points, case.device, case.device, None)

@@ -44,7 +44,10 @@ def gathered(
 ) -> Gathered:
     """Return what the kernel gathers, in the reference's form."""
     device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin,
+        runtime,
+        gbuffer.size,
+        layers=gbuffer.layers,
+        margin=gbuffer.margin,
         attributes=1 if np.ndim(gbuffer.normal) < 4 else gbuffer.layers,
     )
     device.upload(gbuffer)
@@ -88,9 +91,7 @@ def two_layers(rng: np.random.Generator, *, normals: bool) -> GBuffer:
     depth, behind = np.asarray(front.depth), np.asarray(floor.depth)
     deep = np.where(behind > depth + 1e-3, behind, np.inf)
     normal = np.stack([np.asarray(front.normal), np.asarray(floor.normal)])
-    return GBuffer(
-        camera=made, depth=np.stack([depth, deep]), normal=normal if normals else normal[0]
-    )
+    return GBuffer(camera=made, depth=np.stack([depth, deep]), normal=normal if normals else normal[0])
 
 
 # ---- against the numpy reference

@@ -35,8 +35,7 @@ def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime,
     signs = np.select([letters == "f", letters == "b"], [1.0, -1.0], 0.0)
     depth = np.where(letters == " ", np.inf, 2.0 + np.arange(4.0)[:, None, None])
     gbuffer = GBuffer(
-        camera=made, depth=depth.astype(np.float32),
-        normal=(signs[..., None] * towards).astype(np.float32),
+        camera=made, depth=depth.astype(np.float32), normal=(signs[..., None] * towards).astype(np.float32)
     )
     device = DeviceGBuffer(variant_runtime, made.size, layers=4, attributes=4)
     device.upload(gbuffer)

@@ -38,9 +38,7 @@ RADIUS = 0.1
 
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     layers = gbuffer.layers
-    device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=layers, margin=gbuffer.margin, attributes=layers
-    )
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=layers, margin=gbuffer.margin, attributes=layers)
     device.upload(gbuffer)
     return device
 
@@ -51,8 +49,7 @@ def floor_and_wall(seen_by: Camera, margin: tuple[int, int] = (0, 0)) -> GBuffer
     wall = Plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), ((-1.0, 0.0, 0.0), 0.9))
     front, back = (trace(seen_by, things, margin=margin) for things in ([floor, wall], [floor]))
     depth, normal = (
-        np.stack([np.asarray(getattr(each, name)) for each in (front, back)])
-        for name in ("depth", "normal")
+        np.stack([np.asarray(getattr(each, name)) for each in (front, back)]) for name in ("depth", "normal")
     )
     nothing = ~(depth[1] > depth[0])
     depth[1][nothing] = np.inf
@@ -81,8 +78,10 @@ def proven(technique: Ssdo | SsdoBitmask, device: DeviceGBuffer) -> OpenTiles:
         pytest.param("perspective", [SKY], {"resolution": "quarter", "radius": 0.2}, marks=SLOW),
         pytest.param("perspective", [IMAGE], {"bounce": False, "blur_passes": 2}, marks=SLOW),
         pytest.param(
-            "intrinsics", [LAMP, SKY],
-            {"resolution": "half", "blur_resolution": "full", "max_radius_px": 5.0}, marks=SLOW,
+            "intrinsics",
+            [LAMP, SKY],
+            {"resolution": "half", "blur_resolution": "full", "max_radius_px": 5.0},
+            marks=SLOW,
         ),
     ],
     ids=str,
@@ -102,10 +101,12 @@ def test_open_tiles_change_no_bit_of_light(
     for known in (None, tiles):
         with runtime.frame():
             planes = technique.run(device, lights, views=further, tiles=known)
-            found.append([
-                None if plane is None else plane.download()
-                for plane in (planes.direct, planes.bounce, planes.visibility)
-            ])
+            found.append(
+                [
+                    None if plane is None else plane.download()
+                    for plane in (planes.direct, planes.bounce, planes.visibility)
+                ]
+            )
     for expected, got in zip(*found, strict=True):
         np.testing.assert_equal(got, expected)
 
@@ -125,7 +126,8 @@ def test_proven_tiles_of_random_planes_hide_and_send_nothing(runtime: Runtime, s
     bend = 10.0 ** rng.uniform(-7.0, -0.3)
     up = np.array([0.0, 1.0, 0.0])
     things = [
-        Plane((0.0, 0.0, 0.0), up), Plane((0.0, step, 0.0), up, kept),
+        Plane((0.0, 0.0, 0.0), up),
+        Plane((0.0, step, 0.0), up, kept),
         Plane(towards * kept[1], up + np.tan(bend) * towards, kept),
     ]
     front = trace(seen_by, [things[0], things[seed % 3]], margin=margin)
@@ -137,9 +139,7 @@ def test_proven_tiles_of_random_planes_hide_and_send_nothing(runtime: Runtime, s
     device = DeviceGBuffer(runtime, made.size, layers=len(depth), margin=made.margin)
     device.upload(made)
     resolution = ("full", "half", "quarter")[seed % 3]
-    params = SsdoBitmaskParams(
-        radius=far * 10.0 ** rng.uniform(-2.5, -0.4), taps=20, resolution=resolution
-    )
+    params = SsdoBitmaskParams(radius=far * 10.0 ** rng.uniform(-2.5, -0.4), taps=20, resolution=resolution)
     technique = SsdoBitmask(runtime, made.size, params, made.margin, len(depth), masks=True)
     radiance: Images = runtime.plane(3 * len(depth), device.whole)
     radiance.upload(0.1 + rng.random((3 * len(depth), *device.whole), np.float32))
@@ -172,13 +172,10 @@ def test_deeper_layers_and_ends_of_planes_within_reach_are_not_flat(runtime: Run
     for name, deeper in (("none", np.inf), ("some", 2.0)):
         second = np.full_like(floor, np.inf)
         second[100, 20] = deeper * floor[100, 20]
-        layered = GBuffer(
-            camera=seen_by, depth=np.stack([floor, second]), normal=trace(seen_by, [only]).normal
+        layered = GBuffer(camera=seen_by, depth=np.stack([floor, second]), normal=trace(seen_by, [only]).normal)
+        device = uploaded(
+            runtime, GBuffer(camera=seen_by, depth=layered.depth, normal=np.stack([np.asarray(layered.normal)] * 2))
         )
-        device = uploaded(runtime, GBuffer(
-            camera=seen_by, depth=layered.depth,
-            normal=np.stack([np.asarray(layered.normal)] * 2),
-        ))
         tiles = proven(SsdoBitmask(runtime, SIZE, params, (0, 0), 2), device)
         found[name] = tiles.bits.download().reshape(-1, tiles.columns) & 1
     place = 100 // 16, 20 // 16
@@ -192,9 +189,7 @@ def test_deeper_layers_and_ends_of_planes_within_reach_are_not_flat(runtime: Run
     points.look(device)
     reach = technique.reach(device)
     assert reach is not None
-    pieces, taps = (
-        each.bits.download() & 1 for each in (proven(technique, device), points.open(device, reach))
-    )
+    pieces, taps = (each.bits.download() & 1 for each in (proven(technique, device), points.open(device, reach)))
     assert (pieces <= taps).all()
     assert pieces.sum() < taps.sum()
 
@@ -210,15 +205,11 @@ def test_thick_planes_and_points_have_no_reach(runtime: Runtime) -> None:
 # ---- frames
 
 
-def drawn(
-    runtime: Runtime, name: str, skips: Any, size: tuple[int, int] = (160, 120), **options: Any
-) -> Frame:
+def drawn(runtime: Runtime, name: str, skips: Any, size: tuple[int, int] = (160, 120), **options: Any) -> Frame:
     built = next(make() for make in SKIP_SCENES if make.__name__ == name)
     given = {"indirect": "ssdo", "layers": 2, "shadow_size": 64, "ao_radius": 0.2, **options}
     lights = (*built.lights, *given.pop("lights", ()))
-    return render(
-        built.scene, built.camera(*size), lights, bounces=0, skips=skips, runtime=runtime, **given
-    )
+    return render(built.scene, built.camera(*size), lights, bounces=0, skips=skips, runtime=runtime, **given)
 
 
 @pytest.mark.slow
@@ -234,9 +225,7 @@ def drawn(
     ],
     ids=str,
 )
-def test_skips_leave_the_bits_of_frames(
-    runtime: Runtime, name: str, options: dict[str, Any]
-) -> None:
+def test_skips_leave_the_bits_of_frames(runtime: Runtime, name: str, options: dict[str, Any]) -> None:
     moving = frozenset(SKIPS) - {"unchanged"}
     expected = drawn(runtime, name, False, **options)
     for skips in (["tiles"], moving, moving):

@@ -37,9 +37,7 @@ def aside(kind: str, size: tuple[int, int] = (31, 41)) -> Camera:
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     """Return the G-buffer on the device."""
     attributes = 1 if np.ndim(gbuffer.normal) < 4 else gbuffer.layers
-    device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes
-    )
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes)
     device.upload(gbuffer)
     return device
 
@@ -65,7 +63,8 @@ def layered(made: Camera, seed: int) -> GBuffer:
     depth, deep = np.asarray(front.depth), np.asarray(behind.depth)
     deep = np.where(deep > depth + 1e-3, deep, np.inf)
     return GBuffer(
-        camera=made, depth=np.stack([depth, deep]),
+        camera=made,
+        depth=np.stack([depth, deep]),
         normal=np.stack([np.asarray(front.normal), np.asarray(behind.normal)]),
     )
 
@@ -76,8 +75,7 @@ def test_kernel_agrees_with_numpy_reference_for_every_camera(runtime: Runtime, k
 
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
-def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime,
-    resolution: str) -> None:
+def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime, resolution: str) -> None:
     _assert_agrees(variant_runtime, "perspective", resolution)
 
 
@@ -112,10 +110,14 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
     views.add(light, back.masks, device, source, further, radiance)
     after, now = light.download(), inner(runtime, back.masks, 4, light.size)
     expected = ssdo_views_reference(
-        gbuffer, masks, other, sent, slices, params, step=2 if resolution == "half" else 1,
-        unseen=(
-            unseen_reference(other, [gbuffer], 1e-3 * slices.radius) if normals == 2 else None
-        ),
+        gbuffer,
+        masks,
+        other,
+        sent,
+        slices,
+        params,
+        step=2 if resolution == "half" else 1,
+        unseen=(unseen_reference(other, [gbuffer], 1e-3 * slices.radius) if normals == 2 else None),
     )
     assert expected.hidden.max() > 0.05
     assert expected.bounce.max() > 0.05
@@ -136,18 +138,14 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
         assert (runtime.allocated_bytes, runtime.builds) == counts
 
 
-def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, other_variant: Runtime
-) -> None:
+def test_every_kernel_variant_gives_the_same_result(runtime: Runtime, other_variant: Runtime) -> None:
     results = []
     for one in (runtime, other_variant):
         rng = np.random.default_rng(5)
         gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
         device, further = uploaded(one, gbuffer), uploaded(one, layered(aside("perspective"), 3))
         back = SsdoBitmask(one, gbuffer.size, SLICES, masks=True)
-        light = back.run(
-            device, device, radiance=planar(one, rng.random((1, *SIZE, 3)))
-        )
+        light = back.run(device, device, radiance=planar(one, rng.random((1, *SIZE, 3))))
         assert back.masks is not None
         sent = planar(one, rng.random((2, 31, 41, 3)))
         SsdoViews(one, SLICES).add(light, back.masks, device, device, further, sent)
@@ -199,9 +197,7 @@ def test_camera_that_sees_nothing_near_changes_nothing(runtime: Runtime, kind: s
     away = camera(kind, size=(31, 41), eye=(20.0, 20.0, 20.0), target=(40.0, 41.0, 42.0))
     depth = np.full((31, 41), 5.0, np.float32)
     further = uploaded(runtime, GBuffer(camera=away, depth=depth))
-    SsdoViews(runtime, SLICES).add(
-        light, back.masks, device, device, further, planar(runtime, np.ones((1, 31, 41, 3)))
-    )
+    SsdoViews(runtime, SLICES).add(light, back.masks, device, device, further, planar(runtime, np.ones((1, 31, 41, 3))))
     np.testing.assert_array_equal(light.download(), before)
     np.testing.assert_array_equal(back.masks.download(), masks)
 
@@ -237,9 +233,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light(runtime: Runtime) ->
     ],
     ids=str,
 )
-def test_bad_parameter_is_refused_with_its_name_value_and_range(
-    params: dict[str, Any], message: str
-) -> None:
+def test_bad_parameter_is_refused_with_its_name_value_and_range(params: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         ViewsParams(**params)
 
@@ -250,6 +244,4 @@ def test_empty_gbuffer_is_refused(runtime: Runtime) -> None:
     light = back.run(gbuffer, gbuffer, radiance=planar(runtime, np.ones((1, *SIZE, 3))))
     assert back.masks is not None
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
-        SsdoViews(runtime, SLICES).add(
-            light, back.masks, gbuffer, gbuffer, DeviceGBuffer(runtime, SIZE), None
-        )
+        SsdoViews(runtime, SLICES).add(light, back.masks, gbuffer, gbuffer, DeviceGBuffer(runtime, SIZE), None)

@@ -50,8 +50,10 @@ def box() -> list[Quad]:
     """Return the five visible sides of the box."""
     x, y, z = np.diag(HIGH - LOW)
     return [
-        (tuple(LOW), tuple(z), tuple(y)), (tuple(LOW + x), tuple(y), tuple(z)),
-        (tuple(LOW), tuple(y), tuple(x)), (tuple(LOW + z), tuple(x), tuple(y)),
+        (tuple(LOW), tuple(z), tuple(y)),
+        (tuple(LOW + x), tuple(y), tuple(z)),
+        (tuple(LOW), tuple(y), tuple(x)),
+        (tuple(LOW + z), tuple(x), tuple(y)),
         (tuple(LOW + y), tuple(z), tuple(x)),
     ]
 
@@ -62,7 +64,8 @@ def seen(scene: Scene, camera: Camera, runtime: Runtime) -> GBuffer:
     on_wall = np.abs(positions(gbuffer)[..., 0]) < 1e-3
     emission = np.where(on_wall & (positions(gbuffer)[..., 1] > 1e-3), RADIANCE, 0.0)
     return replace(
-        gbuffer, albedo=np.zeros((*camera.size, 3), np.float32),
+        gbuffer,
+        albedo=np.zeros((*camera.size, 3), np.float32),
         emission=np.repeat(emission[..., None], 3, axis=-1).astype(np.float32),
     )
 
@@ -104,19 +107,14 @@ EYE, TARGET = (2.2, 1.5, 1.3), (0.5, 0.2, 0.0)
 CASES = {
     "wall": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), False),
     "odd size": (Camera.look_at((2.6, 0.9, -0.8), TARGET, yfov=0.8, width=101, height=77), False),
-    "orthographic": (
-        Camera.orthographic(EYE, TARGET, (0, 1, 0), view_height=2.0, width=120, height=90), False
-    ),
+    "orthographic": (Camera.orthographic(EYE, TARGET, (0, 1, 0), view_height=2.0, width=120, height=90), False),
     "box": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), True),
     "box, odd": (Camera.look_at((2.0, 2.0, -0.5), TARGET, yfov=0.9, width=93, height=71), True),
 }
 FAST = ("odd size",)
 
 
-@pytest.mark.parametrize(
-    "case",
-    [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES],
-)
+@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES])
 def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
     camera, boxed = CASES[case]
     scene = quads_of(WALL, FLOOR, *(box() if boxed else []))
@@ -159,10 +157,7 @@ def near_copies(camera: Camera) -> list[Camera]:
     moved = camera.view.copy()
     moved[:3, 3] += (1e-4, -1e-4, 1e-4)
     rows, columns = camera.size
-    return [
-        camera, replace(camera, view=moved),
-        replace(camera, width=columns // 2, height=rows // 2),
-    ]
+    return [camera, replace(camera, view=moved), replace(camera, width=columns // 2, height=rows // 2)]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -179,9 +174,7 @@ def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, case: str
 
 @pytest.mark.parametrize("name", ["corner", "ball", "bumpy"])
 @pytest.mark.parametrize("kind", ["perspective", "orthographic", "off-centre"])
-def test_curved_surface_seen_again_changes_nothing(
-    runtime: Runtime, name: str, kind: str
-) -> None:
+def test_curved_surface_seen_again_changes_nothing(runtime: Runtime, name: str, kind: str) -> None:
     def shining(camera: Camera) -> GBuffer:
         gbuffer = scene_of(name, camera, np.random.default_rng(3))
         there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
@@ -199,8 +192,7 @@ def test_curved_surface_seen_again_changes_nothing(
 
 def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -> None:
     # From above the floor alone is seen, so that all light is of the wall that others see.
-    above = Camera.look_at((0.9, 2.0, 0.2), (0.9, 0.0, 0.2), (0, 0, 1), yfov=0.6, width=80,
-                           height=60)
+    above = Camera.look_at((0.9, 2.0, 0.2), (0.9, 0.0, 0.2), (0, 0, 1), yfov=0.6, width=80, height=60)
     scene = quads_of(WALL, FLOOR)
     gbuffer = seen(scene, above, runtime)
     assert not np.asarray(gbuffer.emission).any()
@@ -211,9 +203,7 @@ def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -
     many = {"taps": 32, "view_taps": 64, "slices": 4}
     views = [
         seen(scene, each, runtime)
-        for each in (
-            *near_copies(CASES["wall"][0]), CASES["orthographic"][0], CASES["odd size"][0]
-        )
+        for each in (*near_copies(CASES["wall"][0]), CASES["orthographic"][0], CASES["odd size"][0])
     ]
     one, two, all_ = (bounce(gbuffer, views[:n], runtime, **many)[on_floor] for n in (1, 2, 5))
     assert one.mean() == pytest.approx(truth, rel=0.06)
@@ -255,7 +245,6 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
     sky = gi.Environment((1.0, 1.0, 1.0))
     alone, both = (
-        gi.ssdo(gbuffer, [sky], RADIUS, views=views, runtime=runtime, **many)[0][behind]
-        for views in ([], [view])
+        gi.ssdo(gbuffer, [sky], RADIUS, views=views, runtime=runtime, **many)[0][behind] for views in ([], [view])
     )
     assert np.abs(both - alone).mean() < 0.02 * alone.mean()

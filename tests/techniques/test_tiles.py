@@ -42,9 +42,7 @@ def corner(camera: Camera, margin: tuple[int, int] = (0, 0)) -> GBuffer:
     return analytic.trace(camera, [floor, wall], margin=margin)
 
 
-def proven(
-    runtime: Runtime, gbuffer: GBuffer, reach: Reach
-) -> tuple[NDArray[np.int32], DeviceGBuffer]:
+def proven(runtime: Runtime, gbuffer: GBuffer, reach: Reach) -> tuple[NDArray[np.int32], DeviceGBuffer]:
     """Return the bits [rows of tiles, columns of tiles], and the G-buffer on the device."""
     device = uploaded(runtime, gbuffer)
     tiles = Tiles(runtime, gbuffer.size, gbuffer.margin, gbuffer.layers)
@@ -91,9 +89,7 @@ def test_layers_without_a_pixel_are_not_counted(variant_runtime: Runtime) -> Non
     one = nothing.copy()
     one[61, 140] = front[61, 140] + 1.0
     for deeper, expected in (([nothing, nothing], 1), ([one, nothing], 2), ([one, one], 3)):
-        layered = GBuffer(
-            camera=gbuffer.camera, depth=np.stack([front, *deeper]), normal=gbuffer.normal
-        )
+        layered = GBuffer(camera=gbuffer.camera, depth=np.stack([front, *deeper]), normal=gbuffer.normal)
         device = uploaded(variant_runtime, layered)
         assert Tiles(variant_runtime, SIZE, (0, 0), 3).look(device).layers == expected
 
@@ -102,9 +98,7 @@ def test_layers_without_a_pixel_are_not_counted(variant_runtime: Runtime) -> Non
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
-    variant_runtime: Runtime, name: str
-) -> None:
+def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(variant_runtime: Runtime, name: str) -> None:
     camera = analytic.camera(name, SIZE)
     gbuffer = corner(camera)
     to_x, to_y, _, _ = camera.pixel_to_view
@@ -119,10 +113,7 @@ def test_in_flat_tiles_nothing_rises_above_any_tangent_plane(
     # float32 depths round by 2^-24 of themselves, twice; the kernel's own bias is 4e-6.
     assert highest[flat].max() < 2e-6
     # Not in vain: most tiles that are flat for every pixel within tiles' distance are found.
-    wide = by_tile(
-        rises_reference(depth, np.moveaxis(device.normal.download(), 0, -1), camera, 2 * TILE),
-        np.maximum,
-    )
+    wide = by_tile(rises_reference(depth, np.moveaxis(device.normal.download(), 0, -1), camera, 2 * TILE), np.maximum)
     sure = (wide < 5e-7) & (wide > -np.inf)
     assert sure.sum() >= 5
     assert flat[sure].mean() >= 0.5  # nothing is proven beside a tile that is bent or half empty
@@ -190,9 +181,7 @@ def test_calm_tiles_have_open_ones_all_round(runtime: Runtime) -> None:
     bits, _ = proven(runtime, gbuffer, Reach(radius=0.05))
     opened = np.pad((bits & OPEN) > 0, 1, constant_values=True)
     rows, columns = bits.shape
-    around = np.stack([
-        opened[i : i + rows, j : j + columns] for i in range(3) for j in range(3)
-    ])
+    around = np.stack([opened[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
     np.testing.assert_array_equal((bits & INTERIOR) > 0, around.all(axis=0))
     assert 0 < np.count_nonzero(bits & INTERIOR) < np.count_nonzero(bits & OPEN) < bits.size
 
@@ -240,9 +229,7 @@ def test_open_tiles_change_no_bit_of_the_result(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gtao", "hbao", "bitmask_ao"])
-def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
-    runtime: Runtime, name: str
-) -> None:
+def test_lines_of_sight_at_a_slant_look_farther_across_the_image(runtime: Runtime, name: str) -> None:
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=2.0, width=1200, height=640)
     across = np.array([np.cos(0.2), np.sin(0.2), 0.0])
     wall = analytic.Plane((0.0, 0.0, -5.0), (0.0, 0.0, 1.0))
@@ -262,9 +249,7 @@ def test_lines_of_sight_at_a_slant_look_farther_across_the_image(
 
 
 @pytest.mark.parametrize(
-    ("radius", "most_px"),
-    [(2.0, math.inf), (4.0, 60.0), pytest.param(3.0, math.inf, marks=pytest.mark.slow)],
-    ids=str,
+    ("radius", "most_px"), [(2.0, math.inf), (4.0, 60.0), pytest.param(3.0, math.inf, marks=pytest.mark.slow)], ids=str
 )
 def test_points_before_a_wall_are_seen_farther_across_the_image(
     runtime: Runtime, radius: float, most_px: float
@@ -276,9 +261,7 @@ def test_points_before_a_wall_are_seen_farther_across_the_image(
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), yfov=1.8, width=size[1], height=size[0])
     across = np.array([np.cos(0.2), np.sin(0.2), 0.0])
     wall = analytic.Plane((0.0, 0.0, -5.0), (0.0, 0.0, 1.0))
-    params = SsaoParams(
-        radius=radius, max_radius_px=most_px, samples=64, length_power=0.2, blur_passes=0
-    )
+    params = SsaoParams(radius=radius, max_radius_px=most_px, samples=64, length_power=0.2, blur_passes=0)
     technique = Ssao(runtime, size, params)
     flat = 0
     for begins in np.arange(-2.0, 9.0, 0.62):
@@ -334,7 +317,8 @@ def test_lights_that_are_left_out_light_nothing(runtime: Runtime, rng: np.random
     for _ in range(25):
         place, aim = rng.uniform(-3.0, 3.0, 3), rng.standard_normal(3)
         punctual_lights: list[PunctualLight] = [
-            PointLight(place, 1.0), SpotLight(place, aim, rng.uniform(0.1, 1.2), 1.0),
+            PointLight(place, 1.0),
+            SpotLight(place, aim, rng.uniform(0.1, 1.2), 1.0),
             DirectionalLight(aim, 1.0),
         ]
         reach = reaching(punctual_lights, summary.boxes, camera)
@@ -355,7 +339,8 @@ def test_a_light_below_the_floor_or_aimed_away_is_left_out(runtime: Runtime) -> 
     device = uploaded(runtime, analytic.trace(camera, [floor]))
     summary = Tiles(runtime, SIZE).look(device)
     punctual_lights: list[PunctualLight] = [
-        PointLight((0.0, -3.0, 0.0), 1.0), DirectionalLight((0.0, 1.0, 0.0), 1.0),
+        PointLight((0.0, -3.0, 0.0), 1.0),
+        DirectionalLight((0.0, 1.0, 0.0), 1.0),
         PointLight((0.0, 1.0, 0.0), 1.0),
         SpotLight((0.0, 5.0, 0.0), (0.0, -1.0, 0.0), 0.1, 1.0),
     ]

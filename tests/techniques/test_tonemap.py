@@ -54,14 +54,12 @@ def test_black_stays_black_and_the_brightest_is_white(variant_runtime: Runtime, 
 def test_clip_is_the_srgb_encoding(runtime: Runtime) -> None:
     # IEC 61966-2-1: 0.0031308 is where the straight part ends; 0.5 is 188, 0.18 is 118 (117.6).
     grey = np.array([0.0, 0.0031308, 0.18, 0.5, 1.0, 1.0001], np.float32)
-    image = tonemap(np.repeat(grey[None, :, None], 3, 2), exposure=1.0, curve="clip",
-                    runtime=runtime)
+    image = tonemap(np.repeat(grey[None, :, None], 3, 2), exposure=1.0, curve="clip", runtime=runtime)
     np.testing.assert_array_equal(image[0, :, 1], [0, 10, 118, 188, 255, 255])
 
 
 def test_channels_do_not_mix(runtime: Runtime) -> None:
-    image = tonemap(np.array([[[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]]]), exposure=1.0,
-                    runtime=runtime)
+    image = tonemap(np.array([[[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]]]), exposure=1.0, runtime=runtime)
     assert np.all((image[0] > 0) == np.eye(3, dtype=bool))
 
 
@@ -88,9 +86,7 @@ def test_uniform_grey_is_exposed_to_middle_grey(level: float) -> None:
 def test_automatic_exposure_is_that_of_all_pixels(rng: np.random.Generator) -> None:
     radiance = np.exp(rng.normal(0.0, 1.0, (240, 320, 3))).astype(np.float32)
     # Every ninth pixel counts: the mean of 8560 logs of deviation 0.7 is off by 0.008.
-    assert math.isclose(
-        auto_exposure(radiance), auto_exposure_reference(radiance), rel_tol=4 * 0.008
-    )
+    assert math.isclose(auto_exposure(radiance), auto_exposure_reference(radiance), rel_tol=4 * 0.008)
 
 
 def test_black_pixels_do_not_count_in_the_exposure() -> None:
@@ -114,8 +110,7 @@ def test_automatic_exposure_of_narrow_images_takes_channels_for_channels(columns
 def test_exposure_scales_what_is_seen(runtime: Runtime, rng: np.random.Generator) -> None:
     radiance = rng.random((9, 20, 3), np.float32)
     np.testing.assert_array_equal(
-        tonemap(radiance, exposure=4.0, runtime=runtime),
-        tonemap(4.0 * radiance, exposure=1.0, runtime=runtime),
+        tonemap(radiance, exposure=4.0, runtime=runtime), tonemap(4.0 * radiance, exposure=1.0, runtime=runtime)
     )
 
 

@@ -15,13 +15,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.techniques.filters.bilateral import BilateralParams, bilateral_blur
-from ssgi_cl.techniques.filters.upsample import (
-    ReducedGBuffer,
-    Upsample,
-    UpsampleBlur,
-    coarse_size,
-    upsample,
-)
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size, upsample
 
 from .analytic import VIEWS, camera, scene, tilted, trace
 
@@ -41,8 +35,12 @@ def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def upsample_blurred(
-    image: NDArray[np.floating], gbuffer: GBuffer, runtime: Runtime, step: int,
-    params: BilateralParams, background: float = 0.0,
+    image: NDArray[np.floating],
+    gbuffer: GBuffer,
+    runtime: Runtime,
+    step: int,
+    params: BilateralParams,
+    background: float = 0.0,
 ) -> NDArray[np.float32]:
     """Return what `UpsampleBlur` makes of an image."""
     device = DeviceGBuffer(runtime, gbuffer.size, margin=gbuffer.margin)
@@ -68,15 +66,11 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 
 @pytest.mark.parametrize(
     ("step", "channels"),
-    [
-        (1, 1), (2, 1), (2, 3), (4, 1),
-        *(pytest.param(step, 3, marks=pytest.mark.slow) for step in (1, 4)),
-    ],
+    [(1, 1), (2, 1), (2, 3), (4, 1), *(pytest.param(step, 3, marks=pytest.mark.slow) for step in (1, 4))],
 )
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_step_and_margin(
-    variant_runtime: Runtime, rng: np.random.Generator, step: int, channels: int,
-    margin: tuple[int, int],
+    variant_runtime: Runtime, rng: np.random.Generator, step: int, channels: int, margin: tuple[int, int]
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
     small = coarse_size(gbuffer.size, step)
@@ -116,9 +110,7 @@ def test_constant_stays_constant_at_odd_sizes(
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0])
 @pytest.mark.parametrize("step", [2, 4])
-def test_ramp_on_a_plane_comes_back_as_a_ramp(
-    runtime: Runtime, degrees: float, step: int
-) -> None:
+def test_ramp_on_a_plane_comes_back_as_a_ramp(runtime: Runtime, degrees: float, step: int) -> None:
     gbuffer = trace(made := camera(size=(49, 61)), [tilted(made, degrees)])
     row, column = np.indices(made.size)
     ramp = (0.3 * row - 0.2 * column).astype(np.float32)
@@ -131,9 +123,7 @@ def test_ramp_on_a_plane_comes_back_as_a_ramp(
 
 @pytest.mark.parametrize("step", [2, 4])
 @pytest.mark.parametrize("blurred", [False, True])
-def test_silhouette_does_not_leak(
-    variant_runtime: Runtime, rng: np.random.Generator, step: int, blurred: bool
-) -> None:
+def test_silhouette_does_not_leak(variant_runtime: Runtime, rng: np.random.Generator, step: int, blurred: bool) -> None:
     gbuffer = scene("step", camera(size=(49, 61)), rng)
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
     assert 0.1 < near.mean() < 0.9
@@ -154,7 +144,8 @@ def _own_side_in_reach(near: NDArray[np.float32], step: int) -> NDArray[np.bool_
     last_y, last_x = (near.shape[0] - 1) // step, (near.shape[1] - 1) // step
     corners = [
         near[np.minimum(y // step + dy, last_y) * step, np.minimum(x // step + dx, last_x) * step]
-        for dy in (0, 1) for dx in (0, 1)
+        for dy in (0, 1)
+        for dx in (0, 1)
     ]
     return np.any([corner == near for corner in corners], axis=0)
 
@@ -163,13 +154,10 @@ def test_step_of_one_returns_the_image(runtime: Runtime, rng: np.random.Generato
     gbuffer = trace(made := camera(), [tilted(made, 30.0)])
     image = rng.random(made.size).astype(np.float32)
     # The pixel itself is the only one near: a product of its value and a weight over that weight.
-    np.testing.assert_allclose(
-        upsample(image, gbuffer, step=1, runtime=runtime), image, rtol=3e-7
-    )
+    np.testing.assert_allclose(upsample(image, gbuffer, step=1, runtime=runtime), image, rtol=3e-7)
 
 
-def test_coarse_pixels_keep_their_values(variant_runtime: Runtime,
-    rng: np.random.Generator) -> None:
+def test_coarse_pixels_keep_their_values(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=(33, 71)), rng)
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     fine = upsample(image, gbuffer, background=0.0, runtime=variant_runtime)
@@ -192,14 +180,16 @@ def test_blurred_upsampling_agrees_with_numpy_reference_in_every_scene_and_camer
 @pytest.mark.parametrize(
     ("step", "radius"),
     [
-        (1, 7), (2, 7), (4, 7), (4, 1),  # of less than step - 1 it is that
+        (1, 7),
+        (2, 7),
+        (4, 7),
+        (4, 1),  # of less than step - 1 it is that
         *(pytest.param(*choice, marks=pytest.mark.slow) for choice in ((1, 1), (2, 1), (4, 6))),
     ],
 )
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 def test_every_kernel_variant_of_blurred_upsampling_agrees_with_numpy_reference(
-    variant_runtime: Runtime, rng: np.random.Generator, step: int, radius: int,
-    margin: tuple[int, int],
+    variant_runtime: Runtime, rng: np.random.Generator, step: int, radius: int, margin: tuple[int, int]
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(22, 37)), rng, margin=margin)
     image = rng.random(coarse_size(gbuffer.size, step))
@@ -209,9 +199,7 @@ def test_every_kernel_variant_of_blurred_upsampling_agrees_with_numpy_reference(
     assert share_off(fine, wanted) <= FLIPS
 
 
-def test_blurred_upsampling_by_one_is_the_blur(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_blurred_upsampling_by_one_is_the_blur(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = trace(made := camera(), [tilted(made, 30.0)])
     image = rng.random(made.size).astype(np.float32)
     fine = upsample_blurred(image, gbuffer, runtime, 1, BilateralParams(radius=7))
@@ -244,17 +232,13 @@ def test_blurred_upsampling_of_a_tilted_plane_is_that_of_one_that_faces_the_view
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.15, width=47, height=33)
     image = rng.random(coarse_size(made.size, 2))
     facing, leaning = (
-        upsample_blurred(
-            image, trace(made, [tilted(made, d)]), runtime, 2, BilateralParams(radius=7)
-        )
+        upsample_blurred(image, trace(made, [tilted(made, d)]), runtime, 2, BilateralParams(radius=7))
         for d in (0.0, degrees)
     )
     np.testing.assert_allclose(leaning, facing, rtol=0, atol=ROUNDING)
 
 
-def test_reduced_gbuffer_sees_what_its_camera_says(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_reduced_gbuffer_sees_what_its_camera_says(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     for margin in ((0, 0), (3, 5), (2, 3)):
         gbuffer = scene("bumpy", camera(size=(22, 34)), rng, margin=margin)
         device = DeviceGBuffer(variant_runtime, gbuffer.size, margin=margin)
@@ -265,8 +249,7 @@ def test_reduced_gbuffer_sees_what_its_camera_says(
         depth = reduced.depth.download()[0]
         assert depth.shape == (11 + 2 * rows, 17 + 2 * columns)
         np.testing.assert_array_equal(
-            depth[rows : rows + 11, columns : columns + 17],
-            gbuffer.inner(gbuffer.first("depth"))[::2, ::2],
+            depth[rows : rows + 11, columns : columns + 17], gbuffer.inner(gbuffer.first("depth"))[::2, ::2]
         )
 
 

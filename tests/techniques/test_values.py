@@ -64,6 +64,7 @@ def upsampled(given: Inputs, **params: Any) -> Any:
 GRID = {"plane_tolerance": 0.05, "normal_tolerance": 0.9}
 VPLS = {"cutoff": 0.2, "unit_distance": 0.5, "refine": 1.0}
 
+
 def sampled(given: Inputs, power: float = 1.0, **params: Any) -> Any:
     lights = [scaled(light, power) for light in given.lights]
     return gi.sampled_lights(given.gbuffer, lights, scene=given.scene, **params)
@@ -71,100 +72,121 @@ def sampled(given: Inputs, power: float = 1.0, **params: Any) -> Any:
 
 CASES = {
     "ssao": Case(
-        on_gbuffer(gi.ssao), gi.SsaoParams,
-        {"outside": "open", "max_samples": 32, "near_px": 30.0, "blur_resolution": "full",
-         "resolution": "half"},
-        {"radius": 0.9, "length_power": 1.5, "full": 0.2, "none": 3.0, "power": 2.0, "bias": 0.2,
-         "contrast": 1.0, "outside": 0.8, "near_px": 10.0, **NEAR},
+        on_gbuffer(gi.ssao),
+        gi.SsaoParams,
+        {"outside": "open", "max_samples": 32, "near_px": 30.0, "blur_resolution": "full", "resolution": "half"},
+        {
+            "radius": 0.9,
+            "length_power": 1.5,
+            "full": 0.2,
+            "none": 3.0,
+            "power": 2.0,
+            "bias": 0.2,
+            "contrast": 1.0,
+            "outside": 0.8,
+            "near_px": 10.0,
+            **NEAR,
+        },
     ),
-    "ssao, several radii": Case(
-        on_gbuffer(gi.ssao), gi.SsaoParams, {"radius": (0.2, 0.6)}, {"radius": (0.3, 1.5)}
-    ),
-    "ssao, exponential": Case(
-        on_gbuffer(gi.ssao), gi.SsaoParams, {"falloff": "exponential"}, {"rate": 3.0}
-    ),
+    "ssao, several radii": Case(on_gbuffer(gi.ssao), gi.SsaoParams, {"radius": (0.2, 0.6)}, {"radius": (0.3, 1.5)}),
+    "ssao, exponential": Case(on_gbuffer(gi.ssao), gi.SsaoParams, {"falloff": "exponential"}, {"rate": 3.0}),
     "ssao, curve": Case(
-        on_gbuffer(gi.ssao), gi.SsaoParams, {"falloff": (1.0, 0.5, 0.0)},
+        on_gbuffer(gi.ssao),
+        gi.SsaoParams,
+        {"falloff": (1.0, 0.5, 0.0)},
         {"falloff": (1.0, 0.9, 0.2), "falloff_end": 0.5},
     ),
     "hbao": Case(
-        on_gbuffer(gi.hbao), gi.HbaoParams, {"taps": 4, "angle_bias": 0.1},
+        on_gbuffer(gi.hbao),
+        gi.HbaoParams,
+        {"taps": 4, "angle_bias": 0.1},
         {"attenuation": 0.2, "angle_bias": 0.5, **SLICES},
     ),
     "gtao": Case(
-        on_gbuffer(gi.gtao), gi.GtaoParams,
+        on_gbuffer(gi.gtao),
+        gi.GtaoParams,
         {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True},
         {"falloff": 0.9, "thin_occluder": 1.0, **SLICES},
     ),
     "bitmask_ao": Case(
-        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"taps": 6},
-        {"thickness": 0.9, "slack": 2.0, **SLICES},
+        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"taps": 6}, {"thickness": 0.9, "slack": 2.0, **SLICES}
     ),
     "ssdo": Case(
-        lit, gi.SsdoParams, {"taps": 4, "thickness": 0.1, "resolution": "half"},
+        lit,
+        gi.SsdoParams,
+        {"taps": 4, "thickness": 0.1, "resolution": "half"},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
-    "ssdo, auxiliary camera": Case(
-        of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}
-    ),
+    "ssdo, auxiliary camera": Case(of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}),
     "ssdo, points": Case(
-        of_views, gi.SsdoParams, {"method": "points", "samples": 4, "thickness": 0.1},
+        of_views,
+        gi.SsdoParams,
+        {"method": "points", "samples": 4, "thickness": 0.1},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, published": Case(
-        lit, gi.SsdoParams, {"method": "published", "samples": 4},
+        lit,
+        gi.SsdoParams,
+        {"method": "published", "samples": 4},
         {"radius": 0.9, "strength": 2.0, "nearest_distance": 0.2, **NEAR},
     ),
     "rsm_gather": Case(
-        on_map(gi.rsm_gather), gi.RsmGatherParams, {"samples": 50, "pattern": "rotated"},
-        {"radius": 0.3},
+        on_map(gi.rsm_gather), gi.RsmGatherParams, {"samples": 50, "pattern": "rotated"}, {"radius": 0.3}
     ),
     "rsm_gather, six faces": Case(
-        on_map(gi.rsm_gather, 1), gi.RsmGatherParams,
+        on_map(gi.rsm_gather, 1),
+        gi.RsmGatherParams,
         {"samples": 50, "pattern": "fixed", "resolution": "adaptive"},
         {"radius": 0.2, "error": 0.5, **GRID},
     ),
     "rsm_gather, published": Case(
-        on_map(gi.rsm_gather, 1), gi.RsmPublishedParams, {"method": "published", "samples": 50},
+        on_map(gi.rsm_gather, 1),
+        gi.RsmPublishedParams,
+        {"method": "published", "samples": 50},
         {"radius": 0.2, "offset": 3.0, "position_tolerance": 0.5, "normal_tolerance": 2.5},
     ),
-    "sampled_lights": Case(
-        sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}
-    ),
-    "vpl_splat": Case(
-        on_map(gi.vpl_splat), gi.VplSplatParams, {"vpls": 64, "cutoff": 0.01}, VPLS
-    ),
+    "sampled_lights": Case(sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}),
+    "vpl_splat": Case(on_map(gi.vpl_splat), gi.VplSplatParams, {"vpls": 64, "cutoff": 0.01}, VPLS),
     "multires_splat": Case(
-        on_map(gi.multires_splat), gi.MultiresSplatParams, {"vpls": 64, "cutoff": 0.01},
+        on_map(gi.multires_splat),
+        gi.MultiresSplatParams,
+        {"vpls": 64, "cutoff": 0.01},
         {"error": 0.2, "light_error": 1.0, **GRID, **VPLS},
     ),
     "multires_splat, published": Case(
-        on_map(gi.multires_splat), gi.MultiresPublishedParams,
-        {"vpls": 64, "method": "published"}, {"depth_threshold": 0.9, "normal_threshold": 2.0},
+        on_map(gi.multires_splat),
+        gi.MultiresPublishedParams,
+        {"vpls": 64, "method": "published"},
+        {"depth_threshold": 0.9, "normal_threshold": 2.0},
     ),
     "bilateral_blur": Case(
         lambda given, **params: gi.bilateral_blur(given.image, given.gbuffer, **params),
-        gi.BilateralParams, {}, {"sigma": 1.0, "depth_sigma": 0.5, "normal_sigma": 2.0},
+        gi.BilateralParams,
+        {},
+        {"sigma": 1.0, "depth_sigma": 0.5, "normal_sigma": 2.0},
     ),
-    "upsample": Case(
-        upsampled, UpsampleParams, {},
-        {"background": 3.0, "depth_sigma": 0.5, "normal_sigma": 2.0},
-    ),
+    "upsample": Case(upsampled, UpsampleParams, {}, {"background": 3.0, "depth_sigma": 0.5, "normal_sigma": 2.0}),
     "tonemap": Case(
-        lambda given, **params: gi.tonemap(given.image, **params), Params, {"exposure": 1.0},
-        {"exposure": 0.01},
+        lambda given, **params: gi.tonemap(given.image, **params), Params, {"exposure": 1.0}, {"exposure": 0.01}
     ),
     "shade": Case(
         lambda given, power=1.0, **params: gi.shade(
-            given.gbuffer, [scaled(light, power) for light in given.lights],
-            rsms=[given.maps[0], None, None, None], **params,
+            given.gbuffer,
+            [scaled(light, power) for light in given.lights],
+            rsms=[given.maps[0], None, None, None],
+            **params,
         ),
-        Params, {}, {"power": 3.0},
+        Params,
+        {},
+        {"power": 3.0},
     ),
 }
 
 MODES: dict[str, dict[str, Any]] = {
-    "ssao": {"ao": "ssao"}, "hbao": {"ao": "hbao"}, "gtao": {}, "bitmask_ao": {"ao": "bitmask_ao"},
+    "ssao": {"ao": "ssao"},
+    "hbao": {"ao": "hbao"},
+    "gtao": {},
+    "bitmask_ao": {"ao": "bitmask_ao"},
     "multires": {"indirect": "multires", "vpls": 64},
     "vpl": {"indirect": "vpl", "vpls": 64, "glossy_vpls": 16},
     "gather": {"indirect": "gather", "ao": False},
@@ -183,7 +205,8 @@ def value_names(params: type[Params]) -> set[str]:
     """Return the parameters of which not all is part of the shape."""
     kinds = get_type_hints(params)
     return {
-        name for name, declared in parameter_fields(params).items()
+        name
+        for name, declared in parameter_fields(params).items()
         if kinds[name] is float or declared.metadata.get("shape")
     }
 
@@ -200,8 +223,7 @@ def given(runtime: Runtime) -> Inputs:
 
 
 def check(
-    runtime: Runtime, run: Callable[[Mapping[str, Any]], list[str]],
-    base: Mapping[str, Any], changed: Mapping[str, Any],
+    runtime: Runtime, run: Callable[[Mapping[str, Any]], list[str]], base: Mapping[str, Any], changed: Mapping[str, Any]
 ) -> None:
     """Check that `run` with other values takes nothing, and gives what it gives prepared anew."""
     first, found = run(base), {}
@@ -220,10 +242,7 @@ def check(
 @pytest.mark.parametrize("name", CASES)
 def test_values_are_arguments(runtime: Runtime, given: Inputs, name: str) -> None:
     case = CASES[name]
-    check(
-        runtime, lambda params: bits(case.call(given, runtime=runtime, **params)), case.base,
-        case.changed,
-    )
+    check(runtime, lambda params: bits(case.call(given, runtime=runtime, **params)), case.base, case.changed)
 
 
 def test_every_value_is_tried() -> None:
@@ -239,12 +258,18 @@ def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: 
         own = dict(params)
         power = own.pop("power", 1.0)
         frame = gi.render(
-            given.scene, given.gbuffer.camera, [scaled(light, power) for light in given.lights],
+            given.scene,
+            given.gbuffer.camera,
+            [scaled(light, power) for light in given.lights],
             bounces=0,
-            shadow_size=32, rsm_size=32, runtime=runtime, **own,
+            shadow_size=32,
+            rsm_size=32,
+            runtime=runtime,
+            **own,
         )
-        return [bits(plane)[0] for plane in (frame.ao, frame.indirect, frame.image, frame.radiance)
-                if plane is not None]
+        return [
+            bits(plane)[0] for plane in (frame.ao, frame.indirect, frame.image, frame.radiance) if plane is not None
+        ]
 
     mode = {"ao_radius": 0.3, "exposure": 1.0, **MODES[name]}
     changed = {"power": 3.0, "exposure": 0.2}
@@ -256,9 +281,7 @@ def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: 
 def test_other_shapes_are_refused(runtime: Runtime) -> None:
     technique = gi.Gtao(runtime, SIZE, gi.GtaoParams(slices=1))
     technique.params = gi.GtaoParams(slices=1, radius=2.0)
-    for other in (
-        gi.GtaoParams(slices=2), gi.GtaoParams(slices=1, falloff=0.5), gi.HbaoParams(slices=1)
-    ):
+    for other in (gi.GtaoParams(slices=2), gi.GtaoParams(slices=1, falloff=0.5), gi.HbaoParams(slices=1)):
         with pytest.raises(ValueError, match="Gtao was prepared for GtaoParams"):
             technique.params = other
     assert technique.params == gi.GtaoParams(slices=1, radius=2.0)

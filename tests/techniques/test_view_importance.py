@@ -32,14 +32,9 @@ from .test_vpl_tree import uploaded
 @pytest.mark.parametrize("overscan", [0.0, 0.1])
 def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan: float) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(
-        made.scene, made.camera(72, 54), layers=2, overscan=overscan, runtime=variant_runtime
-    )
-    seen = rsm(made.scene, made.lights[0], size=100,
-        runtime=variant_runtime)  # type: ignore[arg-type]
-    technique = MultiresSplat(
-        variant_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32)
-    )
+    gbuffer = drawn(made.scene, made.camera(72, 54), layers=2, overscan=overscan, runtime=variant_runtime)
+    seen = rsm(made.scene, made.lights[0], size=100, runtime=variant_runtime)  # type: ignore[arg-type]
+    technique = MultiresSplat(variant_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32))
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     technique.run(device, rsms=[map_])
     array = technique._importance._importance
@@ -58,7 +53,7 @@ def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan
     np.testing.assert_array_equal(sums[1], wanted[1])
     assert sums[1].sum() > 1000
     # The device counts in other lengths; the grid's box is round the same points.
-    sums[0] /= technique._lights.unit ** 2
+    sums[0] /= technique._lights.unit**2
     # A ray along the side of a cell may be blocked in one of the two alone.
     assert np.mean(np.abs(sums[0] - wanted[0]) > 1e-3 * wanted[0].mean()) < 0.02
     np.testing.assert_allclose(run_weights(sums), run_weights(wanted), rtol=0.2)
@@ -68,8 +63,7 @@ def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan
 def two_rooms(runtime: Runtime) -> tuple[Any, Any, Any]:
     """A floor in the sun, half of it behind a wall; the camera sees the other half and its end."""
     scene = quads(
-        ((-2, 0, -1), (4, 0, 0), (0, 0, 2)), ((0, 0, -1), (0, 3, 0), (0, 0, 2)),
-        ((2, 0, -1), (0, 2, 0), (0, 0, 2)),
+        ((-2, 0, -1), (4, 0, 0), (0, 0, 2)), ((0, 0, -1), (0, 3, 0), (0, 0, 2)), ((2, 0, -1), (0, 2, 0), (0, 0, 2))
     )
     camera = Camera.look_at((0.3, 1.0, 0), (2.0, 0.6, 0), yfov=1.2, width=64, height=48)
     gbuffer = drawn(scene, camera, runtime=runtime)
@@ -77,23 +71,17 @@ def two_rooms(runtime: Runtime) -> tuple[Any, Any, Any]:
 
 
 @pytest.mark.parametrize("kind", ["multires", "vpl"])
-def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(
-    variant_runtime: Runtime, kind: str
-) -> None:
+def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(variant_runtime: Runtime, kind: str) -> None:
     scene, gbuffer, seen = two_rooms(variant_runtime)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     solid, view, shares = device_scene(scene, variant_runtime), gbuffer.camera.view, []
     for importance in (False, True):
-        given: dict[str, Any] = {
-            "vpls": 512, "cutoff": 0.0, "visibility": True, "importance": importance
-        }
+        given: dict[str, Any] = {"vpls": 512, "cutoff": 0.0, "visibility": True, "importance": importance}
         technique: Any
         if kind == "multires":
             technique = MultiresSplat(variant_runtime, gbuffer.size, MultiresSplatParams(**given))
         else:
-            technique = VplSplat(
-                variant_runtime, gbuffer.size, VplSplatParams(**given, interleave=True)
-            )
+            technique = VplSplat(variant_runtime, gbuffer.size, VplSplatParams(**given, interleave=True))
         technique.run(device, rsms=[map_], scene=solid)
         lights = technique._lights
         values = lights.lights.download().reshape(lights.segments, lights.span, -1)
@@ -115,21 +103,32 @@ def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> N
     made = BUILTIN_SCENES["parlour"]()
     gbuffer = uploaded(runtime, drawn(made.scene, made.camera(120, 90), runtime=runtime))
     punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [on_device_rsm(rsm(made.scene, punctual_light, size=256,
-        runtime=runtime)) for punctual_light in punctual_lights[:1]]  # type: ignore[arg-type]
+    maps = [
+        on_device_rsm(rsm(made.scene, punctual_light, size=256, runtime=runtime))
+        for punctual_light in punctual_lights[:1]
+    ]  # type: ignore[arg-type]
     solid = device_scene(made.scene, runtime)
     means = {}
     for share, importance in ((1, True), (16, True), (16, False)):
         params = [
             VplSplatParams(
-                vpls=count, cutoff=0.0, interleave=True, visibility=True, share=share,
-                importance=importance, blur_radius=0,
+                vpls=count,
+                cutoff=0.0,
+                interleave=True,
+                visibility=True,
+                share=share,
+                importance=importance,
+                blur_radius=0,
             )
             for count in range(1000, 2001, 100)
         ]
         means[share, importance] = [
-            float(VplSplat(runtime, gbuffer.size, own).run(gbuffer, rsms=maps, scene=solid)
-                  .download().mean(dtype=np.float64))
+            float(
+                VplSplat(runtime, gbuffer.size, own)
+                .run(gbuffer, rsms=maps, scene=solid)
+                .download()
+                .mean(dtype=np.float64)
+            )
             for own in params
         ]
     one = np.mean(means[1, True])
@@ -143,10 +142,8 @@ def test_given_lights_are_not_chosen_anew(runtime: Runtime) -> None:
     scene, gbuffer, seen = two_rooms(runtime)
     device, vpls = uploaded(runtime, gbuffer), choose_vpls(seen, 256, runtime=runtime)
     made = [
-        MultiresSplat(
-            runtime, gbuffer.size,
-            MultiresSplatParams(vpls=256, visibility=True, importance=importance),
-        ).run(device, vpls, rsms=[on_device_rsm(seen, runtime)], scene=device_scene(scene, runtime))
+        MultiresSplat(runtime, gbuffer.size, MultiresSplatParams(vpls=256, visibility=True, importance=importance))
+        .run(device, vpls, rsms=[on_device_rsm(seen, runtime)], scene=device_scene(scene, runtime))
         .download()
         for importance in (False, True)
     ]
@@ -174,8 +171,7 @@ def test_pieces_are_cut_by_importance_and_lights_lie_amid_their_flux(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     seen = rsm(
-        quads(((-1, 0, -1), (2, 0, 0), (0, 0, 2))), DirectionalLight((0, -1, 0), 1.0), size=64,
-        runtime=variant_runtime,
+        quads(((-1, 0, -1), (2, 0, 0), (0, 0, 2))), DirectionalLight((0, -1, 0), 1.0), size=64, runtime=variant_runtime
     )
     flux = 10.0 ** rng.uniform(-2, 0, (64, 64, 1)) * np.ones(3)
     seen = replace(seen, flux=np.where(np.asarray(seen.flux) > 0.0, flux, 0.0).astype(np.float32))

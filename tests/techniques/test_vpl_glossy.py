@@ -19,11 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm, mirrored_axes, on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.reference.vpl_splat import (
-    form_factor,
-    lobe_share_exact,
-    vpl_splat_reference,
-)
+from ssgi_cl.reference.vpl_splat import form_factor, lobe_share_exact, vpl_splat_reference
 from ssgi_cl.reference.vpls import choose_vpls_reference
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.indirect.packed_vpls import lobe_share
@@ -47,9 +43,13 @@ def lobes(rng: np.random.Generator, count: int = 100) -> Vpls:
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     axis *= np.sign(np.sum(axis * normal, axis=1, keepdims=True))
     return Vpls(
-        rng.uniform((-1.5, -0.2, -1.5), (1.5, 1.5, 1.5), (count, 3)), normal,
+        rng.uniform((-1.5, -0.2, -1.5), (1.5, 1.5, 1.5), (count, 3)),
+        normal,
         rng.random((count, 3)) * 10.0 ** rng.uniform(-2, 2, (count, 1)),
-        10.0 ** rng.uniform(-4, -1, count), None, axis, 10.0 ** rng.uniform(-0.5, 3.3, count),
+        10.0 ** rng.uniform(-4, -1, count),
+        None,
+        axis,
+        10.0 ** rng.uniform(-0.5, 3.3, count),
     )
 
 
@@ -59,9 +59,7 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     return device
 
 
-def mirrored_light(
-    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
-) -> NDArray[np.float32]:
+def mirrored_light(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> NDArray[np.float32]:
     """Irradiance by lights with lobes alone, without what the cutoff leaves out."""
     params = {"vpls": 1, "glossy_vpls": max(len(vpls), 1), "restore": False, **params}
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(**params))
@@ -76,9 +74,7 @@ def assert_close(a: NDArray[Any], b: NDArray[Any], tolerance: float = ROUNDING) 
 # ---- flux
 
 
-def test_the_share_of_a_lobe_above_its_surface_is_the_integral_over_it(
-    rng: np.random.Generator,
-) -> None:
+def test_the_share_of_a_lobe_above_its_surface_is_the_integral_over_it(rng: np.random.Generator) -> None:
     way = rng.standard_normal((400_000, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     for exponent, cosine in ((1.0, 0.3), (4.0, 0.7), (30.0, 0.1), (30.0, 0.5)):
@@ -104,8 +100,13 @@ def test_all_flux_of_a_light_arrives_on_a_sphere_round_it(exponent: float, cosin
     """As in a furnace: what leaves the surface is what the light reflects, however it is tilted."""
     axis = np.array([[math.sqrt(1.0 - cosine**2), 0.0, cosine]])
     one = Vpls(
-        np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones((1, 3)), np.array([1e-9]), None,
-        axis, np.array([exponent]),
+        np.zeros((1, 3)),
+        np.array([[0.0, 0.0, 1.0]]),
+        np.ones((1, 3)),
+        np.array([1e-9]),
+        None,
+        axis,
+        np.array([exponent]),
     )
     # Points spread evenly over a sphere by a Fibonacci spiral.
     count = 50_000
@@ -130,15 +131,11 @@ def test_a_lobe_of_exponent_1_round_the_normal_is_a_diffuse_light(
 
 
 def test_a_light_is_no_sharper_than_its_own_disc_lets_it_be(runtime: Runtime) -> None:
-    gbuffer = trace(
-        camera("orthographic", size=(9, 9), eye=(0, 0, 3), target=(0, 0, 0)),
-        [Plane((0, 0, 0), (0, 0, 1))],
-    )
+    gbuffer = trace(camera("orthographic", size=(9, 9), eye=(0, 0, 3), target=(0, 0, 0)), [Plane((0, 0, 0), (0, 0, 1))])
     down = np.array([[0.0, 0.0, -1.0]])
     for distance in (1e-3, 0.5, 4.0):
         one = Vpls(
-            np.array([[0.0, 0.0, distance]]), down, np.ones((1, 3)), np.array([0.3]), None, down,
-            np.array([500.0]),
+            np.array([[0.0, 0.0, distance]]), down, np.ones((1, 3)), np.array([0.3]), None, down, np.array([500.0])
         )
         e = mirrored_light(runtime, gbuffer, one, cutoff=0.0)[4, 4, 0]
         sphere = 4.0 * math.pi * distance**2
@@ -169,9 +166,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference(
     assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(**params)))
 
 
-def test_forms_give_the_same_result(
-    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
-) -> None:
+def test_forms_give_the_same_result(runtime: Runtime, other_variant: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(45, 61)), rng), lobes(rng)
     one, other = (mirrored_light(r, gbuffer, vpls, cutoff=0.3) for r in (runtime, other_variant))
     # Contraction is off, so variants differ only where a device's division is not exact; powers of
@@ -185,17 +180,13 @@ def test_tiles_leave_out_only_lobes_that_give_them_nothing(
     runtime: Runtime, rng: np.random.Generator, kind: str, cutoff: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(kind, size=(80, 100)), rng), lobes(rng, 1000)
-    culled, whole = (
-        mirrored_light(runtime, gbuffer, vpls, cutoff=cutoff, cull=cull) for cull in (True, False)
-    )
+    culled, whole = (mirrored_light(runtime, gbuffer, vpls, cutoff=cutoff, cull=cull) for cull in (True, False))
     # Other blocks of 64 lights are summed, so that the sums round differently.
     np.testing.assert_allclose(culled, whole, rtol=3e-6)
     np.testing.assert_array_equal(culled > 0.0, whole > 0.0)
 
 
-def test_sharper_lobes_leave_tiles_shorter_lists(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_sharper_lobes_leave_tiles_shorter_lists(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(80, 100)), rng), lobes(rng, 1000)
     vpls = replace(vpls, area=np.full(1000, 1e-4))
     lengths = []
@@ -272,8 +263,7 @@ def test_drawn_lobes_are_those_of_the_host(variant_runtime: Runtime, light: Ligh
     there = np.isfinite(np.asarray(host.depth))
     # The host has its normals, and the device its directions, in float32.
     np.testing.assert_allclose(
-        np.moveaxis(drawn.lobes.axis.download(), 0, -1)[there], mirrored_axes(host)[there],
-        atol=1e-5,
+        np.moveaxis(drawn.lobes.axis.download(), 0, -1)[there], mirrored_axes(host)[there], atol=1e-5
     )
     for name in ("flux", "gloss"):
         np.testing.assert_allclose(
@@ -291,8 +281,7 @@ def test_lights_with_lobes_are_chosen_as_in_the_reference(variant_runtime: Runti
         off = np.abs(found - exact).reshape(200, -1).max(axis=1) > 1e-4 * np.abs(exact).max()
         # A middle may be on the edge of two texels.
         assert off.mean() < 0.02
-    total = sum(np.asarray(m.specular_flux).sum(axis=(0, 1), dtype=np.float64)
-                for m in (seen, other))
+    total = sum(np.asarray(m.specular_flux).sum(axis=(0, 1), dtype=np.float64) for m in (seen, other))
     np.testing.assert_allclose(vpls.flux.sum(axis=0), total, rtol=1e-5)
     # Three times the reflectance: by flux alone the sharper floor would get a quarter.
     sharp = np.mean(vpls.gloss == 900.0)  # type: ignore[arg-type]
@@ -340,8 +329,7 @@ def test_a_scene_without_gloss_skips_lobes(runtime: Runtime) -> None:
         skipped = [entry for entry in runtime.times() if entry.skipped]
     assert any("nothing mirrors light" in str(entry.skipped) for entry in skipped)
     np.testing.assert_array_equal(
-        vpl_splat(gbuffer, seen, 64, glossy_vpls=64, runtime=runtime),
-        vpl_splat(gbuffer, seen, 64, runtime=runtime),
+        vpl_splat(gbuffer, seen, 64, glossy_vpls=64, runtime=runtime), vpl_splat(gbuffer, seen, 64, runtime=runtime)
     )
     assert len(choose_vpls(seen, 8, glossy=True, runtime=runtime)) == 0
 
@@ -349,9 +337,7 @@ def test_a_scene_without_gloss_skips_lobes(runtime: Runtime) -> None:
 # ---- bad input
 
 
-def test_lobes_where_none_are_expected_are_refused(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_lobes_where_none_are_expected_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(size=(9, 9)), rng)
     device, vpls = uploaded(runtime, gbuffer), lobes(rng, 5)
     with pytest.raises(ValueError, match=r"vpls has lights with lobes: expected diffuse light"):

@@ -21,11 +21,7 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, seen_surfaces
-from ssgi_cl.reference.vpl_splat import (
-    receivers,
-    vpl_splat_reference,
-    vpl_visibility_reference,
-)
+from ssgi_cl.reference.vpl_splat import receivers, vpl_splat_reference, vpl_visibility_reference
 from ssgi_cl.techniques.indirect.occupancy_grid import cells_for
 from ssgi_cl.techniques.indirect.packed_vpls import NEAR_CAPACITY
 from ssgi_cl.techniques.indirect.vpl_choice import choose_vpls
@@ -59,9 +55,7 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     return device
 
 
-def irradiance(
-    runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any
-) -> NDArray[np.float32]:
+def irradiance(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> NDArray[np.float32]:
     """Without what the cutoff leaves out, unless asked for, as the references have it."""
     params = {"vpls": max(len(vpls), 1), "restore": False, **params}
     technique = VplSplat(runtime, gbuffer.size, VplSplatParams(**params))
@@ -114,8 +108,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
 @pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
 @pytest.mark.parametrize("interleave", [False, True])
 def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margins(
-    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int],
-    margin: tuple[int, int], interleave: bool,
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], margin: tuple[int, int], interleave: bool
 ) -> None:
     gbuffer, vpls = scene("corner", camera(size=size), rng, margin=margin), lights(rng, 33)
     params = {"cutoff": 0.01, "interleave": interleave, "blur_radius": 0}
@@ -157,9 +150,7 @@ def test_tiles_leave_out_only_lights_that_give_them_nothing(
     runtime: Runtime, rng: np.random.Generator, kind: str, cutoff: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(kind, size=(80, 100)), rng), lights(rng, 1000)
-    culled, whole = (
-        irradiance(runtime, gbuffer, vpls, cutoff=cutoff, cull=cull) for cull in (True, False)
-    )
+    culled, whole = (irradiance(runtime, gbuffer, vpls, cutoff=cutoff, cull=cull) for cull in (True, False))
     # Other blocks of 64 lights are summed, so that the sums round differently.
     np.testing.assert_allclose(culled, whole, rtol=3e-6)
     np.testing.assert_array_equal(culled > 0.0, whole > 0.0)
@@ -171,9 +162,7 @@ def test_cut_stays_within_what_float32_holds() -> None:
     assert VplSplatParams(cutoff=0.0).scaled_cutoff(unit=1e26) == 0.0
 
 
-def test_a_greater_cutoff_leaves_tiles_shorter_lists(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_a_greater_cutoff_leaves_tiles_shorter_lists(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(80, 100)), rng), lights(rng, 1000)
     lengths = []
     for cutoff in (0.0, 0.1, 1.0, 10.0):
@@ -196,12 +185,9 @@ def facing_wall(size: tuple[int, int] = (9, 9)) -> GBuffer:
 
 @pytest.mark.parametrize("distance", [0.01, 0.5, 4.0])
 @pytest.mark.parametrize("near", ["disk", "clamped"])
-def test_one_light_gives_the_form_factor_of_its_disc(
-    variant_runtime: Runtime, distance: float, near: str
-) -> None:
+def test_one_light_gives_the_form_factor_of_its_disc(variant_runtime: Runtime, distance: float, near: str) -> None:
     vpls = Vpls(
-        np.array([[0.0, 0.0, distance]]), np.array([[0.0, 0.0, -1.0]]),
-        np.array([[1.0, 2.0, 3.0]]), np.array([0.3]),
+        np.array([[0.0, 0.0, distance]]), np.array([[0.0, 0.0, -1.0]]), np.array([[1.0, 2.0, 3.0]]), np.array([0.3])
     )
     e = irradiance(variant_runtime, facing_wall(), vpls, cutoff=0.0, near=near)[4, 4]
     sphere = math.pi * distance**2
@@ -216,18 +202,13 @@ def test_the_cut_fades_between_its_level_and_twice_that(runtime: Runtime) -> Non
     for level in levels:
         # 1 / (pi d^2 + A) with A = 0 but for rounding, so k = 0.01 is met at d = 10.
         distance = 10.0 / math.sqrt(level)
-        vpls = Vpls(
-            np.array([[0.0, 0.0, distance]]), np.array([[0.0, 0.0, -1.0]]), np.ones((1, 3)),
-            np.array([1e-9]),
-        )
+        vpls = Vpls(np.array([[0.0, 0.0, distance]]), np.array([[0.0, 0.0, -1.0]]), np.ones((1, 3)), np.array([1e-9]))
         e = irradiance(runtime, facing_wall(), vpls, cutoff=0.01)
         found.append(e[4, 4, 0] * math.pi * 100.0)
     np.testing.assert_allclose(found, [0.0, 0.02, 1.0, 1.98, 3.0], rtol=0, atol=1e-4)
 
 
-def test_no_pixel_is_brighter_than_the_discs_allow(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_no_pixel_is_brighter_than_the_discs_allow(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     _, point, normal = receivers(gbuffer)
     index = rng.choice(len(point), 200)
@@ -235,7 +216,9 @@ def test_no_pixel_is_brighter_than_the_discs_allow(
     offset = np.where(rng.random(200) < 0.3, 0.0, 10.0 ** rng.uniform(-17, -2, 200))[:, None]
     turned = np.where(rng.random((200, 1)) < 0.5, 1.0, -1.0) * normal[index]
     vpls = Vpls(
-        point[index] + offset * rng.standard_normal((200, 3)), turned, np.ones((200, 3)),
+        point[index] + offset * rng.standard_normal((200, 3)),
+        turned,
+        np.ones((200, 3)),
         10.0 ** rng.uniform(-12, 0, 200),
     )
     for near in ("disk", "clamped"):
@@ -252,8 +235,10 @@ def test_no_pixel_is_brighter_than_the_discs_allow(
 @pytest.mark.parametrize("power", [1e-38, 1e-20, 1e20, 1e38, 1e300])
 def test_any_flux_gives_finite_light(variant_runtime: Runtime, power: float) -> None:
     vpls = Vpls(
-        np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]] * 2),
-        np.full((2, 3), power), np.array([1e-9, 1e9]),
+        np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]]),
+        np.array([[0.0, 0.0, -1.0]] * 2),
+        np.full((2, 3), power),
+        np.array([1e-9, 1e9]),
     )
     e = irradiance(variant_runtime, facing_wall(), vpls, cutoff=0.0)
     assert np.isfinite(e).all()
@@ -273,14 +258,11 @@ def test_lights_of_all_brightnesses_add_up(runtime: Runtime, rng: np.random.Gene
 @pytest.mark.parametrize("interleave", [False, True])
 def test_no_lights_give_no_light(variant_runtime: Runtime, interleave: bool) -> None:
     none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    e = irradiance(variant_runtime, facing_wall(), none, cutoff=0.0, interleave=interleave,
-                   visibility=interleave)
+    e = irradiance(variant_runtime, facing_wall(), none, cutoff=0.0, interleave=interleave, visibility=interleave)
     np.testing.assert_array_equal(e, 0.0)
 
 
-def test_empty_pixels_and_images_get_no_light(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_empty_pixels_and_images_get_no_light(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     made, vpls = camera(size=(20, 30)), lights(rng)
     nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
     gbuffer = scene("ball", made, rng)
@@ -295,16 +277,12 @@ def test_empty_pixels_and_images_get_no_light(
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_unit_of_length_does_not_matter(
-    runtime: Runtime, rng: np.random.Generator, kind: str, scale: float
-) -> None:
+def test_unit_of_length_does_not_matter(runtime: Runtime, rng: np.random.Generator, kind: str, scale: float) -> None:
     found = []
     for s in (1.0, scale):
         generator = np.random.default_rng(3)
         gbuffer = scene("corner", camera(kind, scale=s), generator, scale=s)
-        e = irradiance(
-            runtime, gbuffer, lights(generator, scale=s), cutoff=0.1, unit_distance=s
-        )
+        e = irradiance(runtime, gbuffer, lights(generator, scale=s), cutoff=0.1, unit_distance=s)
         found.append(e * s**2)
     # Scaled depths round differently, by 2^-24.
     assert_close(found[1], found[0], 1e-3)
@@ -339,9 +317,7 @@ def test_what_the_cut_leaves_out_is_told_and_can_be_put_back(runtime: Runtime) -
     # The loss is computed with 64 lights in place of 1024.
     assert lost == pytest.approx(1.0 - cut / whole, abs=0.02)
     for interleave in (False, True):
-        restored = irradiance(
-            runtime, gbuffer, vpls, restore=True, interleave=interleave, **params
-        ).mean()
+        restored = irradiance(runtime, gbuffer, vpls, restore=True, interleave=interleave, **params).mean()
         assert restored == pytest.approx(whole, rel=0.03)
 
 
@@ -357,8 +333,7 @@ def test_without_a_cut_nothing_is_lost(runtime: Runtime, rng: np.random.Generato
 def test_close_lights_are_the_lights_that_they_are_made_of(variant_runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(40, 30), runtime=variant_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64,
-        runtime=variant_runtime)  # type: ignore[arg-type]
+    seen = rsm(made.scene, made.lights[0], size=64, runtime=variant_runtime)  # type: ignore[arg-type]
     vpls = choose_vpls(seen, 1, parts=True, runtime=variant_runtime)
     assert vpls.parts is not None
     assert len(vpls.parts) == 16
@@ -373,10 +348,7 @@ def test_parts_bring_lights_closer_to_all_texels(runtime: Runtime) -> None:
     gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
     seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
     every = vpl_splat(gbuffer, seen, 1 << 16, 0.0, runtime=runtime)
-    found = [
-        vpl_splat(gbuffer, seen, n, 0.0, refine=r, runtime=runtime)
-        for n, r in ((1024, 4.0), (1024, 0.0))
-    ]
+    found = [vpl_splat(gbuffer, seen, n, 0.0, refine=r, runtime=runtime) for n, r in ((1024, 4.0), (1024, 0.0))]
     rmse = [math.sqrt(np.mean((e - every) ** 2)) for e in found]
     # Measured: 0.68 times; at 400 x 300, where fewer pixels lie in corners, 0.54 times.
     assert rmse[0] < 0.8 * rmse[1]
@@ -385,8 +357,7 @@ def test_parts_bring_lights_closer_to_all_texels(runtime: Runtime) -> None:
 def test_interleaved_pixels_take_parts_of_all_lights_near_by(variant_runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(32, 24), runtime=variant_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64,
-        runtime=variant_runtime)  # type: ignore[arg-type]
+    seen = rsm(made.scene, made.lights[0], size=64, runtime=variant_runtime)  # type: ignore[arg-type]
     vpls = choose_vpls(seen, 40, parts=True, runtime=variant_runtime)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
     e = irradiance(variant_runtime, gbuffer, vpls, **params)
@@ -404,9 +375,7 @@ def test_more_lights_near_by_than_there_is_room_for_stay_whole(runtime: Runtime)
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
     vpls = choose_vpls(seen, NEAR_CAPACITY + 100, parts=True, runtime=runtime)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
-    whole, refined = (
-        irradiance(runtime, gbuffer, vpls, refine=r, **params) for r in (0.0, 1e6)
-    )
+    whole, refined = (irradiance(runtime, gbuffer, vpls, refine=r, **params) for r in (0.0, 1e6))
     np.testing.assert_array_equal(refined, whole)
 
 
@@ -414,9 +383,7 @@ def test_a_full_list_keeps_lights_whole(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
-    whole, refined = (
-        vpl_splat(gbuffer, seen, 128, 0.0, refine=r, runtime=runtime) for r in (0.0, 1e6)
-    )
+    whole, refined = (vpl_splat(gbuffer, seen, 128, 0.0, refine=r, runtime=runtime) for r in (0.0, 1e6))
     # Room for 256 of 2048 parts, whose flux is the lights'.
     assert refined.mean() == pytest.approx(whole.mean(), rel=0.05)
 
@@ -430,12 +397,8 @@ def test_interleaved_lights_are_close_to_all_of_them(runtime: Runtime) -> None:
     seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
     all_of_them = vpl_splat(gbuffer, seen, 4096, 0.0, runtime=runtime)
     some = vpl_splat(gbuffer, seen, 4096, 0.0, interleave=True, runtime=runtime)
-    rough = vpl_splat(
-        gbuffer, seen, 4096, 0.0, interleave=True, blur_radius=0, runtime=runtime
-    )
-    rmse, rough_rmse = (
-        math.sqrt(np.mean((e - all_of_them) ** 2)) / all_of_them.mean() for e in (some, rough)
-    )
+    rough = vpl_splat(gbuffer, seen, 4096, 0.0, interleave=True, blur_radius=0, runtime=runtime)
+    rmse, rough_rmse = (math.sqrt(np.mean((e - all_of_them) ** 2)) / all_of_them.mean() for e in (some, rough))
     # Measured: 0.119 and 0.159, most of it where a corner is a few pixels wide; without the parts
     # of lights near by 0.125 and 0.223.
     assert rmse < 0.14
@@ -446,17 +409,14 @@ def test_interleaved_lights_are_close_to_all_of_them(runtime: Runtime) -> None:
 
 def capacity(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, Any, Vpls]:
     made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(
-        made.scene, made.camera(size[1], size[0]), layers=3, overscan=0.125, runtime=runtime
-    )
+    gbuffer = drawn(made.scene, made.camera(size[1], size[0]), layers=3, overscan=0.125, runtime=runtime)
     seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
     return gbuffer, seen, choose_vpls(seen, 512, runtime=runtime)
 
 
 @pytest.mark.parametrize(
     ("size", "cells"),
-    [((10, 10), 32), ((48, 95), 32), ((48, 96), 64), ((191, 100), 64), ((192, 100), 128),
-     ((2000, 3000), 128)],
+    [((10, 10), 32), ((48, 95), 32), ((48, 96), 64), ((191, 100), 64), ((192, 100), 128), ((2000, 3000), 128)],
 )
 def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: int) -> None:
     assert cells_for(size) == cells
@@ -464,14 +424,10 @@ def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: in
 
 def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime) -> None:
     gbuffer, seen, vpls = capacity(variant_runtime)
-    params = VplSplatParams(
-        vpls=512, cutoff=0.0, interleave=True, visibility=True, blur_radius=0, grid=32, share=5
-    )
+    params = VplSplatParams(vpls=512, cutoff=0.0, interleave=True, visibility=True, blur_radius=0, grid=32, share=5)
     device = uploaded(variant_runtime, gbuffer)
     technique = VplSplat(variant_runtime, gbuffer.size, params)
-    e = np.moveaxis(
-        technique.run(device, vpls, rsms=[on_device_rsm(seen, variant_runtime)]).download(), 0, -1
-    )
+    e = np.moveaxis(technique.run(device, vpls, rsms=[on_device_rsm(seen, variant_runtime)]).download(), 0, -1)
     view = gbuffer.camera.view
 
     def in_view(points: NDArray[Any]) -> NDArray[np.float64]:
@@ -479,8 +435,7 @@ def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime) -> 
 
     _, point, _ = receivers(gbuffer)
     grid = OccupancyGridReference(
-        in_view(np.concatenate([point, vpls.position])), seen_surfaces(gbuffer, [seen]),
-        params.grid,
+        in_view(np.concatenate([point, vpls.position])), seen_surfaces(gbuffer, [seen]), params.grid
     )
 
     def hidden(x: Any, n: Any, y: Any, m: Any) -> NDArray[np.bool_]:
@@ -509,9 +464,7 @@ def parted_floor(
     gbuffer = drawn(quads(*parts), view, layers=2, runtime=runtime)
     generator = np.random.default_rng(4)
     position = generator.uniform((-0.7, 0.15, -0.1), (-0.5, 0.3, 0.1), (256, 3))
-    return gbuffer, Vpls(
-        position, np.tile([1.0, 0.0, 0.0], (256, 1)), np.ones((256, 3)), np.full(256, 0.01)
-    )
+    return gbuffer, Vpls(position, np.tile([1.0, 0.0, 0.0], (256, 1)), np.ones((256, 3)), np.full(256, 0.01))
 
 
 @pytest.mark.parametrize(
@@ -530,9 +483,7 @@ def test_a_wall_blocks_light_and_open_space_does_not(
 ) -> None:
     gbuffer, vpls = parted_floor(variant_runtime, height, eye)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": grid}
-    free, tested = (
-        irradiance(variant_runtime, gbuffer, vpls, visibility=v, **params) for v in (False, True)
-    )
+    free, tested = (irradiance(variant_runtime, gbuffer, vpls, visibility=v, **params) for v in (False, True))
     seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
     x, z = np.full((2, *seen.shape), np.nan)
     x[seen], z[seen] = point[:, 0], point[:, 2]
@@ -549,14 +500,10 @@ def test_a_wall_blocks_the_parts_of_near_lights(variant_runtime: Runtime) -> Non
     # All lights count as near: of each, a pixel takes one of 16 parts, which lie where it does.
     whole = Vpls(vpls.position[::8], vpls.normal[::8], vpls.flux[::8], np.ones(32))
     each = np.repeat(np.arange(32), 16)
-    parts = Vpls(
-        whole.position[each], whole.normal[each], whole.flux[each] / 16.0, np.full(512, 1.0 / 16.0)
-    )
+    parts = Vpls(whole.position[each], whole.normal[each], whole.flux[each] / 16.0, np.full(512, 1.0 / 16.0))
     lights = replace(whole, parts=parts)
     params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64, "refine": 100.0}
-    free, tested = (
-        irradiance(variant_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True)
-    )
+    free, tested = (irradiance(variant_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True))
     # The whole lights alone would give another result: parts are smaller.
     assert not np.allclose(free, irradiance(variant_runtime, gbuffer, whole, **params), rtol=0.01)
     seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
@@ -573,17 +520,14 @@ def test_dark_maps_and_lights_a_million_times_brighter_are_no_trouble(runtime: R
     dark, bright = (replace(seen, flux=flux * np.float32(k)) for k in (0.0, 1e6))
     np.testing.assert_array_equal(vpl_splat(gbuffer, dark, 64, runtime=runtime), 0.0)
     one = vpl_splat(gbuffer, seen, 64, 0.0, runtime=runtime)
-    np.testing.assert_array_equal(
-        vpl_splat(gbuffer, [dark, seen], 64, 0.0, runtime=runtime), one
-    )
+    np.testing.assert_array_equal(vpl_splat(gbuffer, [dark, seen], 64, 0.0, runtime=runtime), one)
     both = vpl_splat(gbuffer, [seen, bright], 64, 0.0, runtime=runtime)
     assert np.isfinite(both).all()
     assert both.mean() == pytest.approx(1e6 * one.mean(), rel=0.02)
 
 
 @pytest.mark.parametrize(
-    ("position", "size"),
-    [((0.45, 0.1, 0.2), 64), ((0.278, 0.0, 0.28), 64), ((0.278, 0.5, 0.28), 1)],
+    ("position", "size"), [((0.45, 0.1, 0.2), 64), ((0.278, 0.0, 0.28), 64), ((0.278, 0.5, 0.28), 1)]
 )
 def test_a_light_in_a_wall_and_a_map_of_one_texel_give_finite_light(
     runtime: Runtime, position: tuple[float, float, float], size: int
@@ -592,8 +536,7 @@ def test_a_light_in_a_wall_and_a_map_of_one_texel_give_finite_light(
     gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
     seen = rsm(made.scene, SpotLight(position, (0, -1, 0), 0.8, 0.2), size=size, runtime=runtime)
     for interleave in (False, True):
-        e = vpl_splat(gbuffer, seen, 64, interleave=interleave, visibility=interleave,
-                      runtime=runtime)
+        e = vpl_splat(gbuffer, seen, 64, interleave=interleave, visibility=interleave, runtime=runtime)
         assert np.isfinite(e).all()
         assert (e >= 0.0).all()
 
@@ -624,28 +567,26 @@ def test_the_cornell_box_has_the_bounce_that_paths_through_walls_have(runtime: R
         vpl_splat(
             gbuffer,
             rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
-            count, 0.0, runtime=runtime,
+            count,
+            0.0,
+            runtime=runtime,
         ).mean()
         for size, count in ((256, 4096), (512, 4096), (512, 16384))
     ]
     np.testing.assert_allclose(means, world.mean.mean(), rtol=0.02)
 
 
-@pytest.mark.parametrize(
-    "sizes",
-    [(128, 256, 512), pytest.param((256, 512, 1024), marks=pytest.mark.slow)],
-    ids=str,
-)
-def test_irradiance_does_not_depend_on_the_map_s_size(
-    runtime: Runtime, sizes: tuple[int, ...]
-) -> None:
+@pytest.mark.parametrize("sizes", [(128, 256, 512), pytest.param((256, 512, 1024), marks=pytest.mark.slow)], ids=str)
+def test_irradiance_does_not_depend_on_the_map_s_size(runtime: Runtime, sizes: tuple[int, ...]) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = drawn(made.scene, made.camera(80, 60), runtime=runtime)
     means = [
         vpl_splat(
             gbuffer,
             rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
-            4096, 0.0, runtime=runtime,
+            4096,
+            0.0,
+            runtime=runtime,
         ).mean()
         for size in sizes
     ]
@@ -657,10 +598,7 @@ def test_irradiance_does_not_depend_on_the_map_s_size(
 
 @pytest.mark.parametrize(
     "params",
-    [
-        {}, {"cutoff": 0.0, "refine": 0.0},
-        {"cutoff": 0.0, "interleave": True, "visibility": True, "importance": False},
-    ],
+    [{}, {"cutoff": 0.0, "refine": 0.0}, {"cutoff": 0.0, "interleave": True, "visibility": True, "importance": False}],
     ids=str,
 )
 def test_lights_chosen_on_the_device_shine_like_those_of_the_host(
@@ -702,9 +640,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
 ) -> None:
     gbuffer, seen, vpls = capacity(variant_runtime)
     device, maps = uploaded(variant_runtime, gbuffer), [on_device_rsm(seen, variant_runtime)]
-    params = VplSplatParams(
-        vpls=512, cutoff=0.5, restore=True, interleave=visibility, visibility=visibility
-    )
+    params = VplSplatParams(vpls=512, cutoff=0.5, restore=True, interleave=visibility, visibility=visibility)
     technique = VplSplat(variant_runtime, gbuffer.size, params)
     given = vpls if given_lights else None
     first = technique.run(device, given, rsms=maps).download()
@@ -723,8 +659,7 @@ def test_fewer_lights_than_prepared_for_leave_no_trace_of_the_others(
     device = uploaded(runtime, gbuffer)
     technique.run(device, many)
     np.testing.assert_array_equal(
-        np.moveaxis(technique.run(device, few).download(), 0, -1),
-        irradiance(runtime, gbuffer, few, cutoff=0.0),
+        np.moveaxis(technique.run(device, few).download(), 0, -1), irradiance(runtime, gbuffer, few, cutoff=0.0)
     )
 
 
@@ -756,9 +691,7 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
         vpl_splat(facing_wall(), [], runtime=runtime, **params)
 
 
-def test_other_sizes_and_too_many_lights_are_refused(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_other_sizes_and_too_many_lights_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     technique = VplSplat(runtime, (8, 8), VplSplatParams(vpls=10))
     with pytest.raises(ValueError, match=r"size is \(9, 9\): expected \(8, 8\)"):
         technique.run(uploaded(runtime, facing_wall()), lights(rng, 5))

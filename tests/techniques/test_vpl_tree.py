@@ -42,7 +42,8 @@ def lights(rng: np.random.Generator, count: int = 300) -> Vpls:
     return Vpls(
         (middle + 0.1 * rng.standard_normal(way.shape))[:count],
         (normal / np.linalg.norm(normal, axis=1, keepdims=True))[:count],
-        rng.uniform(0.5, 1.0, (count, 3)), rng.uniform(1e-3, 1e-2, count),
+        rng.uniform(0.5, 1.0, (count, 3)),
+        rng.uniform(1e-3, 1e-2, count),
     )
 
 
@@ -64,8 +65,7 @@ class Lit:
     """Irradiance of all pixels of an image, group by group in the order of rows."""
 
     def __init__(
-        self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float,
-        other: float = 0.0, **values: float
+        self, runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, light_error: float, other: float = 0.0, **values: float
     ) -> None:
         self.seen, self.point, self.normal = receivers(gbuffer)
         device = DeviceVpls(runtime, max(len(vpls), 1), parts=vpls.parts is not None)
@@ -78,9 +78,7 @@ class Lit:
         self.tree.update()
         beside = runtime.plane(3, gbuffer.size)
         beside.upload(np.full((3, *gbuffer.size), other, np.float32))
-        self.tree.measure(
-            source, samples, values, 0.01, light_error, [beside] if other > 0.0 else []
-        )
+        self.tree.measure(source, samples, values, 0.01, light_error, [beside] if other > 0.0 else [])
         self.tree.shine(source, samples, self.seen.size, shares, result, values)
         self.irradiance = np.moveaxis(result.download(), 0, -1) / SHARE
         self.tolerance, self.outshone = self.tree.limits.download()[1:].astype(float).tolist()
@@ -98,9 +96,7 @@ def full(gbuffer: GBuffer, vpls: Vpls) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("count", [1, 5, 64, 300])
-def test_records_are_those_of_the_reference(
-    variant_runtime: Runtime, rng: np.random.Generator, count: int
-) -> None:
+def test_records_are_those_of_the_reference(variant_runtime: Runtime, rng: np.random.Generator, count: int) -> None:
     gbuffer, vpls = scene("corner", camera(), rng), lights(rng, count)
     tree = Lit(variant_runtime, gbuffer, vpls, 0.01).tree
     found, wanted = tree.records()[0], VplTreeReference(vpls, gbuffer.camera)
@@ -179,8 +175,7 @@ def test_lights_that_share_a_shadow_ray_are_those_of_the_reference(
     tree = VplTreeReference(vpls, gbuffer.camera)
     expected = tree.faint if flag == "shared" else tree.bright
     off, share = kinds_of_runs(
-        lit, gbuffer, getattr(lit.tree, flag),
-        lambda records, group: expected(records, group, lit.tolerance),
+        lit, gbuffer, getattr(lit.tree, flag), lambda records, group: expected(records, group, lit.tolerance)
     )
     assert off < NEXT
     assert 0.05 < share < 0.95
@@ -199,8 +194,7 @@ def test_more_lights_share_a_ray_where_other_light_outshines_them(
     assert lit.tolerance == pytest.approx(alone.tolerance, rel=1e-3)
     tree = VplTreeReference(vpls, gbuffer.camera)
     off, _ = kinds_of_runs(
-        lit, gbuffer, lit.tree.shared,
-        lambda records, group: tree.faint(records, group, factor * lit.tolerance),
+        lit, gbuffer, lit.tree.shared, lambda records, group: tree.faint(records, group, factor * lit.tolerance)
     )
     assert off < NEXT
 
@@ -265,15 +259,12 @@ def test_several_batches_add_up(runtime: Runtime, rng: np.random.Generator) -> N
         assert off < tolerance
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"]
-)
+@pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_lights_stand_for_many_at_a_known_error(runtime: Runtime, name: str) -> None:
     made = BUILTIN_SCENES[name]()
     gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
     punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256,
-        runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
+    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
     vpls = choose_vpls(maps, 1024, runtime=runtime)
     exact = Lit(runtime, gbuffer, vpls, 0.0)
     mean = exact.irradiance[exact.seen].mean()
@@ -313,13 +304,9 @@ def test_other_light_adds_to_the_mean(runtime: Runtime, rng: np.random.Generator
 # ---- limits
 
 
-def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime,
-    rng: np.random.Generator) -> None:
+def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
-    one = Vpls(
-        np.array([[0.0, 1.0, 0.5]]), np.array([[0.0, -1.0, 0.0]]), np.array([[1.0, 2.0, 3.0]]),
-        np.array([0.01]),
-    )
+    one = Vpls(np.array([[0.0, 1.0, 0.5]]), np.array([[0.0, -1.0, 0.0]]), np.array([[1.0, 2.0, 3.0]]), np.array([0.01]))
     many = Vpls(*(np.repeat(v, 64, axis=0) for v in (one.position, one.normal, one.flux, one.area)))
     lit = Lit(variant_runtime, gbuffer, many, 1e-4)
     wanted = 64.0 * full(gbuffer, one)
@@ -329,15 +316,12 @@ def test_lights_on_one_spot_are_one_light(variant_runtime: Runtime,
     assert {1} < lengths <= {0, 1, 4, 16, 64}
 
 
-def test_samples_next_to_lights_take_them_one_by_one(
-    runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_samples_next_to_lights_take_them_one_by_one(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     _, point, normal = receivers(gbuffer)
     # Just above the surface, and looking down at it.
     at = point[::40][:64]
-    vpls = Vpls(at + 1e-3 * normal[::40][:64], -normal[::40][:64], np.ones((len(at), 3)),
-                np.full(len(at), 1e-4))
+    vpls = Vpls(at + 1e-3 * normal[::40][:64], -normal[::40][:64], np.ones((len(at), 3)), np.full(len(at), 1e-4))
     lit = Lit(runtime, gbuffer, vpls, 0.01)
     wanted = full(gbuffer, vpls)
     np.testing.assert_allclose(lit.irradiance, wanted, rtol=0.01, atol=0.02 * wanted.mean())
@@ -354,9 +338,7 @@ def test_a_cutoff_is_that_of_splatting(runtime: Runtime, rng: np.random.Generato
 
 
 @pytest.mark.parametrize("power", [0.0, 1e-30, 1e30])
-def test_any_flux_gives_finite_light(
-    variant_runtime: Runtime, rng: np.random.Generator, power: float
-) -> None:
+def test_any_flux_gives_finite_light(variant_runtime: Runtime, rng: np.random.Generator, power: float) -> None:
     gbuffer, vpls = scene("corner", camera(), rng), lights(rng, 40)
     scaled = Vpls(vpls.position, vpls.normal, vpls.flux * power, vpls.area)
     e = Lit(variant_runtime, gbuffer, scaled, 0.005).irradiance
@@ -364,11 +346,10 @@ def test_any_flux_gives_finite_light(
     assert (e.max() > 0.0) == (power > 0.0)
 
 
-def test_no_sample_and_no_light_are_no_trouble(
-    variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_no_sample_and_no_light_are_no_trouble(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     nothing = GBuffer(
-        camera=camera(), depth=np.full(camera().size, np.inf, np.float32),
+        camera=camera(),
+        depth=np.full(camera().size, np.inf, np.float32),
         normal=np.zeros((*camera().size, 3), np.float32),
     )
     none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))

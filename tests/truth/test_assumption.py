@@ -42,9 +42,7 @@ def rms(values: ArrayLike) -> float:
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
-    "ball, exponential": {
-        "hemisphere": False, "falloff": "exponential", "rate": 2.0, "outside": "open",
-    },
+    "ball, exponential": {"hemisphere": False, "falloff": "exponential", "rate": 2.0, "outside": "open"},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "limited radius": {"max_radius_px": 9.0, "bias": 0.1, "length_power": 1 / 3},
     "contrast": {"contrast": 2.5},
@@ -58,10 +56,7 @@ def test_kernel_converges_to_it_with_more_samples(runtime: Runtime, variant: str
     truth = assumption.ssao(gbuffer, SsaoParams(**params), 1024)
     # Each number of samples is a program of its own: all steps are taken where others use it.
     counts = (4, 256) if "falloff" in params else (4, 16, 64, 256)
-    off = [
-        ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean
-        for samples in counts
-    ]
+    off = [ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean for samples in counts]
     # Points at random would halve the error at each step, to an eighth in all; these are spread
     # better. Measured: 0.33 to 0.63, and 0.10 in all.
     for few, many in pairwise(off):
@@ -130,13 +125,27 @@ def test_only_what_changes_the_model_makes_another_truth(folder: Path) -> None:
         return assumption.ssao(gbuffer, SsaoParams(**{"radius": RADIUS, **params}), 256).key
 
     same = [
-        {}, {"samples": 3}, {"max_samples": 99}, {"near_px": 5.0}, {"resolution": "half"},
-        {"blur_radius": 0}, {"blur_passes": 3},
+        {},
+        {"samples": 3},
+        {"max_samples": 99},
+        {"near_px": 5.0},
+        {"resolution": "half"},
+        {"blur_radius": 0},
+        {"blur_passes": 3},
     ]
     other = [
-        {"radius": 0.5}, {"length_power": 0.4}, {"hemisphere": False}, {"falloff": "exponential"},
-        {"rate": 2.0}, {"full": 0.5}, {"none": 3.0}, {"power": 2.0}, {"falloff_end": 1.0},
-        {"bias": 0.1}, {"outside": "open"}, {"max_radius_px": 9.0},
+        {"radius": 0.5},
+        {"length_power": 0.4},
+        {"hemisphere": False},
+        {"falloff": "exponential"},
+        {"rate": 2.0},
+        {"full": 0.5},
+        {"none": 3.0},
+        {"power": 2.0},
+        {"falloff_end": 1.0},
+        {"bias": 0.1},
+        {"outside": "open"},
+        {"max_radius_px": 9.0},
     ]
     assert len({key(**params) for params in same}) == 1
     assert len({key(**params) for params in ({}, *other)}) == 1 + len(other)

@@ -49,8 +49,7 @@ def test_plane_bends_nothing() -> None:
 def test_floor_by_a_wall_bends_as_a_quadrature_says(distance: float) -> None:
     truth = bent_normals(quads(FLOOR, WALL), spot(distance), 0.8, 256)
     u, v = np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(400) + 0.5) / 400)
-    way = np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(1 - u),
-                    np.sqrt(u) * np.sin(2 * np.pi * v)], axis=-1)
+    way = np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(1 - u), np.sqrt(u) * np.sin(2 * np.pi * v)], axis=-1)
     wanted = way[0.8 * way[..., 0] > -distance].sum(axis=0)  # what misses x = 0 within .8
     wanted /= np.linalg.norm(wanted)
     assert np.degrees(np.arccos(wanted[1])) > 5.0

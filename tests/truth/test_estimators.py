@@ -29,28 +29,30 @@ VIEW = BUILTIN_SCENES["cornell_box"]()
 CAMERA = VIEW.camera(width=24, height=18)
 HILLS = rolling_ground((18, 24))
 FACING = GBuffer(
-    camera=CAMERA, depth=np.full((18, 24), 3.0, np.float32),
-    normal=np.tile(np.float32([0.0, 0.0, 1.0]), (18, 24, 1)),
+    camera=CAMERA, depth=np.full((18, 24), 3.0, np.float32), normal=np.tile(np.float32([0.0, 0.0, 1.0]), (18, 24, 1))
 )
 
-GLOSSY = replace(VIEW.scene, materials=tuple(
-    replace(m, albedo=(0.4, 0.4, 0.4), specular=(0.5, 0.4, 0.3), gloss=20.0)
-    for m in VIEW.scene.materials
-))
+GLOSSY = replace(
+    VIEW.scene,
+    materials=tuple(
+        replace(m, albedo=(0.4, 0.4, 0.4), specular=(0.5, 0.4, 0.3), gloss=20.0) for m in VIEW.scene.materials
+    ),
+)
 
-BLENDED = replace(VIEW.scene, materials=tuple(
-    replace(m, albedo=(0.4, 0.4, 0.4), transmission=(0.1, 0.2, 0.3), alpha=0.7, blends=True)
-    for m in VIEW.scene.materials
-))
+BLENDED = replace(
+    VIEW.scene,
+    materials=tuple(
+        replace(m, albedo=(0.4, 0.4, 0.4), transmission=(0.1, 0.2, 0.3), alpha=0.7, blends=True)
+        for m in VIEW.scene.materials
+    ),
+)
 
 ESTIMATES: dict[str, Callable[[], Truth]] = {
     "occlusion": lambda: truth.ambient_occlusion(VIEW.scene, CAMERA, 0.5, 64, rebuild=True),
     "bent normals": lambda: truth.bent_normals(VIEW.scene, FACING, 0.5, 64, rebuild=True),
     "layered occlusion": lambda: truth.layered_occlusion(HILLS, 0.5, 64, rebuild=True),
     "ssao": lambda: assumption.ssao(HILLS, SsaoParams(radius=0.5), 128, rebuild=True),
-    "slices": lambda: slices.converged(
-        HILLS, GtaoParams(radius=0.5), pixels=256, slices=16, rebuild=True
-    ),
+    "slices": lambda: slices.converged(HILLS, GtaoParams(radius=0.5), pixels=256, slices=16, rebuild=True),
     "light": lambda: truth.one_bounce(VIEW.scene, CAMERA, VIEW.lights, 16, rebuild=True),
     "radiance": lambda: truth.radiance(VIEW.scene, CAMERA, VIEW.lights, 16, 2, rebuild=True),
     "glossy radiance": lambda: truth.radiance(GLOSSY, CAMERA, VIEW.lights, 16, 2, rebuild=True),

@@ -45,10 +45,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(
     ("kind", "degrees"),
-    [
-        *((kind, 50) for kind in CAMERAS), ("perspective", 0), ("perspective", 85),
-        ("orthographic", 85),
-    ],
+    [*((kind, 50) for kind in CAMERAS), ("perspective", 0), ("perspective", 85), ("orthographic", 85)],
 )
 def test_a_plane_at_any_tilt_is_open_without_error(kind: str, degrees: float) -> None:
     seen_by = camera(kind, size=(23, 31))
@@ -62,7 +59,8 @@ def test_a_plane_at_any_tilt_is_open_without_error(kind: str, degrees: float) ->
 @pytest.mark.parametrize(
     ("kind", "weighting"),
     [
-        ("perspective", "cosine"), ("orthographic", "uniform"),
+        ("perspective", "cosine"),
+        ("orthographic", "uniform"),
         pytest.param("perspective", "uniform", marks=pytest.mark.slow),
         pytest.param("orthographic", "cosine", marks=pytest.mark.slow),
     ],
@@ -92,8 +90,7 @@ def box_on_a_floor() -> tuple[Scene, Camera]:
 
 def test_where_all_is_in_view_the_mesh_and_one_layer_agree(runtime: Runtime) -> None:
     corner = quads(
-        ((-4, 0, -4), (0, 0, 8), (8, 0, 0)), ((-4, 0, -4), (8, 0, 0), (0, 8, 0)),
-        ((-4, 0, -4), (0, 8, 0), (0, 0, 8)),
+        ((-4, 0, -4), (0, 0, 8), (8, 0, 0)), ((-4, 0, -4), (8, 0, 0), (0, 8, 0)), ((-4, 0, -4), (0, 8, 0), (0, 0, 8))
     )
     eye = Camera.look_at((2, 2.5, 2), (-3.6, 0.3, -3.6), yfov=0.9, width=120, height=90)
     seen = gbuffer(corner, eye, runtime=runtime)
@@ -108,23 +105,17 @@ def test_where_all_is_in_view_the_mesh_and_one_layer_agree(runtime: Runtime) -> 
     assert np.quantile(off, [0.5, 0.99]).tolist() <= [1e-6, 0.03]
 
 
-def test_what_is_behind_a_box_is_absent_with_one_layer_and_present_with_two(
-    runtime: Runtime,
-) -> None:
+def test_what_is_behind_a_box_is_absent_with_one_layer_and_present_with_two(runtime: Runtime) -> None:
     scene, eye = box_on_a_floor()
     one = gbuffer(scene, eye, runtime=runtime)
     mesh = ambient_occlusion(scene, eye, 0.8, 256, gbuffer=one).mean
     point = eye.unproject(np.asarray(one.depth))
     behind = (
-        (np.abs(point[..., 1]) < 1e-3) & (np.abs(point[..., 0]) < 0.7)
-        & (point[..., 2] < -0.3) & (point[..., 2] > -0.9)
+        (np.abs(point[..., 1]) < 1e-3) & (np.abs(point[..., 0]) < 0.7) & (point[..., 2] < -0.3) & (point[..., 2] > -0.9)
     )
     assert behind.sum() > 200
     assert mesh[behind].mean() < 0.9  # by the box's back
-    layers = [
-        layered_occlusion(gbuffer(scene, eye, layers=n, runtime=runtime), 0.8, 256).mean
-        for n in (1, 2)
-    ]
+    layers = [layered_occlusion(gbuffer(scene, eye, layers=n, runtime=runtime), 0.8, 256).mean for n in (1, 2)]
     assert layers[0][behind].mean() > 0.95  # its top's rear edge is all that is left
     # The back is in the second layer whole.
     np.testing.assert_allclose(layers[1][behind], mesh[behind], rtol=0, atol=0.02)
@@ -137,9 +128,7 @@ def test_overscan_holds_what_is_beside_the_image(runtime: Runtime) -> None:
     mesh = ambient_occlusion(scene, near, 0.8, 256, gbuffer=plain).mean
     wide = gbuffer(scene, near, layers=2, overscan=0.6, runtime=runtime)
     narrow = gbuffer(scene, near, layers=2, runtime=runtime)
-    errors = [
-        metrics.rmse(layered_occlusion(seen, 0.8, 256).mean, mesh) for seen in (narrow, wide)
-    ]
+    errors = [metrics.rmse(layered_occlusion(seen, 0.8, 256).mean, mesh) for seen in (narrow, wide)]
     assert errors[1] < 0.3 * errors[0]
 
 
@@ -147,9 +136,7 @@ def test_a_scene_far_from_the_origin_is_as_one_at_the_origin() -> None:
     means = []
     for shift in (0.0, 1e6):
         seen_by = camera("perspective", shift=shift)
-        floor, wall = (Plane(np.add(p, shift), n) for p, n in (
-            ((0, -0.3, 0), (0, 1, 0)), ((0, 0, -1), (0, 0, 1))
-        ))
+        floor, wall = (Plane(np.add(p, shift), n) for p, n in (((0, -0.3, 0), (0, 1, 0)), ((0, 0, -1), (0, 0, 1))))
         means.append(layered_occlusion(trace(seen_by, [floor, wall]), 1.0, 128).mean)
     # The camera itself is rounded to 1e-10 there, and depth to float32 after that.
     assert metrics.rmse(*means) < 1e-3
@@ -226,11 +213,7 @@ def test_where_nothing_is_joined_all_is_open(depth: list[list[float]]) -> None:
 @pytest.mark.parametrize("joins", JOINS)
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize(
-    "shape",
-    [
-        (1, 1, 1), (2, 1, 9), (2, 9, 1), (6, 4, 5),
-        pytest.param((16, 4, 5), marks=pytest.mark.slow),
-    ],
+    "shape", [(1, 1, 1), (2, 1, 9), (2, 9, 1), (6, 4, 5), pytest.param((16, 4, 5), marks=pytest.mark.slow)]
 )
 def test_whatever_the_layers_hold_the_result_is_in_range(
     joins: str, kind: str, shape: tuple[int, int, int], rng: np.random.Generator

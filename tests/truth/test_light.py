@@ -88,7 +88,9 @@ def quads(*parts: Quad, albedos: Sequence[float] | None = None, **rest: Any) -> 
     faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
     colors = albedos or [0.8] * len(parts)
     return made(
-        corners, faces, ids=np.repeat(np.arange(len(parts)), 2),
+        corners,
+        faces,
+        ids=np.repeat(np.arange(len(parts)), 2),
         **{
             "uvs": [[0, 0], [0, 1], [1, 1], [1, 0]] * len(parts),
             "materials": [Material(albedo=(a, 0.5 * a, 0.25 * a)) for a in colors],
@@ -106,9 +108,7 @@ def looking_down(kind: str = "perspective", size: tuple[int, int] = (24, 32)) ->
     eye, target = (0.5, 3.0, 1.5), (0.2, 0.0, -0.3)
     if kind == "orthographic":
         return Camera.orthographic(eye, target, view_height=2.0, width=columns, height=rows)
-    camera = Camera.look_at(
-        eye, target, width=columns, height=rows, reversed_z=kind == "reversed-z"
-    )
+    camera = Camera.look_at(eye, target, width=columns, height=rows, reversed_z=kind == "reversed-z")
     if kind == "off-centre":
         projection = camera.projection.copy()
         projection[0, 2], projection[1, 2] = 0.4, -0.3
@@ -125,9 +125,7 @@ def on_floor(camera: Camera) -> Doubles:
 
 def spot_of(x: float, z: float = 0.0, size: int = 16) -> Camera:
     """Return a camera that sees a spot of the floor, as small as a point, from 1 cm above."""
-    return Camera.orthographic(
-        (x, 0.01, z), (x, 0.0, z), (0, 0, 1), view_height=1e-6, width=size, height=size, far=1.0
-    )
+    return Camera.orthographic((x, 0.01, z), (x, 0.0, z), (0, 0, 1), view_height=1e-6, width=size, height=size, far=1.0)
 
 
 def closely(truth: Truth, expected: ArrayLike, other: float = 0.0) -> None:
@@ -171,9 +169,7 @@ def test_cone_of_a_spot_light_has_a_hard_edge_at_its_angle() -> None:
     up = np.broadcast_to((0.0, 1.0, 0.0), place.shape)
     expected = direct_reference(light, place, up)
     from_light = place - np.array(light.position)
-    angle = np.arccos(
-        from_light @ np.array(light.direction) / np.linalg.norm(from_light, axis=-1)
-    )
+    angle = np.arccos(from_light @ np.array(light.direction) / np.linalg.norm(from_light, axis=-1))
     sure = np.abs(angle - light.cone_angle) > 1e-5  # roundings of a direction of length 1
     assert sure.mean() > 0.99
     assert 0.1 < (expected[..., 0] > 0.0).mean() < 0.9, "both sides of the edge are seen"
@@ -209,9 +205,7 @@ def test_a_roof_casts_its_shadow() -> None:
     roof: Quad = ((-0.5, 1.0, -0.5), (0, 0, 1), (1, 0, 0))
     camera = looking_down()
     place = on_floor(camera)
-    truth = direct_light(
-        quads(FLOOR, roof), camera, [DirectionalLight((0, -1, 0), 3.0)],
-    )
+    truth = direct_light(quads(FLOOR, roof), camera, [DirectionalLight((0, -1, 0), 3.0)])
     shaded = np.abs(place[..., [0, 2]]).max(axis=-1) < 0.49
     seen_past_roof = gap_under_roof(camera, place)
     assert (shaded & seen_past_roof).sum() > 5
@@ -273,16 +267,11 @@ def test_environment_images_light_a_plane_as_their_texels_say(rng: np.random.Gen
 def ball(radius: float, albedo: tuple[float, float, float]) -> Scene:
     """Return a sphere round the origin with its smooth normals (inwards)."""
     mesh = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    return made(
-        mesh.vertices, mesh.faces, normals=-mesh.vertices / radius,
-        materials=[Material(albedo=albedo)],
-    )
+    return made(mesh.vertices, mesh.faces, normals=-mesh.vertices / radius, materials=[Material(albedo=albedo)])
 
 
 @pytest.mark.parametrize("visibility", [True, False])
-def test_bounce_inside_a_sphere_lit_from_its_centre_is_albedo_times_direct(
-    visibility: bool,
-) -> None:
+def test_bounce_inside_a_sphere_lit_from_its_centre_is_albedo_times_direct(visibility: bool) -> None:
     albedo = (0.8, 0.5, 0.2)
     scene, lights = ball(2.0, albedo), [PointLight((0.0, 0.0, 0.0), (12.0, 10.0, 8.0))]
     camera = Camera.look_at((0.3, -0.2, 0.4), (1.5, 0.5, -0.4), width=24, height=16)
@@ -366,9 +355,7 @@ def test_mitsubas_own_integrator_and_sensor_give_the_same_radiance() -> None:
             "fov": math.degrees(view.yfov), "fov_axis": "y",
             "film": {"type": "hdrfilm", "width": 160, "height": 120, "rfilter": {"type": "box"}},
         })  # fmt: skip
-        image = mi.render(
-            world.scene, sensor=sensor, integrator=mi.load_dict({"type": "direct"}), spp=64
-        )
+        image = mi.render(world.scene, sensor=sensor, integrator=mi.load_dict({"type": "direct"}), spp=64)
         rendered = np.array(image)[..., :3]
     seen = gbuffer(view.scene, camera)
     radiance = albedo_of(seen) / math.pi * truth
@@ -411,8 +398,7 @@ def test_shading_of_the_cornell_box_is_within_a_percent_of_truth(
     seen = gbuffer(view.scene, camera, runtime=runtime)
     # Emission is light of its own, in `shade` only.
     dull = GBuffer(camera=camera, depth=seen.depth, normal=seen.normal, albedo=seen.albedo)
-    maps = [rsm(view.scene, light, size=1024,
-        runtime=runtime) for light in view.lights]  # type: ignore[arg-type]
+    maps = [rsm(view.scene, light, size=1024, runtime=runtime) for light in view.lights]  # type: ignore[arg-type]
     ours = shade(dull, view.lights, rsms=maps, runtime=runtime)
     truth = direct_light(view.scene, camera, view.lights).mean
     expected = albedo_of(seen) / math.pi * truth
@@ -462,9 +448,7 @@ def test_far_from_the_origin_light_is_the_same() -> None:
     moved = replace(view.scene, origin=view.scene.origin + far)
     spot_there = replace(spot, position=np.asarray(spot.position) + far)
     camera = view.camera(64, 48)
-    camera_there = Camera.look_at(
-        far + view.eye, far + view.target, yfov=view.yfov, width=64, height=48
-    )
+    camera_there = Camera.look_at(far + view.eye, far + view.target, yfov=view.yfov, width=64, height=48)
     here = direct_light(view.scene, camera, [spot]).mean
     there = direct_light(moved, camera_there, [spot_there]).mean
     # 1e6 m in float64 is known to 1e-10 m, the camera to as much: a few edges flip.
@@ -478,9 +462,7 @@ def test_far_from_the_origin_light_is_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_without_llvm_the_same_is_found(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_llvm_the_same_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
     camera = view.camera(12, 9)
     lights = [*view.lights, Environment(np.linspace(0.1, 0.5, 24).reshape(2, 4, 3))]
@@ -508,16 +490,12 @@ def test_scale_of_the_scene_does_not_matter(scale: float) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
     spot = view.lights[0]
     assert isinstance(spot, SpotLight)
-    scaled = replace(
-        view.scene, origin=scale * view.scene.origin,
-        positions=np.float32(scale) * view.scene.positions,
-    )
+    scaled = replace(view.scene, origin=scale * view.scene.origin, positions=np.float32(scale) * view.scene.positions)
     eye, target = scale * np.array(view.eye), scale * np.array(view.target)
     camera = Camera.look_at(eye, target, yfov=view.yfov, width=64, height=48)
     # Intensity grows with the squared distance, so that irradiance stays.
     light = SpotLight(
-        scale * np.asarray(spot.position), spot.direction, spot.cone_angle,
-        scale**2 * np.asarray(spot.intensity),
+        scale * np.asarray(spot.position), spot.direction, spot.cone_angle, scale**2 * np.asarray(spot.intensity)
     )
     for estimate in (direct_light, one_bounce):
         own = estimate(view.scene, view.camera(64, 48), view.lights, 16).mean
@@ -627,9 +605,7 @@ def test_scene_without_lights_is_refused() -> None:
         ({"visibility": 1}, TypeError, "visibility is 1: expected True or False"),
     ],
 )
-def test_bad_arguments_are_named(
-    change: dict[str, Any], error: type[Exception], message: str
-) -> None:
+def test_bad_arguments_are_named(change: dict[str, Any], error: type[Exception], message: str) -> None:
     arguments = {
         "scene": quads(FLOOR), "camera": looking_down(), "lights": [Environment(1.0)], **change,
     }  # fmt: skip

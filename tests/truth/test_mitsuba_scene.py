@@ -47,11 +47,7 @@ def variant(request: pytest.FixtureRequest) -> str:
 
 
 def traced(
-    kind: type[PathTracer],
-    scene: Scene,
-    camera: Camera,
-    variant: str,
-    lights: Sequence[Light] = (SUN,),
+    kind: type[PathTracer], scene: Scene, camera: Camera, variant: str, lights: Sequence[Light] = (SUN,)
 ) -> NDArray[np.float32]:
     with mitsuba_scene.within(variant):
         return kind(scene, lights, variant).image(camera, 1, 0)
@@ -82,9 +78,7 @@ def panel(
 
 def above(size: int = 64) -> Camera:
     """Return a camera that sees the square from above, nearly all of it."""
-    return Camera.orthographic(
-        (0, 2, 0), (0, 0, 0), (0, 0, -1), view_height=1.9, width=size, height=size
-    )
+    return Camera.orthographic((0, 2, 0), (0, 0, 0), (0, 0, -1), view_height=1.9, width=size, height=size)
 
 
 @pytest.mark.parametrize("textured", [False, True])
@@ -116,9 +110,7 @@ def test_vertex_colours_beyond_1_reflect_no_more_than_1(variant: str, runtime: R
 
 def test_both_sides_reflect(variant: str) -> None:
     scene = Scene(**panel(material=Material(albedo=(0.2, 0.4, 0.6))))
-    below = Camera.orthographic(
-        (0, -2, 0), (0, 0, 0), (0, 0, 1), view_height=1.9, width=8, height=8
-    )
+    below = Camera.orthographic((0, -2, 0), (0, 0, 0), (0, 0, 1), view_height=1.9, width=8, height=8)
     for camera in (above(8), below):
         albedo = traced(Albedo, scene, camera, variant)
         expected = np.broadcast_to([0.2, 0.4, 0.6], albedo.shape)
@@ -139,13 +131,10 @@ def test_a_vertex_without_a_normal_leaves_no_gap(variant: str) -> None:
     np.testing.assert_allclose(seen, np.broadcast_to([0.0, 1.0, 0.0], seen.shape), atol=1e-6)
 
 
-def test_holes_let_sight_and_light_through(
-    variant: str, runtime: Runtime, rng: np.random.Generator
-) -> None:
+def test_holes_let_sight_and_light_through(variant: str, runtime: Runtime, rng: np.random.Generator) -> None:
     texture = rng.integers(0, 256, (6, 6, 4), np.uint8)
     grate = panel(
-        material=Material(albedo=(1.0, 1.0, 1.0), texture=0, alpha_cutoff=0.4, alpha=0.9),
-        texture=texture, height=0.5,
+        material=Material(albedo=(1.0, 1.0, 1.0), texture=0, alpha_cutoff=0.4, alpha=0.9), texture=texture, height=0.5
     )
     floor = panel(material=Material(albedo=(0.1, 0.2, 0.3)), half=1.5)
     both = {name: np.concatenate([grate[name], floor[name]]) for name in
@@ -189,9 +178,7 @@ def test_environments_keep_their_orientation(variant: str, rng: np.random.Genera
     polar = (np.arange(4) + 0.5) / 4 * np.pi
     azimuth = ((np.arange(8) + 0.5) / 8 - 0.5) * 2.0 * np.pi
     polar, azimuth = (a.ravel() for a in np.meshgrid(polar, azimuth, indexing="ij"))
-    way = np.stack(
-        [np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)]
-    )
+    way = np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)])
     with mitsuba_scene.within(variant) as mi:
         import drjit
 
@@ -215,9 +202,7 @@ def test_the_variant_of_before_is_set_again() -> None:
         assert mi.variant() == "scalar_rgb"
 
 
-def test_newest_libllvm_is_chosen_and_old_ones_never(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_newest_libllvm_is_chosen_and_old_ones_never(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     monkeypatch.setattr(mitsuba_scene, "_FOLDERS", (str(tmp_path),))
     assert mitsuba_scene.libllvm() is None

@@ -68,9 +68,7 @@ class Case:
 
 def wall(distance: float, attenuation: str, weighting: str) -> Case:
     hidden = hidden_by_wall(distance / 0.8, weighting, attenuation)
-    return Case(
-        quads(FLOOR, WALL), above(distance, size=48), 0.8, 1.0 - hidden, START / 0.8, attenuation
-    )
+    return Case(quads(FLOOR, WALL), above(distance, size=48), 0.8, 1.0 - hidden, START / 0.8, attenuation)
 
 
 def sphere(lift: float, weighting: str) -> Case:
@@ -99,9 +97,7 @@ def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
     elif attenuation == "quadratic":
         hidden = 1.0 - k * k / 2.0 if cosine else 1.0 - k * k / 3.0
     else:
-        hidden = (
-            2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
-        )
+        hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.7, -0.5, 0.2), yfov=0.9, width=48, height=48)
     # A facet is 0.02 wide: below that angle rays meet the next facet at a distance that is off
     # by up to its size, 0.02 / reach, which 0.02 of all directions do ("uniform").
@@ -110,9 +106,7 @@ def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
 
 
 CASES: dict[str, Callable[[str], Case]] = {
-    "corner of two planes": lambda w: Case(
-        quads(FLOOR, WALL), above(0.7, size=48), math.inf, 0.5, 0.7 / FAR
-    ),
+    "corner of two planes": lambda w: Case(quads(FLOOR, WALL), above(0.7, size=48), math.inf, 0.5, 0.7 / FAR),
     "corner of three planes": lambda w: Case(
         quads(FLOOR, WALL, SIDE), above(0.4, 0.9, size=48), math.inf, 0.25, 1.3 / FAR
     ),
@@ -120,9 +114,12 @@ CASES: dict[str, Callable[[str], Case]] = {
     "wall, linear": lambda w: wall(0.3, "linear", w),
     "wall, quadratic": lambda w: wall(0.1, "quadratic", w),
     "two walls within the radius": lambda w: Case(
-        quads(FLOOR, WALL, SIDE), above(0.6, 0.7, size=48), 0.8,
+        quads(FLOOR, WALL, SIDE),
+        above(0.6, 0.7, size=48),
+        0.8,
         # 0.6^2 + 0.7^2 > 0.8^2: no direction reaches both.
-        1.0 - sum(hidden_by_wall(h / 0.8, w, "none") for h in (0.6, 0.7)), START / 0.8,
+        1.0 - sum(hidden_by_wall(h / 0.8, w, "none") for h in (0.6, 0.7)),
+        START / 0.8,
     ),
     "sphere that touches the plane": lambda w: sphere(1.0, w),
     "sphere above the plane": lambda w: sphere(1.6, w),
@@ -139,14 +136,11 @@ LONG = ("inside a sphere", "inside a sphere, linear", "inside a sphere, quadrati
 
 @pytest.mark.parametrize("weighting", ["cosine", pytest.param("uniform", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES],
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES]
 )
 def test_truth_is_within_its_standard_errors_of_the_closed_form(name: str, weighting: str) -> None:
     case = CASES[name](weighting)
-    truth = ambient_occlusion(
-        case.scene, case.camera, case.radius, weighting=weighting, attenuation=case.attenuation
-    )
+    truth = ambient_occlusion(case.scene, case.camera, case.radius, weighting=weighting, attenuation=case.attenuation)
     off = truth.mean.astype(np.float64) - case.expected
     error = truth.error.astype(np.float64)
     # The mean of all pixels: three of its own standard errors, and what the scene leaves out.
@@ -191,8 +185,7 @@ def test_furnace_is_black_without_error(weighting: str) -> None:
 
 @pytest.mark.parametrize(
     ("rays", "passes", "traced"),
-    [(1, 2, 2), (2, 2, 2), (127, 2, 128), (128, 2, 128), (500, 7, 504), (512, 8, 512),
-     (4096, 16, 4096)],
+    [(1, 2, 2), (2, 2, 2), (127, 2, 128), (128, 2, 128), (500, 7, 504), (512, 8, 512), (4096, 16, 4096)],
 )
 def test_rays_are_split_into_equal_passes_and_rounded_up(
     monkeypatch: pytest.MonkeyPatch, rays: int, passes: int, traced: int

@@ -88,25 +88,18 @@ def closely(truth: Truth, expected: ArrayLike, expected_error: ArrayLike = 0.0) 
 
 
 def mitsubas_own(
-    scene: Scene, lights: Sequence[Light], camera: Camera, samples: int, *, kind: str = "path",
-    **options: Any,
+    scene: Scene, lights: Sequence[Light], camera: Camera, samples: int, *, kind: str = "path", **options: Any
 ) -> tuple[Floats, Floats]:
     """Return the mean of four images by an integrator of Mitsuba's own, and its standard error."""
     variant = mitsuba_scene.best_variant()
     if variant == "scalar_rgb":
         pytest.skip("too slow without LLVM 17 or later")
     with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(
-            scene, lights, variant, emission="emitters", lobes="surfaces", through="surfaces"
-        )
+        world = MitsubaScene.of(scene, lights, variant, emission="emitters", lobes="surfaces", through="surfaces")
         integrator = mi.load_dict({"type": kind, "max_depth": -1, **options})
         sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
         images = [
-            np.array(
-                mi.render(
-                    world.scene, sensor=sensor, integrator=integrator, spp=samples, seed=seed
-                )
-            )
+            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=samples, seed=seed))
             for seed in range(4)
         ]
     return np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0
@@ -145,8 +138,7 @@ def test_one_small_emitter_in_a_box_gives_what_its_flux_says() -> None:
     total, squares = 0.0, 0.0
     for eye, at in _wall_views():
         camera = Camera.orthographic(
-            eye, at, (0, 0, 1) if at[1] != 0.5 else (0, 1, 0), view_height=1.0, width=16,
-            height=16, near=1e-3, far=2.0,
+            eye, at, (0, 0, 1) if at[1] != 0.5 else (0, 1, 0), view_height=1.0, width=16, height=16, near=1e-3, far=2.0
         )
         found = radiance(scene, camera, [], 64, box_filter=True)
         total += float(found.mean[..., 0].mean()) / 6.0
@@ -177,7 +169,9 @@ def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
         radiance(
             quads(FLOOR, part, materials=[grey(0.5), grey(0.0, 3.0)]),
             Camera.look_at((0, 0.5, 0), (0, 0, 0), (0, 0, 1), width=8, height=8, yfov=0.3),
-            [], 256, 0,
+            [],
+            256,
+            0,
         )
         for part in (panel, (panel[0], panel[2], panel[1]))
     ]
@@ -211,9 +205,7 @@ def test_one_bounce_and_direct_light_add_up_to_the_radiance() -> None:
     share = albedo / math.pi
     found = [radiance(view.scene, camera, view.lights, 128, bounces) for bounces in (0, 1)]
     closely(found[0], share * direct.mean, share * direct.error)
-    closely(
-        found[1], share * (direct.mean + bounce.mean), share * np.hypot(direct.error, bounce.error)
-    )
+    closely(found[1], share * (direct.mean + bounce.mean), share * np.hypot(direct.error, bounce.error))
 
 
 def test_without_bounces_lights_alone_are_exact_and_emission_is_added() -> None:
@@ -257,7 +249,8 @@ def test_environment_image_reaches_the_last_vertex_too(rng: np.random.Generator)
     share = 0.6 / math.pi
     closely(radiance(scene, camera, lights, 256, 0), share * direct.mean, share * direct.error)
     closely(
-        radiance(scene, camera, lights, 256, 1), share * (direct.mean + bounce.mean),
+        radiance(scene, camera, lights, 256, 1),
+        share * (direct.mean + bounce.mean),
         share * np.hypot(direct.error, bounce.error),
     )
 
@@ -341,7 +334,8 @@ def test_truths_are_kept_apart_by_what_determines_them() -> None:
     sun = [DirectionalLight((0.3, -1.0, 0.4), 2.0)]
     made = [
         radiance(scene, above(8, 6), sun, 4, *bounces, box_filter=box).key
-        for bounces in ((), (0,), (1,)) for box in (False, True)
+        for bounces in ((), (0,), (1,))
+        for box in (False, True)
     ]
     assert len(set(made)) == 6
     assert radiance(scene, above(8, 6), sun, 4, "all").key == made[0]
@@ -371,9 +365,7 @@ def test_surfaces_that_absorb_nothing_end_all_the_same() -> None:
         ({"camera": None}, TypeError, "camera is None: expected"),
     ],
 )
-def test_bad_arguments_are_named(
-    change: dict[str, Any], error: type[Exception], message: str
-) -> None:
+def test_bad_arguments_are_named(change: dict[str, Any], error: type[Exception], message: str) -> None:
     arguments = {
         "scene": quads(FLOOR, materials=[grey(0.5)]), "camera": above(),
         "lights": [Environment(1.0)], **change,

@@ -119,8 +119,7 @@ def test_mitsubas_own_integrator_finds_the_same() -> None:
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     texture = np.full((1, 1, 4), 128, np.uint8)
     scene = quads(
-        FLOOR, pane(1.0), pane(1.5), materials=[GREY, GLASS, replace(SMOKE, texture=0, alpha=1.0)],
-        textures=(texture,),
+        FLOOR, pane(1.0), pane(1.5), materials=[GREY, GLASS, replace(SMOKE, texture=0, alpha=1.0)], textures=(texture,)
     )
     lights = [SUN, Environment(0.5)]
     camera = Camera.look_at((0.3, 3.0, 0.8), (0.1, 0.0, 0.1), width=6, height=4, yfov=0.5)

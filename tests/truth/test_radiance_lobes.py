@@ -27,9 +27,7 @@ def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
 
 
-def glossy(
-    gloss: float, albedo: Sequence[float] = ALBEDO, specular: Sequence[float] = SPECULAR
-) -> Material:
+def glossy(gloss: float, albedo: Sequence[float] = ALBEDO, specular: Sequence[float] = SPECULAR) -> Material:
     first, second = ((a, b, c) for a, b, c in (albedo, specular))
     return Material(albedo=first, specular=second, gloss=gloss)
 
@@ -48,9 +46,7 @@ def test_a_directional_light_is_reflected_by_the_closed_form(gloss: float, tilt:
     sun = DirectionalLight((math.sin(tilt), -math.cos(tilt), 0.0), 2.0)
     found = from_above(gloss, [sun])
     lobe = (gloss + 1.0) / (2.0 * math.pi) * math.cos(tilt) ** gloss
-    expected = 2.0 * (
-        np.array(ALBEDO) / math.pi * math.cos(tilt) + np.array(SPECULAR) * lobe
-    )
+    expected = 2.0 * (np.array(ALBEDO) / math.pi * math.cos(tilt) + np.array(SPECULAR) * lobe)
     # The exponent multiplies the cosine's rounding.
     np.testing.assert_allclose(found, expected, rtol=ROUNDING * (1.0 + gloss))
 
@@ -71,12 +67,8 @@ def test_of_a_tilted_lobe_what_lies_below_the_surface_is_lost() -> None:
     scene = quads(FLOOR, materials=[glossy(gloss, (0, 0, 0), (1, 1, 1))])
     found = radiance(scene, camera, [Environment(1.0)], 1024)
     # The share above, on a grid of directions: the floor's normal is `tilt` off the lobe's axis.
-    cosine, turn = np.meshgrid(
-        (np.arange(400) + 0.5) / 400, 2.0 * math.pi * (np.arange(400) + 0.5) / 400
-    )
-    above_floor = (
-        cosine * math.cos(tilt) + np.sqrt(1.0 - cosine**2) * math.sin(tilt) * np.cos(turn) > 0.0
-    )
+    cosine, turn = np.meshgrid((np.arange(400) + 0.5) / 400, 2.0 * math.pi * (np.arange(400) + 0.5) / 400)
+    above_floor = cosine * math.cos(tilt) + np.sqrt(1.0 - cosine**2) * math.sin(tilt) * np.cos(turn) > 0.0
     share = float(((gloss + 1.0) * cosine**gloss * above_floor).mean())
     assert 0.8 < share < 0.97
     closely(found, np.full((12, 16, 3), share), 2e-4)

@@ -46,8 +46,10 @@ def test_penumbra_of_a_sun_before_an_edge(variant: str, monkeypatch: pytest.Monk
         monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: variant)
     light = DirectionalLight((0, -1, 0), 2.0, angle=0.4)
     scene = quads(FLOOR, BOARD, materials=[WALL])
-    camera = ABOVE if variant == "best" else Camera.orthographic(
-        (0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=16, height=2
+    camera = (
+        ABOVE
+        if variant == "best"
+        else Camera.orthographic((0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=16, height=2)
     )
     found = radiance(scene, camera, [light], 256 if variant == "best" else 64, 0)
     x = camera.unproject(np.full(camera.size, 0.5, np.float32))[..., 0]

@@ -32,9 +32,7 @@ PARAMS: dict[str, Any] = {
     "hbao": HbaoParams,
     "bitmask_ao": partial(BitmaskParams, joined=False, thickness=0.5),
 }
-CALLS: dict[str, Any] = {
-    "gtao": gtao, "hbao": hbao, "bitmask_ao": partial(bitmask_ao, joined=False, thickness=0.5)
-}
+CALLS: dict[str, Any] = {"gtao": gtao, "hbao": hbao, "bitmask_ao": partial(bitmask_ao, joined=False, thickness=0.5)}
 
 
 @pytest.fixture(autouse=True)
@@ -50,8 +48,7 @@ def test_tilted_plane_is_open(technique: str, kind: str) -> None:
     depth = (5.0 / (1.0 - 0.02 * row + 0.01 * column)).astype(np.float32)
     if kind == "orthographic":
         depth = (5.0 + 0.1 * row - 0.05 * column).astype(np.float32)
-    truth = converged(GBuffer(camera=made, depth=depth), PARAMS[technique](radius=1.0),
-                      pixels=ALL, slices=8)
+    truth = converged(GBuffer(camera=made, depth=depth), PARAMS[technique](radius=1.0), pixels=ALL, slices=8)
     # Normals of a float32 depth are off by 1e-6 or so, and horizons of neighbours with them.
     np.testing.assert_allclose(truth.mean, 1.0, rtol=0, atol=1e-4)
 
@@ -70,8 +67,7 @@ def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(kind: str) -> 
 
 
 @pytest.mark.parametrize(
-    "technique",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name == "hbao")) for name in PARAMS],
+    "technique", [pytest.param(name, marks=[pytest.mark.slow] * (name == "hbao")) for name in PARAMS]
 )
 @pytest.mark.parametrize("kind", ["corner", pytest.param("bumpy", marks=pytest.mark.slow)])
 def test_technique_with_many_taps_comes_close(
@@ -157,8 +153,7 @@ def test_only_some_pixels_are_computed_the_others_are_unknown(rng: np.random.Gen
 def test_what_is_no_part_of_the_model_changes_nothing(rng: np.random.Generator) -> None:
     gbuffer = scene("corner", camera(), rng)
     plain = converged(gbuffer, GtaoParams(radius=0.6), pixels=50, slices=16)
-    other = GtaoParams(radius=0.6, slices=7, taps=3, tap_power=2.0, resolution="half",
-                       blur_radius=5, blur_passes=2)
+    other = GtaoParams(radius=0.6, slices=7, taps=3, tap_power=2.0, resolution="half", blur_radius=5, blur_passes=2)
     assert converged(gbuffer, other, pixels=50, slices=16).key == plain.key
     assert converged(gbuffer, GtaoParams(radius=0.5), pixels=50, slices=16).key != plain.key
 

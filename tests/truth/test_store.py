@@ -20,12 +20,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import TruthError
 from ssgi_cl.core.lights import Environment, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.truth.digests import (
-    camera_description,
-    digest,
-    light_description,
-    scene_digest,
-)
+from ssgi_cl.truth.digests import camera_description, digest, light_description, scene_digest
 from ssgi_cl.truth.store import Truth, accumulated, clear, stored
 
 SIZE = (7, 9)
@@ -65,8 +60,7 @@ def the_file(folder: Path) -> Path:
 
 def same(a: Truth, b: Truth) -> bool:
     return (
-        np.array_equal(a.mean, b.mean) and np.array_equal(a.error, b.error)
-        and (a.passes, a.key) == (b.passes, b.key)
+        np.array_equal(a.mean, b.mean) and np.array_equal(a.error, b.error) and (a.passes, a.key) == (b.passes, b.key)
     )
 
 
@@ -88,9 +82,7 @@ def stop_at(share: float, error: type[BaseException] = Stop) -> Callable[[float]
 
 
 @pytest.mark.parametrize("size", [SIZE, (*SIZE, 3)], ids=str)
-def test_mean_and_standard_error_are_those_of_the_passes(
-    tmp_path: Path, size: tuple[int, ...]
-) -> None:
+def test_mean_and_standard_error_are_those_of_the_passes(tmp_path: Path, size: tuple[int, ...]) -> None:
     truth = kept(tmp_path, make=Estimates(size))
     passes = np.stack([Estimates(size)(i) for i in range(PASSES)])
     assert truth.mean.dtype == truth.error.dtype == np.float32
@@ -154,9 +146,7 @@ def test_rebuild_makes_it_anew_and_replaces_it(tmp_path: Path) -> None:
     assert same(kept(tmp_path, make=Estimates()), truth)
 
 
-def test_it_is_kept_in_the_cache_folder_unless_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_kept_in_the_cache_folder_unless_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     accumulated(description(), PASSES, Estimates())
     assert [entry.path.parent for entry in stored()] == [tmp_path / "truth"]
@@ -182,9 +172,7 @@ def test_stored_lists_and_clear_deletes_all_files(tmp_path: Path) -> None:
     (tmp_path / ".ssgi-0.tmp").write_bytes(b"left by a process that was killed")
     (tmp_path / "notes.txt").write_bytes(b"somebody's")
     found = stored(tmp_path)
-    assert [entry.description and entry.description["kind"] for entry in found] == [
-        None, "test", "test"
-    ]
+    assert [entry.description and entry.description["kind"] for entry in found] == [None, "test", "test"]
     assert clear(tmp_path) == sum(entry.bytes for entry in found) + 33
     assert os.listdir(tmp_path) == ["notes.txt"]
 
@@ -283,20 +271,14 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "one array": (lambda path: np.ones(3).dump(path), "can't be read"),
     "no arrays": (lambda path: np.savez(path, about=np.array("{}")), "can't be read"),
     "nothing said": (lambda path: altered(path, about=np.array("[]")), "does not say what it is"),
-    "not finite": (
-        lambda path: altered(path, mean=np.full(SIZE, np.nan, np.float32)), "mean holds nan"
-    ),
-    "error below 0": (
-        lambda path: altered(path, error=np.full(SIZE, -1.0, np.float32)), r"error holds -1\.0"
-    ),
+    "not finite": (lambda path: altered(path, mean=np.full(SIZE, np.nan, np.float32)), "mean holds nan"),
+    "error below 0": (lambda path: altered(path, error=np.full(SIZE, -1.0, np.float32)), r"error holds -1\.0"),
     "other type": (lambda path: altered(path, mean=np.ones(SIZE)), "mean is float64.*float32"),
     "other size": (
         lambda path: altered(path, mean=np.ones((4, 5), np.float32)),
         r"mean has shape \(4, 5\): expected 7 rows and 9 columns",
     ),
-    "other channels": (
-        lambda path: altered(path, error=np.ones((*SIZE, 3), np.float32)), r"error is float32 \(7"
-    ),
+    "other channels": (lambda path: altered(path, error=np.ones((*SIZE, 3), np.float32)), r"error is float32 \(7"),
 }
 
 
@@ -437,9 +419,13 @@ def test_camera_and_light_descriptions_tell_changes_apart_and_fit_json() -> None
     cameras = [view(), replace(view(), width=8), replace(view(), view=np.eye(4))]
     sky = np.ones((8, 16, 3))
     lights = [
-        PointLight((0, 1, 0), 1.0), PointLight((0, 1, 0), 2.0),
-        SpotLight((0, 1, 0), (0, -1, 0), 0.5, 1.0), SpotLight((0, 1, 0), (0, -1, 0), 0.6, 1.0),
-        Environment(1.0), Environment(sky), Environment(2.0 * sky),
+        PointLight((0, 1, 0), 1.0),
+        PointLight((0, 1, 0), 2.0),
+        SpotLight((0, 1, 0), (0, -1, 0), 0.5, 1.0),
+        SpotLight((0, 1, 0), (0, -1, 0), 0.6, 1.0),
+        Environment(1.0),
+        Environment(sky),
+        Environment(2.0 * sky),
     ]
     texts = [json.dumps(camera_description(camera)) for camera in cameras]
     texts += [json.dumps(light_description(light)) for light in lights]
@@ -450,9 +436,16 @@ def test_camera_and_light_descriptions_tell_changes_apart_and_fit_json() -> None
 def test_digest_knows_types_shapes_and_the_division_into_parts() -> None:
     zeros = np.zeros(4, np.float32)
     found = [
-        digest(zeros), digest(zeros.astype(np.int32)), digest(zeros.reshape(2, 2)),
-        digest(zeros, zeros), digest(np.zeros(8, np.float32)), digest("a", "b"), digest("ab"),
-        digest(["a", "b"]), digest(None), digest(),
+        digest(zeros),
+        digest(zeros.astype(np.int32)),
+        digest(zeros.reshape(2, 2)),
+        digest(zeros, zeros),
+        digest(np.zeros(8, np.float32)),
+        digest("a", "b"),
+        digest("ab"),
+        digest(["a", "b"]),
+        digest(None),
+        digest(),
     ]
     assert len(set(found)) == len(found)
     assert digest(zeros[::2]) == digest(np.zeros(2, np.float32))
@@ -461,13 +454,10 @@ def test_digest_knows_types_shapes_and_the_division_into_parts() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: scene_digest("room.glb"),
-        "scene is str: expected a Scene"),  # type: ignore[arg-type]
+        (lambda: scene_digest("room.glb"), "scene is str: expected a Scene"),  # type: ignore[arg-type]
         (lambda: camera_description(None), "camera is None"),  # type: ignore[arg-type]
     ],
 )
-def test_something_else_than_a_scene_or_camera_is_refused(
-    call: Callable[[], object], message: str
-) -> None:
+def test_something_else_than_a_scene_or_camera_is_refused(call: Callable[[], object], message: str) -> None:
     with pytest.raises(TypeError, match=message):
         call()

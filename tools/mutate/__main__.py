@@ -24,37 +24,62 @@ ROOT = Path(__file__).parents[2]
 @click.option("--seed", default=1, show_default=True, help="Of the random choice.")
 @click.option("--only", multiple=True, help="File or folder to mutate; may be given again.")
 @click.option("--jobs", default=1, show_default=True, help="Mutants tested at a time.")
-@click.option("--budget", default=120.0, show_default=True,
-              help="Seconds that the tests of a mutant take without the mutation, at most.")
+@click.option(
+    "--budget",
+    default=120.0,
+    show_default=True,
+    help="Seconds that the tests of a mutant take without the mutation, at most.",
+)
 @click.option("--list", "listed", is_flag=True, help="List mutants and their tests; run nothing.")
-@click.option("--json", "json_path", type=click.Path(dir_okay=False, path_type=Path),
-              default=ROOT / "build" / "mutation.json", help="Results; build/mutation.json.")
-@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              default=ROOT / "build" / "mutation.md", help="Summary; build/mutation.md.")
+@click.option(
+    "--json",
+    "json_path",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=ROOT / "build" / "mutation.json",
+    help="Results; build/mutation.json.",
+)
+@click.option(
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=ROOT / "build" / "mutation.md",
+    help="Summary; build/mutation.md.",
+)
 @click.option("--fail-under", default=0.0, help="Exit 1 where the score is lower, per cent.")
 def main(
-    count: int, seed: int, only: tuple[str, ...], jobs: int, budget: float, listed: bool,
-    json_path: Path, report: Path, fail_under: float,
+    count: int,
+    seed: int,
+    only: tuple[str, ...],
+    jobs: int,
+    budget: float,
+    listed: bool,
+    json_path: Path,
+    report: Path,
+    fail_under: float,
 ) -> None:
     """Run it."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that copies are removed
     table = Table.read(Path(__file__).with_name("table.toml"))
     paths = table.files(ROOT, only)
     if not paths:
-        raise click.UsageError(f"--only {' '.join(only)}: expected files or folders of "
-                               "kernels, ssgi_cl, rasterize or bench")
+        raise click.UsageError(
+            f"--only {' '.join(only)}: expected files or folders of kernels, ssgi_cl, rasterize or bench"
+        )
     mutants = drawn(ROOT, paths, seed)
     console = Console(soft_wrap=True, highlight=False, markup=False)
     campaign = Campaign(ROOT, table, budget, console.print)
     if listed:
         for mutant in islice(mutants, count):
-            tests = (test.removeprefix("tests/")
-                     for test in table.covering(mutant.path, campaign.graph))
+            tests = (test.removeprefix("tests/") for test in table.covering(mutant.path, campaign.graph))
             console.print(f"{mutant}  [{' '.join(tests)}]")
         return
     results: list[Result] = []
-    columns = (TextColumn("mutants"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-               TextColumn("{task.description}"))
+    columns = (
+        TextColumn("mutants"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=count)
 

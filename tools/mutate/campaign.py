@@ -29,18 +29,14 @@ class Campaign:
         note: called with a line of text about what goes on.
     """
 
-    def __init__(
-        self, root: Path, table: Table, budget: float, note: Callable[[str], None]
-    ) -> None:
+    def __init__(self, root: Path, table: Table, budget: float, note: Callable[[str], None]) -> None:
         self.root, self.table, self.budget, self.note = root, table, budget, note
         self.graph = Covering(root)
         self.seconds: dict[str, float | None] = {}
         """Test file -> seconds without a mutation; None: it fails, so it tells nothing."""
         self._measuring = threading.Lock()
 
-    def run(
-        self, mutants: Iterator[Mutant], count: int, jobs: int, report: Callable[[Result], None]
-    ) -> None:
+    def run(self, mutants: Iterator[Mutant], count: int, jobs: int, report: Callable[[Result], None]) -> None:
         """Test `count` mutants, those that do not compile aside; report each as it is done."""
         lock, left = threading.Lock(), [count]
         workspaces: list[Workspace] = []
@@ -90,8 +86,9 @@ class Campaign:
             outcome = workspace.pytest(tests, 4.0 * whole + 60.0 + COMPILE_LIMIT * is_kernel)
         finally:
             workspace.write(mutant.path, source)
-        return Result(mutant, _status(outcome, is_kernel=is_kernel), outcome.failed, tuple(tests),
-                      round(outcome.seconds, 1))
+        return Result(
+            mutant, _status(outcome, is_kernel=is_kernel), outcome.failed, tuple(tests), round(outcome.seconds, 1)
+        )
 
     def _chosen(self, workspace: Workspace, path: str) -> tuple[list[str], float]:
         """Return the test files to run, the fastest first, and the seconds they take unmutated."""

@@ -12,8 +12,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-PACKAGES = {"ssgi_cl.kernels": "kernels", "ssgi_cl.rasterize": "rasterize",
-            "ssgi_cl.bench": "bench", "ssgi_cl": "ssgi_cl", "tests": "tests"}
+PACKAGES = {
+    "ssgi_cl.kernels": "kernels",
+    "ssgi_cl.rasterize": "rasterize",
+    "ssgi_cl.bench": "bench",
+    "ssgi_cl": "ssgi_cl",
+    "tests": "tests",
+}
 """Import names -> folders, the longer names first."""
 _INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _KERNEL = re.compile(r'"(\w+/\w+\.cl)"')
@@ -49,22 +54,22 @@ class Covering:
         """Return the test files of a file's name, and others that use it, the nearest first."""
         distance = self._distances(path)
         names = _names(path)
-        named = [
-            test for test in self.tests
-            if _fits(test, names) and _package(test) == _package(path)
-        ]
-        others = sorted(set(distance) & set(self.tests) - set(named),
-                        key=lambda test: (distance[test], test))
+        named = [test for test in self.tests if _fits(test, names) and _package(test) == _package(path)]
+        others = sorted(set(distance) & set(self.tests) - set(named), key=lambda test: (distance[test], test))
         return named, others
 
     def _distances(self, path: str) -> dict[str, int]:
         found, front, step = {path: 0}, [path], 0
         while front:
             step += 1
-            front = sorted({
-                user for one in front for user in self.users[one]
-                if user not in found and PurePosixPath(user).name != "__init__.py"
-            })
+            front = sorted(
+                {
+                    user
+                    for one in front
+                    for user in self.users[one]
+                    if user not in found and PurePosixPath(user).name != "__init__.py"
+                }
+            )
             found |= dict.fromkeys(front, step)
         return found
 

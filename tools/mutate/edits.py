@@ -55,8 +55,7 @@ class Mutant:
     def of(cls, path: str, edit: Edit, source: bytes) -> Mutant:
         """Return the mutant of a file that an edit of its source makes."""
         line = edit.line(source)
-        return cls(path, edit, line, source.splitlines()[line - 1].decode().strip(),
-                   edit.old(source))
+        return cls(path, edit, line, source.splitlines()[line - 1].decode().strip(), edit.old(source))
 
     def __str__(self) -> str:
         old, new = (" ".join(text.split())[:60] for text in (self.old, self.edit.new))

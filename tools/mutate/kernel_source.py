@@ -12,24 +12,69 @@ from collections.abc import Iterator
 from tools.mutate.edits import Edit
 
 SWAPS = {
-    " + ": (" - ",), " - ": (" + ",), " * ": (" / ",), " / ": (" * ",), " % ": (" / ",),
-    " += ": (" -= ",), " -= ": (" += ",), " *= ": (" /= ",), " << ": (" >> ",),
-    " >> ": (" << ",), " < ": (" <= ", " > "), " <= ": (" < ", " >= "), " > ": (" >= ", " < "),
-    " >= ": (" > ", " <= "), " == ": (" != ",), " != ": (" == ",), " && ": (" || ",),
-    " || ": (" && ",), " & ": (" | ",), " | ": (" & ",), " ^ ": (" & ",),
+    " + ": (" - ",),
+    " - ": (" + ",),
+    " * ": (" / ",),
+    " / ": (" * ",),
+    " % ": (" / ",),
+    " += ": (" -= ",),
+    " -= ": (" += ",),
+    " *= ": (" /= ",),
+    " << ": (" >> ",),
+    " >> ": (" << ",),
+    " < ": (" <= ", " > "),
+    " <= ": (" < ", " >= "),
+    " > ": (" >= ", " < "),
+    " >= ": (" > ", " <= "),
+    " == ": (" != ",),
+    " != ": (" == ",),
+    " && ": (" || ",),
+    " || ": (" && ",),
+    " & ": (" | ",),
+    " | ": (" & ",),
+    " ^ ": (" & ",),
 }
-_KINDS = {"<": "comparison", ">": "comparison", "=": "comparison", "!": "comparison",
-          "&": "boolean", "|": "boolean", "^": "boolean"}
+_KINDS = {
+    "<": "comparison",
+    ">": "comparison",
+    "=": "comparison",
+    "!": "comparison",
+    "&": "boolean",
+    "|": "boolean",
+    "^": "boolean",
+}
 _PAIRS = (
-    ("v_min", "v_max"), ("v_imin", "v_imax"), ("min", "max"), ("fmin", "fmax"),
-    ("v_lt", "v_le"), ("v_gt", "v_ge"), ("v_ilt", "v_ile"), ("floor", "ceil"), ("sin", "cos"),
-    ("v_lt", "v_gt"), ("v_le", "v_ge"),
+    ("v_min", "v_max"),
+    ("v_imin", "v_imax"),
+    ("min", "max"),
+    ("fmin", "fmax"),
+    ("v_lt", "v_le"),
+    ("v_gt", "v_ge"),
+    ("v_ilt", "v_ile"),
+    ("floor", "ceil"),
+    ("sin", "cos"),
+    ("v_lt", "v_gt"),
+    ("v_le", "v_ge"),
 )
 CALLS = [(one, other) for pair in _PAIRS for one, other in (pair, pair[::-1])]
 """Functions and what replaces their names."""
 
-COMMUTATIVE = ("v_fma", "fma", "v_min", "v_max", "v_imin", "v_imax", "min", "max", "hypot",
-               "v_eq", "v_ne", "v_ieq", "v_ine", "dot")
+COMMUTATIVE = (
+    "v_fma",
+    "fma",
+    "v_min",
+    "v_max",
+    "v_imin",
+    "v_imax",
+    "min",
+    "max",
+    "hypot",
+    "v_eq",
+    "v_ne",
+    "v_ieq",
+    "v_ine",
+    "dot",
+)
 """Functions whose first two arguments may be swapped."""
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
@@ -41,8 +86,7 @@ _AXIS = re.compile(r"(?<=[\w\])])\.([xy])\b")
 _SIGN = re.compile(r"(?<=[(,=*/+] )-(?=[\w(])|(?<=\()-(?=[\w(])")
 _ARGUMENTS = re.compile(r"\b(\w+)\(([\w.\[\]]+), ([\w.\[\]]+)(?=[,)])")
 _CONDITION = re.compile(r"\bif \(")
-_STATEMENT = re.compile(r"^[ ]+[\w.\[\]>-]+ [-+*/|&^]?= [^;{}]*;|^[ ]+ssgi_store\([^;{}]*;",
-                        re.MULTILINE)
+_STATEMENT = re.compile(r"^[ ]+[\w.\[\]>-]+ [-+*/|&^]?= [^;{}]*;|^[ ]+ssgi_store\([^;{}]*;", re.MULTILINE)
 
 
 def edits(source: bytes) -> list[Edit]:

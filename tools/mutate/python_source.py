@@ -13,28 +13,50 @@ from types import CodeType
 from tools.mutate.edits import Edit
 
 OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
-    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"),
-    ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "//"), ast.Pow: ("**", "*"),
-    ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"), ast.LShift: ("<<", ">>"),
-    ast.RShift: (">>", "<<"), ast.MatMult: ("@", "*"), ast.BitXor: ("^", "&"),
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.FloorDiv: ("//", "*"),
+    ast.Mod: ("%", "//"),
+    ast.Pow: ("**", "*"),
+    ast.BitAnd: ("&", "|"),
+    ast.BitOr: ("|", "&"),
+    ast.LShift: ("<<", ">>"),
+    ast.RShift: (">>", "<<"),
+    ast.MatMult: ("@", "*"),
+    ast.BitXor: ("^", "&"),
 }
 COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
-    ast.Lt: ("<", ("<=", ">")), ast.LtE: ("<=", ("<", ">=")), ast.Gt: (">", (">=", "<")),
-    ast.GtE: (">=", (">", "<=")), ast.Eq: ("==", ("!=",)), ast.NotEq: ("!=", ("==",)),
-    ast.Is: ("is", ("is not",)), ast.IsNot: ("is not", ("is",)),
-    ast.In: ("in", ("not in",)), ast.NotIn: ("not in", ("in",)),
+    ast.Lt: ("<", ("<=", ">")),
+    ast.LtE: ("<=", ("<", ">=")),
+    ast.Gt: (">", (">=", "<")),
+    ast.GtE: (">=", (">", "<=")),
+    ast.Eq: ("==", ("!=",)),
+    ast.NotEq: ("!=", ("==",)),
+    ast.Is: ("is", ("is not",)),
+    ast.IsNot: ("is not", ("is",)),
+    ast.In: ("in", ("not in",)),
+    ast.NotIn: ("not in", ("in",)),
 }
 OPPOSITES = {
     one: other
     for pair in (
-        ("min", "max"), ("minimum", "maximum"), ("fmin", "fmax"), ("argmin", "argmax"),
-        ("floor", "ceil"), ("any", "all"), ("sin", "cos"), ("zeros", "ones"),
-        ("zeros_like", "ones_like"), ("rows", "columns"), ("width", "height"),
+        ("min", "max"),
+        ("minimum", "maximum"),
+        ("fmin", "fmax"),
+        ("argmin", "argmax"),
+        ("floor", "ceil"),
+        ("any", "all"),
+        ("sin", "cos"),
+        ("zeros", "ones"),
+        ("zeros_like", "ones_like"),
+        ("rows", "columns"),
+        ("width", "height"),
     )
     for one, other in (pair, pair[::-1])
 }
-COMMUTATIVE = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "gcd", "dot",
-               "allclose", "array_equal")
+COMMUTATIVE = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "gcd", "dot", "allclose", "array_equal")
 """Functions whose first two arguments may be swapped."""
 
 
@@ -61,9 +83,7 @@ def _compiled(source: bytes) -> tuple[object, ...]:
 
 def _key(code: CodeType) -> tuple[object, ...]:
     """Return what a code object does, without the lines that it came from."""
-    constants = tuple(
-        _key(c) if isinstance(c, CodeType) else (type(c), repr(c)) for c in code.co_consts
-    )
+    constants = tuple(_key(c) if isinstance(c, CodeType) else (type(c), repr(c)) for c in code.co_consts)
     return (code.co_code, code.co_names, code.co_varnames, code.co_freevars, constants)
 
 
@@ -78,10 +98,7 @@ class _Finder(ast.NodeVisitor):
     def _span(self, node: ast.expr | ast.stmt) -> tuple[int, int]:
         assert node.end_lineno is not None  # noqa: S101  the parser sets both
         assert node.end_col_offset is not None  # noqa: S101
-        return (
-            self.lines[node.lineno - 1] + node.col_offset,
-            self.lines[node.end_lineno - 1] + node.end_col_offset,
-        )
+        return (self.lines[node.lineno - 1] + node.col_offset, self.lines[node.end_lineno - 1] + node.end_col_offset)
 
     def _text(self, node: ast.expr | ast.stmt) -> str:
         start, end = self._span(node)
@@ -123,17 +140,14 @@ class _Finder(ast.NodeVisitor):
             self.visit(part)
 
     def visit_BinOp(self, node: ast.BinOp) -> None:
-        texts = (isinstance(side, ast.JoinedStr) or _is_text(side)
-                 for side in (node.left, node.right))
+        texts = (isinstance(side, ast.JoinedStr) or _is_text(side) for side in (node.left, node.right))
         if not any(texts) and type(node.op) in OPERATORS:
             old, new = OPERATORS[type(node.op)]
             self._between("arithmetic", node.left, node.right, old, new)
         self.generic_visit(node)
 
     def visit_Compare(self, node: ast.Compare) -> None:
-        for one, op, other in zip(
-            [node.left, *node.comparators], node.ops, node.comparators, strict=False
-        ):
+        for one, op, other in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
             old, others = COMPARISONS[type(op)]
             for new in others:
                 self._between("comparison", one, other, old, new)
@@ -174,15 +188,12 @@ class _Finder(ast.NodeVisitor):
         name = self._text(node.func).split(".")[-1]
         swapped = node.args[:2] if name not in COMMUTATIVE else []
         if len(swapped) == 2 and not any(
-            isinstance(argument, ast.Starred | ast.JoinedStr) or _is_text(argument)
-            for argument in swapped
+            isinstance(argument, ast.Starred | ast.JoinedStr) or _is_text(argument) for argument in swapped
         ):
             one, other = swapped
             (start, middle), (again, end) = self._span(one), self._span(other)
             glue = self.source[middle:again].decode()
-            self.found.append(
-                Edit("arguments", start, end, self._text(other) + glue + self._text(one))
-            )
+            self.found.append(Edit("arguments", start, end, self._text(other) + glue + self._text(one)))
         self.generic_visit(node)
 
     def _negated(self, node: ast.If | ast.While | ast.IfExp) -> None:

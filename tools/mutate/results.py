@@ -10,9 +10,7 @@ from pathlib import PurePosixPath
 
 from tools.mutate.edits import Mutant
 
-KILLED, SURVIVED, TIMEOUT, EQUIVALENT, INVALID = (
-    "killed", "survived", "timed out", "equivalent", "invalid"
-)
+KILLED, SURVIVED, TIMEOUT, EQUIVALENT, INVALID = ("killed", "survived", "timed out", "equivalent", "invalid")
 
 
 @dataclass(frozen=True)
@@ -51,26 +49,23 @@ def score(results: list[Result]) -> str:
 def as_json(results: list[Result], *, seed: int, only: tuple[str, ...]) -> str:
     """Return the results as a JSON document."""
     rows = [{**asdict(result), "shown": str(result.mutant)} for result in results]
-    return json.dumps(
-        {"seed": seed, "only": list(only), "score": score(results), "mutants": rows}, indent=1
-    ) + "\n"
+    return json.dumps({"seed": seed, "only": list(only), "score": score(results), "mutants": rows}, indent=1) + "\n"
 
 
 def as_markdown(results: list[Result], *, seed: int, only: tuple[str, ...]) -> str:
     """Return the report: score by folder and by kind, survivors, and equivalent mutants."""
     command = f"make mutate MUTATE='--count {len(results)} --seed {seed}"
     command += "".join(f" --only {path}" for path in only) + "'"
-    lines = [
-        "# Mutation testing", "",
-        f"`{command}`: {len(results)} random mutations, {score(results)} found.", "",
-    ]
+    lines = ["# Mutation testing", "", f"`{command}`: {len(results)} random mutations, {score(results)} found.", ""]
     groups: dict[str, Callable[[Result], str]] = {
         "Folder": lambda result: folder(result.mutant.path),
         "Kind": lambda result: result.mutant.edit.kind,
     }
     for title, group in groups.items():
-        lines += [f"| {title} | mutants | killed | timed out | equivalent | survived | score |",
-                  "|---|---|---|---|---|---|---|"]
+        lines += [
+            f"| {title} | mutants | killed | timed out | equivalent | survived | score |",
+            "|---|---|---|---|---|---|---|",
+        ]
         for name in [*sorted({group(result) for result in results}), "all"]:
             rows = [result for result in results if name in (group(result), "all")]
             counts = Counter(result.status for result in rows)
@@ -83,7 +78,6 @@ def as_markdown(results: list[Result], *, seed: int, only: tuple[str, ...]) -> s
         rows = [result for result in results if result.status == status]
         if rows:
             lines += [f"## {title}", ""]
-            lines += [f"- `{result.mutant}`" + (f": {result.by}" if result.by else "")
-                      for result in rows]
+            lines += [f"- `{result.mutant}`" + (f": {result.by}" if result.by else "") for result in rows]
             lines.append("")
     return "\n".join(lines)

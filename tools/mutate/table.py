@@ -30,17 +30,14 @@ class Table:
         """Return the table of a file."""
         with path.open("rb") as file:
             rows: dict[str, Any] = tomllib.load(file)
-        return cls(rows["mutated"], rows["spared"], rows["unused"], rows["tests"],
-                   rows.get("equivalent", []))
+        return cls(rows["mutated"], rows["spared"], rows["unused"], rows["tests"], rows.get("equivalent", []))
 
     def files(self, root: Path, only: tuple[str, ...]) -> list[str]:
         """Return the paths of all files to mutate, of those that `only` names or holds."""
-        found = {
-            file.relative_to(root).as_posix() for pattern in self.mutated
-            for file in root.glob(pattern)
-        }
+        found = {file.relative_to(root).as_posix() for pattern in self.mutated for file in root.glob(pattern)}
         return sorted(
-            path for path in found
+            path
+            for path in found
             if not any(fnmatchcase(path, pattern) for pattern in self.spared)
             and (not only or any(path == o or path.startswith(o.rstrip("/") + "/") for o in only))
         )
@@ -53,8 +50,7 @@ class Table:
         """
         named, others = graph.of(path)
         own = [f"tests/{test}" for test in self.tests.get(path, [])]
-        rows = [f"tests/{test}" for pattern, row in self.tests.items()
-                if fnmatchcase(path, pattern) for test in row]
+        rows = [f"tests/{test}" for pattern, row in self.tests.items() if fnmatchcase(path, pattern) for test in row]
         found = [test for test in [*named, *others] if test not in self.unused]
         most = len([test for test in named if test in found]) if rows else MOST_FILES
         return list(dict.fromkeys([*own, *found[:most], *rows]))
@@ -63,7 +59,10 @@ class Table:
         """Return why a mutant is equivalent; the empty text if it isn't known to be."""
         for row in self.equivalent:
             if (row["path"], row["text"], row["old"], row["new"]) == (
-                mutant.path, mutant.text, mutant.old, mutant.edit.new
+                mutant.path,
+                mutant.text,
+                mutant.old,
+                mutant.edit.new,
             ):
                 return row["reason"]
         return ""

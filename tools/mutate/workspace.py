@@ -84,7 +84,9 @@ class Workspace:
                 _copy_cache(home / name, cache / name)
         cache.mkdir(exist_ok=True)
         self._environment = {
-            **os.environ, "PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(cache),
+            **os.environ,
+            "PYTHONPATH": str(self.root),
+            "XDG_CACHE_HOME": str(cache),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
         self._environment.pop("POCL_CACHE_DIR", None)
@@ -109,14 +111,32 @@ class Workspace:
         if self._stopped:
             return Outcome(None, 0.0, "")
         command = [
-            sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", "--tb=short",
-            "-p", "no:cacheprovider", "-p", "no:randomly", *tests,
+            sys.executable,
+            "-m",
+            "pytest",
+            "-x",
+            "-q",
+            "-m",
+            "not slow",
+            "--tb=short",
+            "-p",
+            "no:cacheprovider",
+            "-p",
+            "no:randomly",
+            *tests,
         ]
         started = time.monotonic()
         self._process = process = subprocess.Popen(
-            command, cwd=self.root, env=self._environment, text=True, errors="replace",
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            start_new_session=True, preexec_fn=_limited,
+            command,
+            cwd=self.root,
+            env=self._environment,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=_limited,
         )
         try:
             output, _ = process.communicate(timeout=limit)

@@ -70,8 +70,14 @@ def _run(name: str, seed: int) -> str:
     command = [sys.executable, "-m", "tools.torture", "--case", name, "--seed", str(seed)]
     try:
         done = subprocess.run(
-            command, cwd=Path(__file__).parents[2], capture_output=True, text=True,
-            errors="replace", timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL,
+            command,
+            cwd=Path(__file__).parents[2],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PATIENCE,
+            check=False,
+            stdin=subprocess.DEVNULL,
         )
     except subprocess.TimeoutExpired:
         return f"it did not end in {PATIENCE:.0f} s"

@@ -13,34 +13,101 @@ from ssgi_cl.cli.command import main
 from ssgi_cl.io import exr
 
 NUMBERS = (
-    "0", "-1", "1", "2", "3", "8", "0.5", "1e-300", "1e300", "-1e300", "nan", "inf", "-inf", "1e39",
-    "99999", "2147483648", "1" + "0" * 400, "1" + "0" * 5000, "0x10", "1_0", "", " ", "x", "\u0663",
+    "0",
+    "-1",
+    "1",
+    "2",
+    "3",
+    "8",
+    "0.5",
+    "1e-300",
+    "1e300",
+    "-1e300",
+    "nan",
+    "inf",
+    "-inf",
+    "1e39",
+    "99999",
+    "2147483648",
+    "1" + "0" * 400,
+    "1" + "0" * 5000,
+    "0x10",
+    "1_0",
+    "",
+    " ",
+    "x",
+    "\u0663",
 )
 WORDS = (
-    "", " ", ".", "..", "/", "-", "--", "-1", "x" * 5000, "\u00e9", os.fsdecode(b"\xff"), "%s",
-    "[red]", "null", "room-7", "room--1", "room-99999999", "hall", "pocl", "no such device", "*",
+    "",
+    " ",
+    ".",
+    "..",
+    "/",
+    "-",
+    "--",
+    "-1",
+    "x" * 5000,
+    "\u00e9",
+    os.fsdecode(b"\xff"),
+    "%s",
+    "[red]",
+    "null",
+    "room-7",
+    "room--1",
+    "room-99999999",
+    "hall",
+    "pocl",
+    "no such device",
+    "*",
     "{}",
 )
 SETTINGS = (
-    "radius", "=", "=1", "radius=", "radius=0.3", "radius=nan", "radius=inf", "radius=1e300",
-    "radius=1" + "0" * 400, "radius=" + "[" * 5000, "radius=[0.1, 0.2]", "radius={}", "radius=null",
-    "samples=16", "samples=1e9", "taps=1", "resolution=half", "resolution=none", "method=published",
-    "method=points", "bent_normals=true", "bent_normals=1", "help", "runtime=1", "thickness=-1",
+    "radius",
+    "=",
+    "=1",
+    "radius=",
+    "radius=0.3",
+    "radius=nan",
+    "radius=inf",
+    "radius=1e300",
+    "radius=1" + "0" * 400,
+    "radius=" + "[" * 5000,
+    "radius=[0.1, 0.2]",
+    "radius={}",
+    "radius=null",
+    "samples=16",
+    "samples=1e9",
+    "taps=1",
+    "resolution=half",
+    "resolution=none",
+    "method=published",
+    "method=points",
+    "bent_normals=true",
+    "bent_normals=1",
+    "help",
+    "runtime=1",
+    "thickness=-1",
 )
 NEVER = ("clear", "rebuild", "refresh", "help", "html", "markdown", "views")
 """Options left out: they delete or measure what belongs to the user, or write many files."""
-SMALL = {"width": ("1", "7", "33"), "height": ("1", "5", "24"), "shadow_size": ("2", "16", "64"),
-         "rsm_size": ("2", "16"), "vpls": ("1", "64"), "layers": ("1", "2"),
-         "glossy_vpls": ("0", "8"), "auxiliary_cameras": ("0", "1"),
-         "sizes": ("16x12", "0x0", "axb"),
-         "seconds": ("0.01", "0"), "lanes": ("1", "8", "16", "3")}
+SMALL = {
+    "width": ("1", "7", "33"),
+    "height": ("1", "5", "24"),
+    "shadow_size": ("2", "16", "64"),
+    "rsm_size": ("2", "16"),
+    "vpls": ("1", "64"),
+    "layers": ("1", "2"),
+    "glossy_vpls": ("0", "8"),
+    "auxiliary_cameras": ("0", "1"),
+    "sizes": ("16x12", "0x0", "axb"),
+    "seconds": ("0.01", "0"),
+    "lanes": ("1", "8", "16", "3"),
+}
 """Values that keep a run short, taken more often than hostile ones."""
 
 DEEP_JSON = '{"camera": ' * 20_000
-CAMERA_JSON = (
-    '{"origin": [0, 1, 4], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60, '
-    '"width": 9, "height": 7}'
-)
+CAMERA_JSON = '{"origin": [0, 1, 4], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60, "width": 9, "height": 7}'
 
 
 def make_files(folder: Path, rng: Random) -> list[str]:
@@ -51,8 +118,7 @@ def make_files(folder: Path, rng: Random) -> list[str]:
     broken = depth.copy()
     broken[3, 4] = np.nan
     exr.write(folder / "depth.exr", {"depth": depth})
-    exr.write(folder / "full.exr", {"depth": depth, "normal": normal, "albedo": normal * 0.5,
-                                    "image": normal})
+    exr.write(folder / "full.exr", {"depth": depth, "normal": normal, "albedo": normal * 0.5, "image": normal})
     exr.write(folder / "nan.exr", {"depth": broken})
     exr.write(folder / "bright.exr", {"depth": depth, "albedo": normal * 2, "emission": normal * 9})
     exr.write(folder / "flat.exr", {"image": normal})
@@ -89,8 +155,21 @@ def line(rng: Random, names: list[str]) -> list[str]:
     if kind == "render":
         usual = ("cornell_box", "hall", "mesh.obj")
         scene = rng.choice((*usual, rng.choice(names), rng.choice(WORDS)))
-        arguments += [scene, "-o", _output(rng, names), "--width", "33", "--height", "24",
-                      "--shadow-size", "16", "--rsm-size", "16", "--vpls", "64"]
+        arguments += [
+            scene,
+            "-o",
+            _output(rng, names),
+            "--width",
+            "33",
+            "--height",
+            "24",
+            "--shadow-size",
+            "16",
+            "--rsm-size",
+            "16",
+            "--vpls",
+            "64",
+        ]
     elif kind == "apply":
         techniques = ("gtao", "ssao", "hbao", "bitmask_ao", "ssdo")
         technique = rng.choice((*techniques, *techniques, rng.choice(WORDS)))

@@ -33,12 +33,15 @@ visibility = gi.ssao(gi.GBuffer(camera=camera, depth=depth), radius=0.5)
 print(Runtime.open().info.label, "|", Runtime.open().variant, "|",
       hashlib.sha256(np.ascontiguousarray(visibility).tobytes()).hexdigest())
 """
-NO_HOME = """
+NO_HOME = (
+    """
 import pwd, os
 def unknown(user):
     raise KeyError(user)
 pwd.getpwuid = unknown
-""" + COMPUTES
+"""
+    + COMPUTES
+)
 
 
 class Place:
@@ -65,9 +68,15 @@ class Place:
         environment = {**os.environ, **self.variables, **variables}
         environment.pop("SSGI_CL_DEVICE", None)
         return subprocess.run(
-            [sys.executable, "-c", code], cwd=self.folder, text=True, capture_output=True,
-            errors="replace", env={name: value for name, value in environment.items() if value},
-            preexec_fn=limits, timeout=PATIENCE, check=False,
+            [sys.executable, "-c", code],
+            cwd=self.folder,
+            text=True,
+            capture_output=True,
+            errors="replace",
+            env={name: value for name, value in environment.items() if value},
+            preexec_fn=limits,
+            timeout=PATIENCE,
+            check=False,
         )
 
     def answer(self, code: str = COMPUTES, **variables: str) -> str:
@@ -103,8 +112,9 @@ def unknown_processor(seed: int) -> None:
         unknown.driver = _without_cpu_name(found[0], unknown.folder / "site")
         assert unknown.answer() == expected(found[0])
         devices = f"{Path(sys.executable).with_name('ssgi')}"
-        listed = subprocess.run([devices, "devices"], env={**os.environ, **unknown.variables},
-                                capture_output=True, text=True, check=True).stdout
+        listed = subprocess.run(
+            [devices, "devices"], env={**os.environ, **unknown.variables}, capture_output=True, text=True, check=True
+        ).stdout
         assert "does not run" not in listed, listed
 
 
@@ -115,8 +125,7 @@ def damaged_cache(seed: int) -> None:
         with place(driver) as here:
             whole = here.answer()
             for _ in range(3):
-                files = sorted(path for path in (here.folder / "pocl").glob("*/*/**/*")
-                               if path.is_file())
+                files = sorted(path for path in (here.folder / "pocl").glob("*/*/**/*") if path.is_file())
                 for path in rng.sample(files, rng.randint(1, len(files))):
                     os.truncate(path, int(path.stat().st_size * rng.choice([0.0, rng.random()])))
                 for _ in range(2):
@@ -127,14 +136,11 @@ def limited_first_use(seed: int) -> None:
     """What fails under a limit at the first use works without it, though caches are kept."""
     rng = Random(seed)
     for driver in pocl_drivers():
-        kind, limit = rng.choice([
-            (resource.RLIMIT_AS, rng.randint(300, 900) << 20),
-            (resource.RLIMIT_FSIZE, rng.randint(1, 64) << 10),
-        ])
+        kind, limit = rng.choice(
+            [(resource.RLIMIT_AS, rng.randint(300, 900) << 20), (resource.RLIMIT_FSIZE, rng.randint(1, 64) << 10)]
+        )
         with place(driver) as here:
-            limited = here.run(
-                limits=lambda kind=kind, limit=limit: resource.setrlimit(kind, (limit, limit))
-            )
+            limited = here.run(limits=lambda kind=kind, limit=limit: resource.setrlimit(kind, (limit, limit)))
             free = here.answer()
             assert limited.returncode != 0 or limited.stdout.strip() == free
 
@@ -178,8 +184,7 @@ def wrong_speeds(seed: int) -> None:
         return true[variant] * wrong * rng.uniform(0.95, 1.05)
 
     def run(environment: dict[str, str], arguments: list[str]) -> probing.Answers:
-        return probing.Answers([{"variant": variant,
-            "speed": timed(variant)} for variant in arguments[2:]])
+        return probing.Answers([{"variant": variant, "speed": timed(variant)} for variant in arguments[2:]])
 
     probing.run_probe, kept = run, probing.run_probe
     try:

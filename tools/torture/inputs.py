@@ -101,7 +101,8 @@ def _digests() -> dict[str, str]:
     """Return what the files of the working folder hold, temporary ones too."""
     return {
         path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in Path().iterdir() if path.is_file() and not path.is_symlink()
+        for path in Path().iterdir()
+        if path.is_file() and not path.is_symlink()
     }
 
 
@@ -132,8 +133,13 @@ def _in_process(arguments: list[str]) -> tuple[int, str, str]:
 
 def _as_process(arguments: list[str]) -> tuple[int, str, str]:
     done = subprocess.run(
-        [sys.executable, "-m", "ssgi_cl.cli.command", *arguments], capture_output=True, text=True,
-        errors="replace", timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL,
+        [sys.executable, "-m", "ssgi_cl.cli.command", *arguments],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=PATIENCE,
+        check=False,
+        stdin=subprocess.DEVNULL,
     )
     return done.returncode, done.stdout, done.stderr
 
@@ -143,10 +149,17 @@ def changed_arrays(seed: int) -> None:
     rng = Random(seed)
     box = make_scene("cornell_box")
     camera = gi.Camera.look_at(box.eye, box.target, box.up, yfov=box.yfov, width=16, height=12)
-    lights = (gi.PointLight((0, 1, 0), 1.0), gi.SpotLight((0, 1, 0), (0, -1, 0), 0.5, 1.0),
-              gi.DirectionalLight((0, -1, 0), 1.0), gi.Environment(np.ones((2, 4, 3))))
+    lights = (
+        gi.PointLight((0, 1, 0), 1.0),
+        gi.SpotLight((0, 1, 0), (0, -1, 0), 0.5, 1.0),
+        gi.DirectionalLight((0, -1, 0), 1.0),
+        gi.Environment(np.ones((2, 4, 3))),
+    )
     copies: tuple[Callable[[Any], Any], ...] = (
-        copy.copy, copy.deepcopy, dataclasses.replace, lambda made: pickle.loads(pickle.dumps(made))
+        copy.copy,
+        copy.deepcopy,
+        dataclasses.replace,
+        lambda made: pickle.loads(pickle.dumps(made)),
     )
     for _ in range(COPIES):
         rsm = gi.rasterize.rsm(box.scene, lights[1], size=8)
@@ -167,9 +180,7 @@ def changed_arrays(seed: int) -> None:
 def scales(seed: int) -> None:
     """A scene of any scale gives the light of the same scene at scale 1, or is refused."""
     rng = Random(seed)
-    techniques = {
-        "multires_splat": {"vpls": 64}, "vpl_splat": {"vpls": 64}, "rsm_gather": {}, "gtao": {},
-    }
+    techniques = {"multires_splat": {"vpls": 64}, "vpl_splat": {"vpls": 64}, "rsm_gather": {}, "gtao": {}}
     right: dict[str, Any] = {}
     for number in range(SCALES):
         scale = 2.0 ** (rng.randrange(-90, 90) if number else 0)
@@ -189,12 +200,12 @@ def scales(seed: int) -> None:
 def _at_scale(name: str, scale: float, options: dict[str, Any]) -> Any:
     box = make_scene("cornell_box")
     scene = dataclasses.replace(
-        box.scene, origin=box.scene.origin * scale,
+        box.scene,
+        origin=box.scene.origin * scale,
         positions=(box.scene.positions.astype(np.float64) * scale).astype(np.float32),
     )
     camera = gi.Camera.look_at(
-        np.multiply(box.eye, scale), np.multiply(box.target, scale), box.up, yfov=box.yfov,
-        width=48, height=36,
+        np.multiply(box.eye, scale), np.multiply(box.target, scale), box.up, yfov=box.yfov, width=48, height=36
     )
     gbuffer = gi.rasterize.gbuffer(scene, camera)
     if name == "gtao":
@@ -211,28 +222,27 @@ def windows(seed: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         source, output = Path(name) / "in.exr", Path(name) / "out.exr"
         for _ in range(WINDOWS):
-            left, top, width, height = (rng.randrange(*ends) for ends in
-                                        ((-99, 99), (-99, 99), (1, 40), (1, 40)))
+            left, top, width, height = (rng.randrange(*ends) for ends in ((-99, 99), (-99, 99), (1, 40), (1, 40)))
             data = (left, top, left + width - 1, top + height - 1)
             x, y = left + rng.randrange(-20, 20), top + rng.randrange(-20, 20)
             display = (x, y, x + rng.randrange(60), y + rng.randrange(60))
             depth = random.uniform(1.0, 1.2, (height, width)).astype(np.float32)
             exr.write(source, {"depth": depth}, data=data, display=display)
-            result = CliRunner().invoke(
-                main, ["apply", "ssao", str(source), "--fov", "60", "-o", str(output)]
-            )
+            result = CliRunner().invoke(main, ["apply", "ssao", str(source), "--fov", "60", "-o", str(output)])
             _expect(result.exit_code == 0, f"{data}, {display}: {result.output}")
             header = read_header(output)
             _expect((header.data, header.display) == (data, display), f"{header}")
             camera = gi.Camera.look_at(
-                (0, 0, 0), (0, 0, -1), yfov=np.radians(60.0), width=display[2] - x + 1,
-                height=display[3] - y + 1,
+                (0, 0, 0), (0, 0, -1), yfov=np.radians(60.0), width=display[2] - x + 1, height=display[3] - y + 1
             ).cropped(left - x, top - y, width, height)
             expected = gi.ssao(gi.GBuffer(camera=camera, depth=depth))
             np.testing.assert_array_equal(exr.read(output)["ao"], expected, f"{data}, {display}")
 
 
 CASES: dict[str, Callable[[int], None]] = {
-    "command_lines": command_lines, "command_processes": command_processes,
-    "changed_arrays": changed_arrays, "scales": scales, "windows": windows,
+    "command_lines": command_lines,
+    "command_processes": command_processes,
+    "changed_arrays": changed_arrays,
+    "scales": scales,
+    "windows": windows,
 }

@@ -27,13 +27,16 @@ LONGEST = 2.0
 RENDER = ["render", "cornell_box", "--width", "320", "--height", "240"]
 
 
-def _ssgi(
-    folder: Path, *arguments: str, limits: Callable[[], None] | None = None
-) -> subprocess.Popen[str]:
+def _ssgi(folder: Path, *arguments: str, limits: Callable[[], None] | None = None) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, str(PROGRAM), *arguments], cwd=folder, text=True,
-        errors="replace", stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        stdin=subprocess.DEVNULL, preexec_fn=limits,
+        [sys.executable, str(PROGRAM), *arguments],
+        cwd=folder,
+        text=True,
+        errors="replace",
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        preexec_fn=limits,
     )
 
 
@@ -80,8 +83,15 @@ def address_space(seed: int) -> None:
         for _ in range(6):
             size = int(rng.uniform(1.0, 6.0) * 2**30)
             process = _ssgi(
-                Path(name), "render", "cornell_box", "--width", "4096", "--height", "4096",
-                "--output", "box.png",
+                Path(name),
+                "render",
+                "cornell_box",
+                "--width",
+                "4096",
+                "--height",
+                "4096",
+                "--output",
+                "box.png",
                 limits=lambda size=size: resource.setrlimit(resource.RLIMIT_AS, (size, size)),
             )
             said, _ = process.communicate(timeout=200)
@@ -99,8 +109,16 @@ def file_size(seed: int) -> None:
 
     with tempfile.TemporaryDirectory() as name:
         process = _ssgi(
-            Path(name), "render", "cornell_box", "--width", "1024", "--height", "768",
-            "--output", "box.exr", limits=limits,
+            Path(name),
+            "render",
+            "cornell_box",
+            "--width",
+            "1024",
+            "--height",
+            "768",
+            "--output",
+            "box.exr",
+            limits=limits,
         )
         said, _ = process.communicate(timeout=120)
         assert process.returncode == 1, said
@@ -119,13 +137,16 @@ def memory(seed: int) -> None:
     for _ in range(200):
         width, height = rng.randrange(16, 320), rng.randrange(16, 240)
         scene = BUILTIN_SCENES["cornell_box"]().scene if rng.random() < 0.3 else box.scene
-        lights = [
-            gi.PointLight((rng.random(), 1.0, rng.random()), (1.0, 1.0, 1.0))
-            for _ in range(rng.randrange(1, 4))
-        ]
+        lights = [gi.PointLight((rng.random(), 1.0, rng.random()), (1.0, 1.0, 1.0)) for _ in range(rng.randrange(1, 4))]
         gi.render(
-            scene, box.camera(width, height), lights, ao_radius=0.1 + rng.random(),
-            indirect=rng.choice(modes), vpls=64, shadow_size=rng.choice((16, 64, 128)), rsm_size=64,
+            scene,
+            box.camera(width, height),
+            lights,
+            ao_radius=0.1 + rng.random(),
+            indirect=rng.choice(modes),
+            vpls=64,
+            shadow_size=rng.choice((16, 64, 128)),
+            rsm_size=64,
         )
         # What the latest call uses is never let go.
         assert runtime.memory.kept < 256 << 20, runtime.memory
@@ -143,6 +164,9 @@ def memory(seed: int) -> None:
 
 
 CASES: dict[str, Callable[[int], None]] = {
-    "kills": kills, "interrupts": interrupts, "address_space": address_space,
-    "file_size": file_size, "memory": memory,
+    "kills": kills,
+    "interrupts": interrupts,
+    "address_space": address_space,
+    "file_size": file_size,
+    "memory": memory,
 }

@@ -35,17 +35,14 @@ MODES: tuple[dict[str, Any], ...] = (
 def _frames() -> tuple[list[tuple[int, int, int]], Callable[[tuple[int, int, int]], Any]]:
     """Return what tells frames apart, and what renders one: mode, camera, lights."""
     box = BUILTIN_SCENES["cornell_box"]()
-    cameras = [
-        gi.Camera.look_at((x, 1.0, 3.4), (0, 1, 0), width=64, height=48) for x in (-0.2, 0.3)
-    ]
+    cameras = [gi.Camera.look_at((x, 1.0, 3.4), (0, 1, 0), width=64, height=48) for x in (-0.2, 0.3)]
     moved = gi.SpotLight((0.3, 1.9, 0.2), (0.0, -1.0, 0.1), 0.9, (8.0, 6.0, 4.0))
     lights = (box.lights, (moved, gi.Environment((0.2, 0.3, 0.4))))
 
     def frame(which: tuple[int, int, int]) -> Any:
         mode, camera, lit = which
         return gi.render(
-            box.scene, cameras[camera], lights[lit],
-            bounces=0, shadow_size=64, rsm_size=64, **MODES[mode]
+            box.scene, cameras[camera], lights[lit], bounces=0, shadow_size=64, rsm_size=64, **MODES[mode]
         ).radiance
 
     return [(m, c, lit) for m in range(len(MODES)) for c in (0, 1) for lit in (0, 1)], frame
@@ -59,12 +56,12 @@ def threads(seed: int) -> None:
     """Calls from many threads give what they give one after the other."""
     box = BUILTIN_SCENES["cornell_box"]()
     gbuffers = [
-        gi.rasterize.gbuffer(
-            box.scene, gi.Camera.look_at((0.1 * i, 1, 3.4), (0, 1, 0), width=64, height=48)
-        ) for i in range(THREADS)
+        gi.rasterize.gbuffer(box.scene, gi.Camera.look_at((0.1 * i, 1, 3.4), (0, 1, 0), width=64, height=48))
+        for i in range(THREADS)
     ]
     calls: list[Callable[[Any], Any]] = [
-        lambda g: gi.gtao(g, radius=0.3), lambda g: gi.ssao(g, radius=0.3),
+        lambda g: gi.gtao(g, radius=0.3),
+        lambda g: gi.ssao(g, radius=0.3),
         lambda g: gi.hbao(g, radius=0.3),
     ]
     expected = [[call(g) for g in gbuffers] for call in calls]
@@ -143,6 +140,8 @@ def forks(seed: int) -> None:
 
 
 CASES: dict[str, Callable[[int], None]] = {
-    "threads": threads, "threads_rendering": threads_rendering, "interrupts": interrupts,
+    "threads": threads,
+    "threads_rendering": threads_rendering,
+    "interrupts": interrupts,
     "forks": forks,
 }

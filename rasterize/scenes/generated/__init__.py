@@ -55,12 +55,23 @@ def generated(name: str) -> BuiltinScene:
         )
     draft = KINDS[match[1]](Chance(match[1], int(match[2])))
     parts = draft.model.parts()
-    views = chosen(Surroundings(parts), draft.candidates, VIEWS, yfov=draft.yfov,
-                   clearance=draft.clearance, coverage=draft.coverage)
+    views = chosen(
+        Surroundings(parts),
+        draft.candidates,
+        VIEWS,
+        yfov=draft.yfov,
+        clearance=draft.clearance,
+        coverage=draft.coverage,
+    )
     (eye, target), *more = views
     return BuiltinScene(
-        name=name, scene=draft.model.scene(), eye=eye, target=target, yfov=draft.yfov,
-        lights=draft.lights, ao_radius=draft.ao_radius,
+        name=name,
+        scene=draft.model.scene(),
+        eye=eye,
+        target=target,
+        yfov=draft.yfov,
+        lights=draft.lights,
+        ao_radius=draft.ao_radius,
         more_views=tuple((view.eye, view.target) for view in more),
         closed=all(closed for _, closed in parts),
     )

@@ -39,8 +39,12 @@ def chambers(chance: Chance) -> Draft:
         lamp = PointLight((0.1 * wide, high - 0.4, 0.12 * deep), (24.0, 21.0, 17.0), 0.05)
         lights = (lamp, Environment((0.35, 0.38, 0.42)))
     return Draft(
-        model=model, candidates=_candidates(chance, wide, deep, high), lights=lights,
-        ao_radius=chance.pick((0.35, 0.5, 0.7)), yfov=chance.uniform(0.85, 1.1), clearance=0.25,
+        model=model,
+        candidates=_candidates(chance, wide, deep, high),
+        lights=lights,
+        ao_radius=chance.pick((0.35, 0.5, 0.7)),
+        yfov=chance.uniform(0.85, 1.1),
+        clearance=0.25,
         coverage=0.9,
     )
 
@@ -53,8 +57,11 @@ def _candidates(chance: Chance, wide: float, deep: float, high: float) -> Iterat
         far = 0.4 if i % 3 else 0.22
         x, z = far * wide * np.cos(angle), far * deep * np.sin(angle)
         eye = (float(x), chance.uniform(1.1, min(2.2, high - 0.6)), float(z))
-        target = (-0.4 * eye[0] + chance.uniform(-0.8, 0.8), chance.uniform(0.5, 1.4),
-                  -0.4 * eye[2] + chance.uniform(-0.8, 0.8))
+        target = (
+            -0.4 * eye[0] + chance.uniform(-0.8, 0.8),
+            chance.uniform(0.5, 1.4),
+            -0.4 * eye[2] + chance.uniform(-0.8, 0.8),
+        )
         yield Candidate(eye, target)
 
 
@@ -78,8 +85,7 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float) 
     if chance.yes(0.5):
         thick = chance.uniform(0.15, 0.3)
         for place in np.linspace(-0.9 * z, 0.9 * z, chance.whole(4, 8)):
-            model.box((-x, high - 1.2 * thick, place - 0.5 * thick),
-                      (x, high, place + 0.5 * thick), WOOD)
+            model.box((-x, high - 1.2 * thick, place - 0.5 * thick), (x, high, place + 0.5 * thick), WOOD)
     for side in (-z, z):  # pilasters
         for place in np.linspace(-0.8 * x, 0.8 * x, chance.whole(2, 5)):
             deeper = np.sign(side) * chance.uniform(0.12, 0.3)
@@ -95,16 +101,14 @@ def _partitions(chance: Chance, deep: float) -> list[float]:
     return [chance.uniform(-0.25, -0.15) * deep, chance.uniform(0.15, 0.25) * deep]
 
 
-def _partition(
-    model: Model, chance: Chance, ground: Ground, wide: float, high: float, z: float
-) -> None:
+def _partition(model: Model, chance: Chance, ground: Ground, wide: float, high: float, z: float) -> None:
     """Add a thick wall across, with one or two openings up to a lintel."""
     x, half = 0.5 * wide, 0.5 * chance.uniform(0.25, 0.6)
     tint = chance.uniforms(0.8, 1.1, 3)
     lintel = min(chance.uniform(2.1, 3.0), high - 0.3)
     model.box((-x, lintel, z - half), (x, high, z + half), PLASTER, tint)
     edges = [-x]
-    for middle in ((0.0,) if chance.yes(0.5) else (-0.5 * x, 0.5 * x)):
+    for middle in (0.0,) if chance.yes(0.5) else (-0.5 * x, 0.5 * x):
         place, opening = middle + chance.uniform(-0.1, 0.1) * x, 0.5 * chance.uniform(1.1, 2.2)
         edges += [place - opening, place + opening]
     edges.append(x)
@@ -113,9 +117,7 @@ def _partition(
     ground.take(0.0, z, wide, 2.0 * half + 0.4)
 
 
-def _pillars(
-    model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float
-) -> None:
+def _pillars(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float) -> None:
     """Add two rows of pillars, square or round, with plinths and slabs on top."""
     half = 0.5 * chance.uniform(0.3, 0.6)
     square = chance.yes(0.5)
@@ -142,8 +144,11 @@ def _steps(model: Model, chance: Chance, ground: Ground, wide: float, deep: floa
     if not ground.take(-x, z, length, broad):
         return
     for i in range(count):
-        model.box((-0.5 * wide, i * rise, z - 0.5 * broad),
-                  (-0.5 * wide + length - i * tread, (i + 1) * rise, z + 0.5 * broad), STONE)
+        model.box(
+            (-0.5 * wide, i * rise, z - 0.5 * broad),
+            (-0.5 * wide + length - i * tread, (i + 1) * rise, z + 0.5 * broad),
+            STONE,
+        )
 
 
 def _furnish(model: Model, chance: Chance, ground: Ground, wide: float, deep: float) -> None:
@@ -152,9 +157,16 @@ def _furnish(model: Model, chance: Chance, ground: Ground, wide: float, deep: fl
     kinds = ("cabinet", "chest", "sofa", "blocks", "counter", "table", "vase", "plant")
     for _ in range(chance.whole(14, 24)):
         kind = chance.pick(kinds)
-        size = {"cabinet": (1.2, 0.5), "chest": (1.0, 0.6), "sofa": (1.8, 0.9),
-                "blocks": (1.1, 1.1), "counter": (2.0, 0.7), "table": (2.2, 2.2),
-                "vase": (0.6, 0.6), "plant": (0.7, 0.7)}[kind]
+        size = {
+            "cabinet": (1.2, 0.5),
+            "chest": (1.0, 0.6),
+            "sofa": (1.8, 0.9),
+            "blocks": (1.1, 1.1),
+            "counter": (2.0, 0.7),
+            "table": (2.2, 2.2),
+            "vase": (0.6, 0.6),
+            "plant": (0.7, 0.7),
+        }[kind]
         across = chance.yes(0.5)
         place = ground.find(chance, inner, *(size if across else size[::-1]))
         if place is None:
@@ -178,8 +190,9 @@ def _piece(model: Model, chance: Chance, kind: str, w: float, d: float) -> None:
     elif kind == "blocks":
         for x, z in ((-0.25, -0.25), (0.3, -0.2), (-0.1, 0.3)):
             half = 0.5 * chance.uniform(0.3, 0.6)
-            model.box((x - half, 0.0, z - half), (x + half, chance.uniform(0.3, 1.3), z + half),
-                      WOOD, chance.pick(COLOURS))
+            model.box(
+                (x - half, 0.0, z - half), (x + half, chance.uniform(0.3, 1.3), z + half), WOOD, chance.pick(COLOURS)
+            )
     elif kind == "counter":
         model.box((-0.48 * w, 0.0, -0.4 * d), (0.48 * w, 0.86, 0.4 * d), WOOD, tint)
         model.box((-0.5 * w, 0.86, -0.5 * d), (0.5 * w, 0.92, 0.5 * d), STONE)
@@ -196,8 +209,7 @@ def _piece(model: Model, chance: Chance, kind: str, w: float, d: float) -> None:
         furniture.plant(model, chance, chance.uniform(0.8, 1.6), closed=True)
 
 
-def _drape(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float
-           ) -> None:
+def _drape(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float) -> None:
     """Hang a folded cloth from the ceiling, 1 cm thick."""
     broad = chance.uniform(0.8, 1.6)
     place = ground.find(chance, (-0.4 * wide, 0.4 * wide, -0.4 * deep, 0.4 * deep), 0.4, broad)

@@ -26,8 +26,13 @@ def colonnade(chance: Chance) -> Draft:
     away = chance.uniform(-0.9, 0.9)
     sun = DirectionalLight((-0.6, -chance.uniform(0.5, 0.9), away), (17.0, 15.0, 12.0))
     return Draft(
-        model=model, candidates=candidates, lights=(sun, Environment((0.8, 1.0, 1.3))),
-        ao_radius=0.15 * high, yfov=chance.uniform(0.85, 1.05), clearance=0.3, coverage=0.7,
+        model=model,
+        candidates=candidates,
+        lights=(sun, Environment((0.8, 1.0, 1.3))),
+        ao_radius=0.15 * high,
+        yfov=chance.uniform(0.85, 1.05),
+        clearance=0.3,
+        coverage=0.7,
     )
 
 
@@ -42,12 +47,27 @@ def _column(chance: Chance, high: float) -> Part:
         factor: Doubles = 1.0 - depth * np.sqrt(np.maximum(1.0 - (2.0 * away) ** 2, 0.0))
         return factor + 0.0 * height
 
-    base = [(0.0, 0.0), (1.55, 0.0), (1.55, 0.25), (1.45, 0.3), (1.5, 0.42), (1.4, 0.55),
-            (1.15, 0.58), (1.15, 0.62), (0.0, 0.62)]
+    base = [
+        (0.0, 0.0),
+        (1.55, 0.0),
+        (1.55, 0.25),
+        (1.45, 0.3),
+        (1.5, 0.42),
+        (1.4, 0.55),
+        (1.15, 0.58),
+        (1.15, 0.62),
+        (0.0, 0.62),
+    ]
     top = high / radius
-    capital = [(0.0, top - 1.1), (1.0, top - 1.1), (1.02, top - 0.8), (1.15, top - 0.72),
-               (1.0, top - 0.66), *rounded([(1.0, top - 0.62), (1.15, top - 0.45),
-               (1.6, top - 0.2), (1.65, top - 0.17)], 4), (0.0, top - 0.17)]
+    capital = [
+        (0.0, top - 1.1),
+        (1.0, top - 1.1),
+        (1.02, top - 0.8),
+        (1.15, top - 0.72),
+        (1.0, top - 0.66),
+        *rounded([(1.0, top - 0.62), (1.15, top - 0.45), (1.6, top - 0.2), (1.65, top - 0.17)], 4),
+        (0.0, top - 0.17),
+    ]
     heights = np.linspace(0.6, top - 1.05, 7)
     swell = 1.0 - 0.16 * ((heights - 0.6) / top) ** 1.8
     profile = [(0.0, 0.6), *zip(swell, heights, strict=True), (0.0, top - 1.05)]
@@ -65,8 +85,14 @@ def _stand(model: Model, chance: Chance, column: Part, places: Doubles, high: fl
     scale = np.ones((len(places), 3))
     broken = chance.uniforms(0.0, 1.0, len(places)) < 0.05
     scale[broken, 1] = 0.5
-    model.scatter(column, STONE, places, turns=turns, scales=scale,
-                  tints=np.repeat(chance.uniforms(0.9, 1.1, len(places), 1), 3, axis=1))
+    model.scatter(
+        column,
+        STONE,
+        places,
+        turns=turns,
+        scales=scale,
+        tints=np.repeat(chance.uniforms(0.9, 1.1, len(places), 1), 3, axis=1),
+    )
     wide = 0.28 * high / 2.6
     for (x, y, z), short in zip(places, broken, strict=True):
         model.put("box", (x, y - 0.04, z), (wide * 1.2, 0.08, wide * 1.2), STONE)
@@ -84,8 +110,13 @@ def _paving(model: Model, chance: Chance, half_x: float, half_z: float, y: float
         for column in range(columns):
             x, z = -half_x + (column + 0.5) * step_x, -half_z + (row + 0.5) * step_z
             lift = chance.uniform(-0.008, 0.004)
-            model.put("box", (x, y - 0.03 + lift, z), (step_x - 0.015, 0.06, step_z - 0.015), STONE,
-                      tint=chance.uniform(0.8, 1.1))
+            model.put(
+                "box",
+                (x, y - 0.03 + lift, z),
+                (step_x - 0.015, 0.06, step_z - 0.015),
+                STONE,
+                tint=chance.uniform(0.8, 1.1),
+            )
 
 
 def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> None:
@@ -93,8 +124,9 @@ def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> N
     along = end - start
     length = float(np.linalg.norm(along))
     count = max(int(length / 0.19), 2)
-    profile = rounded([(0.035, 0.1), (0.05, 0.14), (0.03, 0.22), (0.065, 0.4), (0.03, 0.62),
-                       (0.05, 0.7), (0.04, 0.74)], 2)
+    profile = rounded(
+        [(0.035, 0.1), (0.05, 0.14), (0.03, 0.22), (0.065, 0.4), (0.03, 0.62), (0.05, 0.7), (0.04, 0.74)], 2
+    )
     baluster = lathe([(0.0, 0.1), *profile, (0.0, 0.74)], 12)
     share = (np.arange(count) + 0.5)[:, None] / count
     model.scatter(baluster, STONE, start + share * along)
@@ -109,12 +141,9 @@ def _beam(model: Model, start: Doubles, end: Doubles, y: float, size: float) -> 
     along = end - start
     turn = rotation((0, 1, 0), float(np.arctan2(-along[2], along[0])))[0]
     middle, length = 0.5 * (start + end), float(np.linalg.norm(along))
-    for i, (low, high, out) in enumerate(
-        ((0.0, 0.5, 1.0), (0.5, 1.0, 1.06), (1.0, 1.15, 1.3), (1.15, 1.3, 1.5))
-    ):
+    for i, (low, high, out) in enumerate(((0.0, 0.5, 1.0), (0.5, 1.0, 1.06), (1.0, 1.15, 1.3), (1.15, 1.3, 1.5))):
         place = (middle[0], y + 0.5 * (low + high) * size, middle[2])
-        model.put("box", place, (length + (0.3 + 0.02 * i) * size, (high - low) * size, out * size),
-                  STONE, turn=turn)
+        model.put("box", place, (length + (0.3 + 0.02 * i) * size, (high - low) * size, out * size), STONE, turn=turn)
 
 
 def _debris(model: Model, chance: Chance, bounds: tuple[float, float], y: float) -> None:
@@ -124,16 +153,20 @@ def _debris(model: Model, chance: Chance, bounds: tuple[float, float], y: float)
         with model.at((x, y, z), chance.uniform(0, 6.28)):
             kind, size = chance.whole(0, 3), chance.uniform(0.12, 0.35)
             if kind == 0:
-                model.put("box", (0, 0.4 * size, 0), (2 * size, 0.8 * size, 1.2 * size), STONE,
-                          turn=rotation((1, 0, 0.3), chance.uniform(-0.1, 0.1))[0])
+                model.put(
+                    "box",
+                    (0, 0.4 * size, 0),
+                    (2 * size, 0.8 * size, 1.2 * size),
+                    STONE,
+                    turn=rotation((1, 0, 0.3), chance.uniform(-0.1, 0.1))[0],
+                )
             elif kind == 1:
                 rock = solids.rock(chance.whole(0, 10**6), 16)
                 model.add(rock, STONE, (0, 0.5 * size, 0), scale=(size, 0.7 * size, size))
             elif kind == 2:
                 furniture.vase(model, chance, 2.6 * size, STONE)
             else:
-                model.bar((-size, 0.6 * size, 0), (size, 0.6 * size, 0), 0.6 * size, STONE,
-                          sides=28)
+                model.bar((-size, 0.6 * size, 0), (size, 0.6 * size, 0), 0.6 * size, STONE, sides=28)
 
 
 def _lantern(model: Model, top: float, drop: float, x: float, z: float) -> None:
@@ -168,11 +201,9 @@ def _portico(model: Model, chance: Chance, high: float, column: Part) -> list[Ca
         left, right = np.array((-half, 0, -deep * row)), np.array((half, 0, -deep * row))
         _beam(model, left, right, high, size)
     if chance.yes(0.7):
-        model.box((-half - 0.3, high + 1.3 * size, back - 0.3),
-                  (half + 0.3, high + 1.3 * size + 0.15, 0.4), STONE)
+        model.box((-half - 0.3, high + 1.3 * size, back - 0.3), (half + 0.3, high + 1.3 * size + 0.15, 0.4), STONE)
         for x in np.arange(-half + 0.4, half, 0.5 * gap):
-            model.box((x - 0.08, high + 1.05 * size, back), (x + 0.08, high + 1.3 * size, 0.0),
-                      STONE)
+            model.box((x - 0.08, high + 1.05 * size, back), (x + 0.08, high + 1.3 * size, 0.0), STONE)
     top = high + 1.3 * size
     model.box((-half, -0.1, back - 0.3), (half, top, back), STONE, (1.1, 1.02, 0.9))
     for i in range(count - 1):
@@ -188,14 +219,12 @@ def _portico(model: Model, chance: Chance, high: float, column: Part) -> list[Ca
         if chance.yes(0.5):
             _lantern(model, high + 0.9 * size, 0.25 * high, x, 0.5 * back)
         if chance.yes(0.4):
-            _balustrade(model, chance, np.array((x - 0.36 * gap, 0, 0)),
-                        np.array((x + 0.36 * gap, 0, 0)))
+            _balustrade(model, chance, np.array((x - 0.36 * gap, 0, 0)), np.array((x + 0.36 * gap, 0, 0)))
     with model.at((0, 0, 0.5 * back)):
         _paving(model, chance, half + 0.3, 0.5 * abs(back) + 0.5, 0.0)
     for step in range(4):
         low = -0.14 * (step + 1)
-        model.box((-half - 0.6, low - 0.3, 0.4), (half + 0.6, low, 1.0 + 0.32 * (step + 1)), STONE,
-                  0.95 + 0.03 * step)
+        model.box((-half - 0.6, low - 0.3, 0.4), (half + 0.6, low, 1.0 + 0.32 * (step + 1)), STONE, 0.95 + 0.03 * step)
     with model.at((0, 0, 3.5 + 0.5 * high)):
         _paving(model, chance, half + 4.0, 2.0 + 0.6 * high, -0.7)
         _debris(model, chance, (half, 1.5), -0.7)
@@ -230,9 +259,24 @@ def _ring(model: Model, chance: Chance, high: float, column: Part) -> list[Candi
     model.put("bar28", (0, -0.3, 0), (radius + 1.2, 0.2, radius + 1.2), STONE, tint=0.9)
     half = radius + 4.5
     _paving(model, chance, half, half, -0.25)
-    model.add(lathe([(0.0, 0.0), (0.9, 0.0), (1.0, 0.1), (0.95, 0.5), (1.1, 0.55), (1.1, 0.62),
-                     (0.85, 0.62), (0.8, 0.3), (0.0, 0.25)], 40), STONE,
-              scale=(0.25 * radius, 1.0, 0.25 * radius))
+    model.add(
+        lathe(
+            [
+                (0.0, 0.0),
+                (0.9, 0.0),
+                (1.0, 0.1),
+                (0.95, 0.5),
+                (1.1, 0.55),
+                (1.1, 0.62),
+                (0.85, 0.62),
+                (0.8, 0.3),
+                (0.0, 0.25),
+            ],
+            40,
+        ),
+        STONE,
+        scale=(0.25 * radius, 1.0, 0.25 * radius),
+    )
     with model.at((0, 0.25, 0)):
         furniture.vase(model, chance, chance.uniform(0.8, 1.5), STONE)
     _debris(model, chance, (0.8 * half, 0.8 * half), -0.25)
@@ -262,18 +306,20 @@ def _court(model: Model, chance: Chance, high: float, column: Part) -> list[Cand
             middles = 0.5 * (along[1:] + along[:-1]) + np.array((0, high, 0))
             model.scatter(part, STONE, middles)
             top = high + rise + 0.15
-            model.box((-half - deep, top, -half - deep), (half + deep, top + 0.2, -half + 0.25),
-                      STONE)
+            model.box((-half - deep, top, -half - deep), (half + deep, top + 0.2, -half + 0.25), STONE)
             _beam(model, np.array((-half, 0, -half)), np.array((half, 0, -half)), top + 0.2, size)
-            model.box((-half - deep, -0.1, -half - deep - 0.3), (half + deep, top, -half - deep),
-                      STONE, chance.uniforms(0.9, 1.15, 3))
+            model.box(
+                (-half - deep, -0.1, -half - deep - 0.3),
+                (half + deep, top, -half - deep),
+                STONE,
+                chance.uniforms(0.9, 1.15, 3),
+            )
             for i in range(number):
                 x = gap * (i + 0.5) - half
                 if chance.yes(0.5):
                     _lantern(model, top, 0.4 * high, x, -half - 0.5 * deep)
                 if chance.yes(0.4):
-                    model.box((x - 0.5, 0, -half - deep), (x + 0.5, 0.45, -half - deep + 0.4),
-                              STONE)
+                    model.box((x - 0.5, 0, -half - deep), (x + 0.5, 0.45, -half - deep + 0.4), STONE)
                 if chance.yes(0.3):
                     with model.at((x, 0, -half - 0.6 * deep)):
                         furniture.vase(model, chance, chance.uniform(0.6, 1.3), STONE)

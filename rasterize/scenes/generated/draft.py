@@ -52,8 +52,7 @@ class Ground:
         return True
 
     def find(
-        self, chance: Chance, bounds: tuple[float, float, float, float], wide: float, deep: float,
-        tries: int = 12,
+        self, chance: Chance, bounds: tuple[float, float, float, float], wide: float, deep: float, tries: int = 12
     ) -> tuple[float, float] | None:
         """Take a free rectangle within bounds (x0, x1, z0, z1); return its middle, or None."""
         x0, x1, z0, z1 = bounds

@@ -64,8 +64,7 @@ def foliage(chance: Chance) -> Draft:
         count = chance.whole(60, 160)
         spots = np.array((x, z)) + chance.uniforms(-0.5, 0.5, count, 2)
         y = height(spots[:, 0], spots[:, 1]) - 0.01
-        plants.grass(model, chance, np.stack([spots[:, 0], y, spots[:, 1]], axis=1),
-                     chance.uniform(0.2, 0.7))
+        plants.grass(model, chance, np.stack([spots[:, 0], y, spots[:, 1]], axis=1), chance.uniform(0.2, 0.7))
     if chance.yes(0.6):
         _fence(model, chance, height)
     if chance.yes(0.5):
@@ -77,17 +76,26 @@ def foliage(chance: Chance) -> Draft:
     low = -chance.uniform(0.45, 0.9)
     sun = DirectionalLight((chance.uniform(-0.8, 0.8), low, -0.5), (16.0, 14.5, 11.5))
     return Draft(
-        model=model, candidates=_candidates(chance, height),
-        lights=(sun, Environment((0.8, 1.0, 1.25))), ao_radius=chance.pick((0.3, 0.5, 0.8)),
-        yfov=0.9, clearance=0.3, coverage=0.6,
+        model=model,
+        candidates=_candidates(chance, height),
+        lights=(sun, Environment((0.8, 1.0, 1.25))),
+        ao_radius=chance.pick((0.3, 0.5, 0.8)),
+        yfov=0.9,
+        clearance=0.3,
+        coverage=0.6,
     )
 
 
 def _stone(model: Model, chance: Chance) -> None:
     size = chance.uniform(0.12, 0.45)
     rock = solids.rock(chance.whole(0, 10**6), 18)
-    model.add(rock, STONE, (0, 0.35 * size, 0), tint=chance.uniform(0.7, 1.1),
-              scale=(size, size * chance.uniform(0.5, 0.9), size * chance.uniform(0.7, 1.2)))
+    model.add(
+        rock,
+        STONE,
+        (0, 0.35 * size, 0),
+        tint=chance.uniform(0.7, 1.1),
+        scale=(size, size * chance.uniform(0.5, 0.9), size * chance.uniform(0.7, 1.2)),
+    )
 
 
 def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
@@ -104,8 +112,14 @@ def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
         return
     turn = rotation((0, 1, 0), 0.0)[0]
     for foot in feet:
-        model.put("box", foot + np.array((0, 0.5 * high, 0)), (0.07, high, 0.02), WOOD, turn=turn,
-                  tint=chance.uniform(0.8, 1.2))
+        model.put(
+            "box",
+            foot + np.array((0, 0.5 * high, 0)),
+            (0.07, high, 0.02),
+            WOOD,
+            turn=turn,
+            tint=chance.uniform(0.8, 1.2),
+        )
     for share in (0.2, 0.8):
         for start, end in zip(feet[:-1:4], feet[4::4], strict=False):
             up = np.array((0, share * high, -0.03))

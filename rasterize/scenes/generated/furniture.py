@@ -44,12 +44,10 @@ def goods(model: Model, chance: Chance, wide: float, deep: float, y: float, room
                 thick, part = chance.uniforms(0.0, 1.0, 2)
                 thick = 0.015 + 0.03 * thick
                 top = room * (0.6 + 0.3 * part)
-                model.box((x, y, -0.35 * deep), (x + thick, y + top, 0.32 * deep), PAINT,
-                          chance.pick(COLOURS))
+                model.box((x, y, -0.35 * deep), (x + thick, y + top, 0.32 * deep), PAINT, chance.pick(COLOURS))
                 x += thick + 0.002
         elif kind < 0.65:
-            model.put("box", (middle, y + 0.5 * height, z), (width, height, min(0.7 * deep, width)),
-                      PAINT, tint=tint)
+            model.put("box", (middle, y + 0.5 * height, z), (width, height, min(0.7 * deep, width)), PAINT, tint=tint)
         elif kind < 0.8:
             radius = 0.5 * min(width, room, 0.8 * deep)
             model.put("ball", (middle, y + radius, z), radius, PAINT, tint=tint)
@@ -71,14 +69,13 @@ def cabinet(model: Model, chance: Chance, wide: float, high: float, deep: float)
     for i in range(doors):
         left = -0.5 * wide + (i * wide) / doors + 0.006
         right = left + wide / doors - 0.012
-        model.box((left, foot + 0.01, 0.5 * deep - 0.02), (right, high - 0.02, 0.5 * deep), WOOD,
-                  tint)
+        model.box((left, foot + 0.01, 0.5 * deep - 0.02), (right, high - 0.02, 0.5 * deep), WOOD, tint)
         handle = right - 0.06 if i % 2 == 0 else left + 0.06
         middle = 0.5 * high
-        model.bar((handle, middle - 0.07, 0.5 * deep + 0.025),
-                  (handle, middle + 0.07, 0.5 * deep + 0.025), 0.006, STEEL)
-    model.box((-0.5 * wide - 0.02, high, -0.5 * deep), (0.5 * wide + 0.02, high + 0.025,
-                                                     0.5 * deep + 0.02), WOOD)
+        model.bar(
+            (handle, middle - 0.07, 0.5 * deep + 0.025), (handle, middle + 0.07, 0.5 * deep + 0.025), 0.006, STEEL
+        )
+    model.box((-0.5 * wide - 0.02, high, -0.5 * deep), (0.5 * wide + 0.02, high + 0.025, 0.5 * deep + 0.02), WOOD)
     if high < 1.5:
         goods(model, chance, wide - 0.1, deep, high + 0.025, 0.4)
 
@@ -95,13 +92,16 @@ def sofa(model: Model, chance: Chance, wide: float, deep: float) -> None:
     seats = max(round(wide / 0.7), 1)
     for i in range(seats):
         x = (i + 0.5) * 0.86 * wide / seats - 0.43 * wide
-        model.put("cushion", (x, 0.36, 0.05 * deep), (0.42 * wide / seats, 0.08, 0.36 * deep),
-                  CLOTH, tint=0.9 * np.asarray(tint))
+        model.put(
+            "cushion",
+            (x, 0.36, 0.05 * deep),
+            (0.42 * wide / seats, 0.08, 0.36 * deep),
+            CLOTH,
+            tint=0.9 * np.asarray(tint),
+        )
         if chance.yes(0.6):
-            turn = rotation((1.0, 0.0, 0.0), -0.35)[0] @ rotation((0, 0, 1), chance.uniform(
-                -0.4, 0.4))[0]
-            model.put("cushion", (x, 0.58, -0.2 * deep), (0.2, 0.18, 0.06), CLOTH,
-                      turn=turn, tint=chance.pick(COLOURS))
+            turn = rotation((1.0, 0.0, 0.0), -0.35)[0] @ rotation((0, 0, 1), chance.uniform(-0.4, 0.4))[0]
+            model.put("cushion", (x, 0.58, -0.2 * deep), (0.2, 0.18, 0.06), CLOTH, turn=turn, tint=chance.pick(COLOURS))
 
 
 def table(model: Model, chance: Chance, wide: float, deep: float, high: float = 0.75) -> None:
@@ -123,8 +123,7 @@ def table(model: Model, chance: Chance, wide: float, deep: float, high: float = 
                     model.box((x - 0.03, 0, z - 0.03), (x + 0.03, high - 0.035, z + 0.03), WOOD)
         if style == 2:
             for z in (-0.44 * deep, 0.44 * deep):
-                model.box((-0.46 * wide, high - 0.12, z - 0.01), (0.46 * wide, high - 0.035,
-                                                               z + 0.01), WOOD)
+                model.box((-0.46 * wide, high - 0.12, z - 0.01), (0.46 * wide, high - 0.035, z + 0.01), WOOD)
     for _ in range(chance.whole(3, 7)):
         x, z = chance.uniform(-0.4, 0.4) * wide, chance.uniform(-0.4, 0.4) * deep
         with model.at((x, high, z), chance.uniform(0.0, 6.28)):
@@ -137,9 +136,14 @@ def trinket(model: Model, chance: Chance) -> None:
     size = chance.uniform(0.04, 0.12)
     if kind == 0:
         for i in range(chance.whole(1, 4)):
-            model.put("box", (0.01 * i, 0.015 + 0.03 * i, 0), (0.2, 0.028, 0.14), PAINT,
-                      turn=rotation((0, 1, 0), chance.uniform(-0.3, 0.3))[0],
-                      tint=chance.pick(COLOURS))
+            model.put(
+                "box",
+                (0.01 * i, 0.015 + 0.03 * i, 0),
+                (0.2, 0.028, 0.14),
+                PAINT,
+                turn=rotation((0, 1, 0), chance.uniform(-0.3, 0.3))[0],
+                tint=chance.pick(COLOURS),
+            )
     elif kind == 1:
         model.put("ball", (0, size, 0), size, PAINT, tint=tint)
     elif kind == 2:
@@ -151,16 +155,16 @@ def trinket(model: Model, chance: Chance) -> None:
     else:
         for angle in np.arange(6) * 1.05:
             tip = (0.35 * size * np.cos(angle), 2.4 * size, 0.35 * size * np.sin(angle))
-            model.bar((0.1 * size * np.cos(angle), 0.01, 0.1 * size * np.sin(angle)), tip, 0.003,
-                      WOOD, sides=5)
+            model.bar((0.1 * size * np.cos(angle), 0.01, 0.1 * size * np.sin(angle)), tip, 0.003, WOOD, sides=5)
         model.put("bar16", (0, 0, 0), (0.3 * size, size, 0.3 * size), PAINT, tint=tint)
 
 
 def vase(model: Model, chance: Chance, high: float, material: int = PAINT) -> None:
     """Add a turned vase."""
     belly, neck = chance.uniform(0.25, 0.42), chance.uniform(0.1, 0.2)
-    profile = rounded([(0.0, 0.0), (0.2, 0.0), (belly, 0.4), (neck, 0.8), (1.3 * neck, 1.0),
-                       (0.9 * neck, 1.0), (0.0, 0.9)], 4)
+    profile = rounded(
+        [(0.0, 0.0), (0.2, 0.0), (belly, 0.4), (neck, 0.8), (1.3 * neck, 1.0), (0.9 * neck, 1.0), (0.0, 0.9)], 4
+    )
     profile[0] = profile[-1] * [0.0, 0.0]
     profile[-1, 0] = 0.0
     model.add(lathe(high * profile, 24), material, tint=chance.pick(COLOURS))
@@ -185,22 +189,38 @@ def chair(model: Model, chance: Chance) -> None:
 def plant(model: Model, chance: Chance, high: float, closed: bool) -> None:
     """Add a pot with long leaves; with `closed` the leaves have a thickness."""
     radius = 0.16 * high
-    model.add(lathe([(0.0, 0.0), (0.75 * radius, 0.0), (radius, 0.3 * high), (0.9 * radius, 0.3
-              * high), (0.85 * radius, 0.26 * high), (0.0, 0.26 * high)], 20), PAINT,
-              tint=(0.75, 0.36, 0.22))
+    model.add(
+        lathe(
+            [
+                (0.0, 0.0),
+                (0.75 * radius, 0.0),
+                (radius, 0.3 * high),
+                (0.9 * radius, 0.3 * high),
+                (0.85 * radius, 0.26 * high),
+                (0.0, 0.26 * high),
+            ],
+            20,
+        ),
+        PAINT,
+        tint=(0.75, 0.36, 0.22),
+    )
     model.put("bar16", (0, 0.2 * high, 0), (0.84 * radius, 0.07 * high, 0.84 * radius), SOIL)
     s = np.linspace(0.0, 1.0, 7)[:, None]
     for i in range(chance.whole(10, 20)):
         lean, size = chance.uniform(0.15, 0.7), chance.uniform(0.6, 1.0)
-        along = np.concatenate([lean * s * size, 0.28 + 0.72 * size * (s - 0.5 * lean * s**2),
-                                0.0 * s], axis=1) * high
+        along = np.concatenate([lean * s * size, 0.28 + 0.72 * size * (s - 0.5 * lean * s**2), 0.0 * s], axis=1) * high
         half = 0.045 * high * np.sin(np.pi * np.clip(0.1 + 0.87 * s, 0, 1))
         middle = along + np.array((0.02 * high * (i % 3), 0.0, 0.0))
-        blade = np.stack([middle - half * [0, 0, 1], middle + np.array((0, -0.012 * high, 0)),
-                          middle + half * [0, 0, 1]], axis=1)
-        model.add(solids.sheet(blade, 0.003 if closed else 0.0), LEAF,
-                  turn=rotation((0, 1, 0), chance.uniform(0, 6.28))[0], closed=closed,
-                  tint=chance.uniforms(0.7, 1.2, 3))
+        blade = np.stack(
+            [middle - half * [0, 0, 1], middle + np.array((0, -0.012 * high, 0)), middle + half * [0, 0, 1]], axis=1
+        )
+        model.add(
+            solids.sheet(blade, 0.003 if closed else 0.0),
+            LEAF,
+            turn=rotation((0, 1, 0), chance.uniform(0, 6.28))[0],
+            closed=closed,
+            tint=chance.uniforms(0.7, 1.2, 3),
+        )
 
 
 def radiator(model: Model, chance: Chance, wide: float) -> None:
@@ -234,8 +254,13 @@ def rack(model: Model, chance: Chance, wide: float, high: float) -> None:
         model.bar((-0.5 * wide, share * high, z), (0.5 * wide, share * high, z), 0.005, STEEL)
         if chance.yes(0.4):
             x, size = chance.uniform(-0.4, 0.4) * wide, chance.uniform(0.05, 0.12)
-            model.add(solids.torus(size, 0.012, 24, 6), PAINT, (x, share * high - size + 0.012, z),
-                      turn=rotation((1, 0.0, 0), 0.5 * np.pi)[0], tint=chance.pick(COLOURS))
+            model.add(
+                solids.torus(size, 0.012, 24, 6),
+                PAINT,
+                (x, share * high - size + 0.012, z),
+                turn=rotation((1, 0.0, 0), 0.5 * np.pi)[0],
+                tint=chance.pick(COLOURS),
+            )
 
 
 def leaning_rods(model: Model, chance: Chance, wide: float, high: float) -> None:
@@ -246,8 +271,7 @@ def leaning_rods(model: Model, chance: Chance, wide: float, high: float) -> None
         side = chance.uniform(-0.12, 0.12)
         if chance.yes(0.75):
             radius = chance.uniform(0.003, 0.02)
-            model.bar((x, 0, foot), (x + side, top, -0.2 + radius), radius,
-                      chance.pick((WOOD, STEEL, IRON)))
+            model.bar((x, 0, foot), (x + side, top, -0.2 + radius), radius, chance.pick((WOOD, STEEL, IRON)))
         else:
             tilt = rotation((1, 0, 0), -np.arctan((foot + 0.2) / top))[0]
             model.put("box", (x, 0.5 * top, 0.5 * (foot - 0.2)), (0.14, top, 0.02), WOOD, turn=tilt)
@@ -260,8 +284,7 @@ def ladder(model: Model, chance: Chance, high: float) -> None:
     for low, top in zip(ends, tops, strict=True):
         model.bar(low, top, 0.02, WOOD)
     for share in np.arange(0.28, high - 0.1, 0.28) / high:
-        model.bar(ends[0] + share * (tops[0] - ends[0]), ends[1] + share * (tops[1] - ends[1]),
-                  0.012, WOOD)
+        model.bar(ends[0] + share * (tops[0] - ends[0]), ends[1] + share * (tops[1] - ends[1]), 0.012, WOOD)
 
 
 def clutter(model: Model, chance: Chance) -> None:
@@ -272,16 +295,26 @@ def clutter(model: Model, chance: Chance) -> None:
         y = 0.0
         for _ in range(chance.whole(1, 4)):
             w, h, d = chance.uniforms(0.5, 1.3, 3) * size
-            model.put("box", (0, y + 0.5 * h, 0), (w, h, d), PAINT,
-                      turn=rotation((0, 1, 0), chance.uniform(0, 3))[0], tint=chance.pick(COLOURS))
+            model.put(
+                "box",
+                (0, y + 0.5 * h, 0),
+                (w, h, d),
+                PAINT,
+                turn=rotation((0, 1, 0), chance.uniform(0, 3))[0],
+                tint=chance.pick(COLOURS),
+            )
             y += h
     elif kind == 1:
         model.put("ball", (0, size, 0), size, PAINT, tint=tint)
     elif kind == 2:
         for i in range(chance.whole(1, 4)):
             minor = 0.18 * size
-            model.add(solids.torus(size, minor), PAINT, (0.1 * size * i, minor * (1 + 1.9 * i), 0),
-                      tint=0.3 * np.asarray(tint))
+            model.add(
+                solids.torus(size, minor),
+                PAINT,
+                (0.1 * size * i, minor * (1 + 1.9 * i), 0),
+                tint=0.3 * np.asarray(tint),
+            )
     elif kind == 3:
         model.put("bar28", (0, 0, 0), (size, 1.8 * size, size), PAINT, tint=tint)
     elif kind == 4:

@@ -23,8 +23,15 @@ def machine(chance: Chance) -> Draft:
     wide, deep, high = chance.uniform(7, 11), chance.uniform(6, 9), chance.uniform(3.5, 5.0)
     model, ground = Model(), Ground()
     _hall(model, chance, wide, deep, high)
-    for kind, size in ((_engine, 2.6), (chance.pick((_engine, _gears)), 2.2), (_tank, 1.6),
-                       (_tank, 1.4), (_gears, 1.4), (_panel, 1.0), (_panel, 1.0)):
+    for kind, size in (
+        (_engine, 2.6),
+        (chance.pick((_engine, _gears)), 2.2),
+        (_tank, 1.6),
+        (_tank, 1.4),
+        (_gears, 1.4),
+        (_panel, 1.0),
+        (_panel, 1.0),
+    ):
         inner = (-0.44 * wide, 0.44 * wide, -0.46 * deep, 0.3 * deep)
         place = ground.find(chance, inner, size, size)
         if place is not None:
@@ -44,8 +51,7 @@ def machine(chance: Chance) -> Draft:
             with model.at((place[0], 0.0, place[1]), chance.uniform(0.0, 6.28)):
                 furniture.clutter(model, chance)
     lamp = PointLight((0.15 * wide, high - 0.6, 0.1 * deep), (16.0, 14.5, 12.0), 0.05)
-    spot = SpotLight((-0.2 * wide, high - 0.4, 0.2 * deep), (0.1, -1.0, -0.4), 0.9,
-                     (20.0, 19.0, 17.0))
+    spot = SpotLight((-0.2 * wide, high - 0.4, 0.2 * deep), (0.1, -1.0, -0.4), 0.9, (20.0, 19.0, 17.0))
     views = []
     first = chance.uniform(0.0, 6.28)
     for i in range(60):
@@ -55,8 +61,12 @@ def machine(chance: Chance) -> Draft:
         target = (-0.3 * x + chance.uniform(-0.8, 0.8), chance.uniform(0.5, 1.3), -0.4 * z)
         views.append(Candidate(eye, target))
     return Draft(
-        model=model, candidates=views, lights=(lamp, spot, Environment((0.35, 0.38, 0.42))),
-        ao_radius=chance.pick((0.25, 0.4, 0.6)), yfov=chance.uniform(0.85, 1.05), clearance=0.25,
+        model=model,
+        candidates=views,
+        lights=(lamp, spot, Environment((0.35, 0.38, 0.42))),
+        ao_radius=chance.pick((0.25, 0.4, 0.6)),
+        yfov=chance.uniform(0.85, 1.05),
+        clearance=0.25,
         coverage=0.97,
     )
 
@@ -67,21 +77,22 @@ def _hall(model: Model, chance: Chance, wide: float, deep: float, high: float) -
     tint = chance.uniforms(0.75, 1.0, 3)
     model.box((-x - 0.2, -0.2, -z - 0.2), (x + 0.2, 0.0, z + 0.2), STONE, 0.7)
     model.box((-x - 0.2, high, -z - 0.2), (x + 0.2, high + 0.2, z + 0.2), PLASTER)
-    for low, up in (((-x - 0.2, 0, -z - 0.2), (x + 0.2, high, -z)),
-                    ((-x - 0.2, 0, z), (x + 0.2, high, z + 0.2)),
-                    ((-x - 0.2, 0, -z), (-x, high, z)), ((x, 0, -z), (x + 0.2, high, z))):
+    for low, up in (
+        ((-x - 0.2, 0, -z - 0.2), (x + 0.2, high, -z)),
+        ((-x - 0.2, 0, z), (x + 0.2, high, z + 0.2)),
+        ((-x - 0.2, 0, -z), (-x, high, z)),
+        ((x, 0, -z), (x + 0.2, high, z)),
+    ):
         model.box(low, up, PLASTER, tint)
     for place in np.linspace(-0.8 * x, 0.8 * x, chance.whole(3, 6)):
         model.box((place - 0.15, 0, -z), (place + 0.15, high, -z + 0.12), PLASTER, 0.9 * tint)
     for place in np.linspace(-0.8 * z, 0.8 * z, chance.whole(3, 5)):
         for below, above, half in ((-0.05, 0.0, 0.1), (-0.3, -0.05, 0.015), (-0.35, -0.3, 0.1)):
-            model.box((-x, high + below, place - half), (x, high + above, place + half), IRON,
-                      (3.0, 2.0, 1.8))
+            model.box((-x, high + below, place - half), (x, high + above, place + half), IRON, (3.0, 2.0, 1.8))
     for step in np.arange(-1.0, 1.0, 0.08):
         model.box((step, 0.0, 0.5 * z), (step + 0.012, 0.035, 0.5 * z + 1.0), STEEL)
     for step in np.arange(0.0, 1.05, 0.25):
-        model.bar((-1.0, 0.018, 0.5 * z + step), (1.0, 0.018, 0.5 * z + step), 0.006, STEEL,
-                  sides=5)
+        model.bar((-1.0, 0.018, 0.5 * z + step), (1.0, 0.018, 0.5 * z + step), 0.006, STEEL, sides=5)
 
 
 def _flange(model: Model, place: Doubles, way: Doubles, radius: float) -> None:
@@ -124,8 +135,7 @@ def _pipe(model: Model, chance: Chance, wide: float, deep: float, high: float) -
 def _valve(model: Model, chance: Chance, size: float) -> None:
     """Add a hand wheel on a stem that points to +z."""
     model.bar((0, 0, 0), (0, 0, 1.5 * size), 0.1 * size, STEEL)
-    model.add(solids.torus(size, 0.12 * size, 24, 6), PAINT, (0, 0, 1.5 * size), turn=_LYING,
-              tint=(0.75, 0.15, 0.1))
+    model.add(solids.torus(size, 0.12 * size, 24, 6), PAINT, (0, 0, 1.5 * size), turn=_LYING, tint=(0.75, 0.15, 0.1))
     for angle in np.arange(5) * 1.2566:
         tip = (size * np.cos(angle), size * np.sin(angle), 1.5 * size)
         model.bar((0, 0, 1.5 * size), tip, 0.06 * size, IRON, sides=5)
@@ -169,8 +179,12 @@ def _tank(model: Model, chance: Chance, half: float) -> None:
     bottom = [(0.0, 0.0), *outline[1:]]
     top = [(r, tall / radius - y) for r, y in outline[::-1]]
     profile = [*bottom, *top[:-1], (0.0, tall / radius)]
-    model.add(lathe(radius * np.array(profile), 36), PAINT, (0, 0.4, 0),
-              tint=chance.pick((np.array((0.8, 0.8, 0.82)), *COLOURS)))
+    model.add(
+        lathe(radius * np.array(profile), 36),
+        PAINT,
+        (0, 0.4, 0),
+        tint=chance.pick((np.array((0.8, 0.8, 0.82)), *COLOURS)),
+    )
     for share in (0.25, 0.5, 0.75):
         model.add(solids.torus(radius + 0.004, 0.018, 36, 6), STEEL, (0, 0.4 + share * tall, 0))
     for angle in np.arange(4) * (0.5 * np.pi) + 0.78:
@@ -226,8 +240,7 @@ def _panel(model: Model, chance: Chance, half: float) -> None:
                 model.bar((x, y, -0.1), (x, y + 0.08, 0.02), 0.006, STEEL)
                 model.put("ball", (x, y + 0.08, 0.02), 0.016, PAINT, tint=(0.8, 0.1, 0.1))
             else:
-                model.box((x - 0.04, y - 0.06, -0.1), (x + 0.04, y + 0.06, -0.085), PAINT,
-                          chance.pick(COLOURS))
+                model.box((x - 0.04, y - 0.06, -0.1), (x + 0.04, y + 0.06, -0.085), PAINT, chance.pick(COLOURS))
     for x in np.linspace(-0.7 * half, 0.7 * half, 4):
         model.put("ball", (x, 0.76, 0.1), 0.025, PAINT, tint=chance.pick(COLOURS))
 

@@ -32,9 +32,7 @@ MATERIALS = (
     Material(name="brick", albedo=(0.52, 0.26, 0.19)),
     Material(name="glass", albedo=(0.12, 0.15, 0.18), specular=(0.2, 0.2, 0.2), gloss=120.0),
 )
-(PLASTER, WOOD, STONE, STEEL, IRON, PAINT, CLOTH, LEAF, SOIL, ASPHALT, BRICK, GLASS) = range(
-    len(MATERIALS)
-)
+(PLASTER, WOOD, STONE, STEEL, IRON, PAINT, CLOTH, LEAF, SOIL, ASPHALT, BRICK, GLASS) = range(len(MATERIALS))
 COLOURS: tuple[Doubles, ...] = tuple(np.array(
     [(0.74, 0.18, 0.12), (0.16, 0.34, 0.62), (0.86, 0.64, 0.16), (0.22, 0.48, 0.26),
      (0.82, 0.78, 0.70), (0.60, 0.43, 0.28), (0.36, 0.37, 0.40), (0.80, 0.44, 0.20),
@@ -73,8 +71,7 @@ class Model:
         self._place = np.zeros(3)
 
     @contextmanager
-    def at(self, place: ArrayLike, turn: float = 0.0, tilt: Doubles | None = None
-           ) -> Iterator[None]:
+    def at(self, place: ArrayLike, turn: float = 0.0, tilt: Doubles | None = None) -> Iterator[None]:
         """Place what is added inside at `place`, turned about y by `turn` radians (+z to +x)."""
         before = self._turn, self._place
         spin = rotation((0.0, 1.0, 0.0), turn)[0]
@@ -86,8 +83,14 @@ class Model:
             self._turn, self._place = before
 
     def put(
-        self, shape: str, place: ArrayLike, size: ArrayLike, material: int, *,
-        turn: Doubles | None = None, tint: ArrayLike = 1.0,
+        self,
+        shape: str,
+        place: ArrayLike,
+        size: ArrayLike,
+        material: int,
+        *,
+        turn: Doubles | None = None,
+        tint: ArrayLike = 1.0,
     ) -> None:
         """Add a copy of a unit shape, scaled by `size` along its own axes, then turned."""
         own = np.eye(3) if turn is None else turn
@@ -97,19 +100,18 @@ class Model:
             np.broadcast_to(np.asarray(tint, np.float64), 3),
         ))  # fmt: skip
 
-    def box(self, least: ArrayLike, greatest: ArrayLike, material: int,
-            tint: ArrayLike = 1.0) -> None:
+    def box(self, least: ArrayLike, greatest: ArrayLike, material: int, tint: ArrayLike = 1.0) -> None:
         """Add the box between two corners."""
         low, high = np.asarray(least, np.float64), np.asarray(greatest, np.float64)
         self.put("box", 0.5 * (low + high), high - low, material, tint=tint)
 
-    def bar(self, start: ArrayLike, end: ArrayLike, radius: float, material: int, *,
-            sides: int = 8, tint: ArrayLike = 1.0) -> None:
+    def bar(
+        self, start: ArrayLike, end: ArrayLike, radius: float, material: int, *, sides: int = 8, tint: ArrayLike = 1.0
+    ) -> None:
         """Add a round bar with caps; `sides` is 5, 8, 16 or 28."""
         low, high = np.asarray(start, np.float64), np.asarray(end, np.float64)
         length = float(np.linalg.norm(high - low))
-        self.put(f"bar{sides}", low, (radius, length, radius), material,
-                 turn=upright_to(high - low), tint=tint)
+        self.put(f"bar{sides}", low, (radius, length, radius), material, turn=upright_to(high - low), tint=tint)
 
     def rope(self, points: ArrayLike, radius: float, material: int) -> None:
         """Add bars from each of `points` [n, 3] to the next."""
@@ -117,33 +119,53 @@ class Model:
         for start, end in pairwise(path):
             self.bar(start, end, radius, material, sides=5)
 
-    def sag(self, start: ArrayLike, end: ArrayLike, drop: float, radius: float, material: int,
-            pieces: int = 12) -> None:
+    def sag(
+        self, start: ArrayLike, end: ArrayLike, drop: float, radius: float, material: int, pieces: int = 12
+    ) -> None:
         """Add a wire that hangs `drop` below the middle of the line from start to end."""
         share = np.linspace(0.0, 1.0, pieces + 1)[:, None]
         low, high = np.asarray(start, np.float64), np.asarray(end, np.float64)
         path = low + share * (high - low) - 4.0 * drop * share * (1 - share) * [0.0, 1.0, 0.0]
         self.rope(path, radius, material)
 
-    def add(self, part: Part, material: int, place: ArrayLike = 0.0, *,
-            turn: Doubles | None = None, scale: ArrayLike = 1.0, tint: ArrayLike = 1.0,
-            closed: bool = True) -> None:
+    def add(
+        self,
+        part: Part,
+        material: int,
+        place: ArrayLike = 0.0,
+        *,
+        turn: Doubles | None = None,
+        scale: ArrayLike = 1.0,
+        tint: ArrayLike = 1.0,
+        closed: bool = True,
+    ) -> None:
         """Add a part; `closed` tells whether it bounds a volume."""
         self.scatter(
-            part, material, np.broadcast_to(np.asarray(place, np.float64), (1, 3)),
+            part,
+            material,
+            np.broadcast_to(np.asarray(place, np.float64), (1, 3)),
             turns=None if turn is None else turn[None],
             scales=np.broadcast_to(np.asarray(scale, np.float64), (1, 3)),
-            tints=np.broadcast_to(np.asarray(tint, np.float64), (1, 3)), closed=closed,
+            tints=np.broadcast_to(np.asarray(tint, np.float64), (1, 3)),
+            closed=closed,
         )
 
-    def scatter(self, part: Part, material: int, places: Doubles, *, turns: Doubles | None = None,
-                scales: ArrayLike = 1.0, tints: Doubles | None = None, closed: bool = True) -> None:
+    def scatter(
+        self,
+        part: Part,
+        material: int,
+        places: Doubles,
+        *,
+        turns: Doubles | None = None,
+        scales: ArrayLike = 1.0,
+        tints: Doubles | None = None,
+        closed: bool = True,
+    ) -> None:
         """Add copies of a part; the arguments are those of `scatter.copies`."""
         done = part if part.normals is not None else complete(part, DEFAULT_CREASE_ANGLE)
         count = len(places)
         own = np.broadcast_to(np.eye(3), (count, 3, 3)) if turns is None else turns
-        made = copies(done, self._place + places @ self._turn.T, turns=self._turn @ own,
-                      scales=scales, tints=tints)
+        made = copies(done, self._place + places @ self._turn.T, turns=self._turn @ own, scales=scales, tints=tints)
         self._parts.append((of_material(made, material), closed))
 
     def parts(self) -> list[tuple[Part, bool]]:
@@ -152,16 +174,16 @@ class Model:
         for shape, placed in self._placed.items():
             places, turns, scales, materials, tints = zip(*placed, strict=True)
             part = unit(shape)
-            joined = copies(part, np.stack(places), turns=np.stack(turns),
-                            scales=np.stack(scales), tints=np.stack(tints))
+            joined = copies(
+                part, np.stack(places), turns=np.stack(turns), scales=np.stack(scales), tints=np.stack(tints)
+            )
             ids = np.repeat(np.array(materials, np.int64), len(part.triangles))
             made.append((replace(joined, material_ids=ids), True))
         return made + self._parts
 
     def scene(self) -> Scene:
         """Return the scene of all parts."""
-        return assemble([part for part, _ in self.parts()], MATERIALS, (),
-                        crease_angle=DEFAULT_CREASE_ANGLE)
+        return assemble([part for part, _ in self.parts()], MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
 
 
 def upright_to(way: ArrayLike) -> Doubles:

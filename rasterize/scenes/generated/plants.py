@@ -66,8 +66,7 @@ def tree(model: Model, chance: Chance, high: float, leaves: int) -> None:
         first = chance.uniform(0.0, 6.28)
         for i in range(forks):
             angle, lean = first + i * 6.28 / forks, chance.uniform(0.4, 0.85)
-            side = np.array((np.sin(lean) * np.cos(angle), np.cos(lean),
-                             np.sin(lean) * np.sin(angle)))
+            side = np.array((np.sin(lean) * np.cos(angle), np.cos(lean), np.sin(lean) * np.sin(angle)))
             grow(end, frame @ side, length * chance.uniform(0.6, 0.8), 0.62 * radius, depth - 1)
 
     grow(np.zeros(3), np.array((0.0, 1.0, 0.0)), 0.36 * high, thick, 4)
@@ -76,8 +75,15 @@ def tree(model: Model, chance: Chance, high: float, leaves: int) -> None:
     at = at + chance.uniforms(-spread, spread, leaves, 3)
     size = chance.uniforms(0.7, 1.3, leaves) * high * 0.035
     tint = chance.uniforms(0.8, 1.3, 3)
-    model.scatter(leaf(), LEAF, at, turns=turned_anyhow(chance, leaves, 0.9), scales=size,
-                  tints=shades(chance, leaves, tint), closed=False)
+    model.scatter(
+        leaf(),
+        LEAF,
+        at,
+        turns=turned_anyhow(chance, leaves, 0.9),
+        scales=size,
+        tints=shades(chance, leaves, tint),
+        closed=False,
+    )
 
 
 def bush(model: Model, chance: Chance, radius: float, leaves: int) -> None:
@@ -90,8 +96,15 @@ def bush(model: Model, chance: Chance, radius: float, leaves: int) -> None:
     away = radius * chance.uniforms(0.15, 1.0, leaves, 1) ** (1.0 / 2.0)
     at = direction * away * [1.0, 0.75, 1.0] + [0.0, 0.75 * radius, 0.0]
     size = radius * chance.uniforms(0.12, 0.24, leaves)
-    model.scatter(leaf(), LEAF, at, turns=turned_anyhow(chance, leaves, 0.8), scales=size,
-                  tints=shades(chance, leaves, chance.uniforms(0.7, 1.2, 3)), closed=False)
+    model.scatter(
+        leaf(),
+        LEAF,
+        at,
+        turns=turned_anyhow(chance, leaves, 0.8),
+        scales=size,
+        tints=shades(chance, leaves, chance.uniforms(0.7, 1.2, 3)),
+        closed=False,
+    )
 
 
 def fern(model: Model, chance: Chance, size: float) -> None:
@@ -107,13 +120,27 @@ def fern(model: Model, chance: Chance, size: float) -> None:
         turns = spin @ rotation((0, 1, 0), sides)
         at = np.concatenate([path, path]) @ spin.T
         width = long * 0.3 * np.sin(np.pi * np.clip(np.tile(share, 2), 0.12, 0.97)) ** 0.8
-        model.scatter(leaf(), LEAF, at, turns=turns, scales=width, closed=False,
-                      tints=shades(chance, 2 * pairs, np.array((0.8, 1.1, 0.7))))
+        model.scatter(
+            leaf(),
+            LEAF,
+            at,
+            turns=turns,
+            scales=width,
+            closed=False,
+            tints=shades(chance, 2 * pairs, np.array((0.8, 1.1, 0.7))),
+        )
 
 
 def grass(model: Model, chance: Chance, at: Doubles, high: float) -> None:
     """Add a blade of grass at each of `at` [n, 3], about as high as said."""
     count = len(at)
     size = high * chance.uniforms(0.5, 1.2, count)
-    model.scatter(blade(), LEAF, at, turns=turned_anyhow(chance, count, 0.25), scales=size,
-                  tints=shades(chance, count, np.array((1.1, 1.1, 0.8))), closed=False)
+    model.scatter(
+        blade(),
+        LEAF,
+        at,
+        turns=turned_anyhow(chance, count, 0.25),
+        scales=size,
+        tints=shades(chance, count, np.array((1.1, 1.1, 0.8))),
+        closed=False,
+    )

@@ -36,8 +36,12 @@ def room(chance: Chance) -> Draft:
         lamp = PointLight((0.1 * wide, high - 0.5, 0.1 * deep), (9.0, 8.0, 6.5), 0.05)
         lights = (lamp, Environment((0.35, 0.38, 0.42)))
     return Draft(
-        model=model, candidates=_candidates(chance, wide, deep, high), lights=lights,
-        ao_radius=chance.pick((0.25, 0.4, 0.5)), yfov=chance.uniform(0.85, 1.1), clearance=0.25,
+        model=model,
+        candidates=_candidates(chance, wide, deep, high),
+        lights=lights,
+        ao_radius=chance.pick((0.25, 0.4, 0.5)),
+        yfov=chance.uniform(0.85, 1.1),
+        clearance=0.25,
         coverage=0.9,
     )
 
@@ -50,13 +54,15 @@ def _candidates(chance: Chance, wide: float, deep: float, high: float) -> Iterat
         far = 0.42 if i % 3 else 0.2
         x, z = far * wide * np.cos(angle), far * deep * np.sin(angle)
         eye = (float(x), chance.uniform(0.9, min(1.8, high - 0.5)), float(z))
-        target = (-0.4 * eye[0] + chance.uniform(-0.6, 0.6), chance.uniform(0.3, 1.1),
-                  -0.4 * eye[2] + chance.uniform(-0.6, 0.6))
+        target = (
+            -0.4 * eye[0] + chance.uniform(-0.6, 0.6),
+            chance.uniform(0.3, 1.1),
+            -0.4 * eye[2] + chance.uniform(-0.6, 0.6),
+        )
         yield Candidate(eye, target)
 
 
-def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool
-           ) -> None:
+def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool) -> None:
     """Add floor, walls, ceiling and the window with its curtains."""
     x, z = 0.5 * wide, 0.5 * deep
     start, end = -0.3 * deep, chance.uniform(0.0, 0.3) * deep
@@ -69,11 +75,16 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
         model.box((-x - t, -0.04, -z - t), (x + t, high, -z), PLASTER, tint)
         model.box((-x - t, -0.04, z), (x + t, high, z + t), PLASTER, tint)
         model.box((-x - t, -0.04, -z), (-x, high, z), PLASTER, tint)
-        for low, up in (((-0.04, -z), (sill, z)), ((top, -z), (high, z)),
-                        ((sill, -z), (top, start)), ((sill, end), (top, z))):
+        for low, up in (
+            ((-0.04, -z), (sill, z)),
+            ((top, -z), (high, z)),
+            ((sill, -z), (top, start)),
+            ((sill, end), (top, z)),
+        ):
             model.box((x, low[0], low[1]), (x + t, up[0], up[1]), PLASTER, tint)
         _boards(model, chance, x, z)
     else:
+
         def wall(*corners: tuple[float, float, float]) -> None:
             model.add(quad(corners), PLASTER, tint=tint, closed=False)
 
@@ -82,14 +93,17 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
         wall((-x, 0, -z), (x, 0, -z), (x, high, -z), (-x, high, -z))
         wall((x, 0, z), (-x, 0, z), (-x, high, z), (x, high, z))
         wall((-x, 0, z), (-x, 0, -z), (-x, high, -z), (-x, high, z))
-        for (y0, z0), (y1, z1) in (((0, -z), (sill, z)), ((top, -z), (high, z)),
-                                   ((sill, -z), (top, start)), ((sill, end), (top, z))):
+        for (y0, z0), (y1, z1) in (
+            ((0, -z), (sill, z)),
+            ((top, -z), (high, z)),
+            ((sill, -z), (top, start)),
+            ((sill, end), (top, z)),
+        ):
             wall((x, y0, z0), (x, y0, z1), (x, y1, z1), (x, y1, z0))
     bars = chance.whole(1, 4)
     for place in np.linspace(start, end, bars + 2):
         model.box((x + 0.05, sill, place - 0.02), (x + 0.09, top, place + 0.02), WOOD)
-    model.box((x + 0.05, 0.5 * (sill + top) - 0.02, start), (x + 0.09, 0.5 * (sill + top) + 0.02,
-                                                          end), WOOD)
+    model.box((x + 0.05, 0.5 * (sill + top) - 0.02, start), (x + 0.09, 0.5 * (sill + top) + 0.02, end), WOOD)
     model.box((x - 0.1, sill - 0.04, start - 0.1), (x + 0.1, sill, end + 0.1), WOOD)
     rail = top + 0.1
     model.bar((x - 0.08, rail, start - 0.4), (x - 0.08, rail, end + 0.4), 0.012, IRON)
@@ -99,8 +113,7 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
             v = np.linspace(rail - 0.02, 0.06, 9)[:, None]
             fold = 0.05 * np.sin(38.0 * u) * (0.6 + 0.1 * (rail - v))
             curtain = np.stack([x - 0.08 + fold, v + 0.0 * u, begin + ahead * u + 0.0 * v], axis=-1)
-            model.add(solids.sheet(curtain, 0.006 if closed else 0.0), CLOTH, closed=closed,
-                      tint=chance.pick(COLOURS))
+            model.add(solids.sheet(curtain, 0.006 if closed else 0.0), CLOTH, closed=closed, tint=chance.pick(COLOURS))
 
 
 def _boards(model: Model, chance: Chance, x: float, z: float) -> None:
@@ -112,17 +125,22 @@ def _boards(model: Model, chance: Chance, x: float, z: float) -> None:
         low = -z + row * 2 * z / rows
         cuts = np.arange(-x + chance.uniform(0.2, 1.0) * length, x - 0.1, length)
         for left, right in pairwise([-x, *cuts, x]):
-            model.box((left, -0.04, low), (right - 0.004, chance.uniform(-0.002, 0.0),
-                                           low + 2 * z / rows - 0.004), WOOD,
-                      chance.uniform(0.75, 1.15))
+            model.box(
+                (left, -0.04, low),
+                (right - 0.004, chance.uniform(-0.002, 0.0), low + 2 * z / rows - 0.004),
+                WOOD,
+                chance.uniform(0.75, 1.15),
+            )
 
 
-def _fittings(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool
-              ) -> None:
+def _fittings(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool) -> None:
     """Add skirting, a door, pictures, pipes, wires and what hangs from the ceiling."""
     x, z = 0.5 * wide, 0.5 * deep
-    for low, up in (((-x, 0, -z), (x, 0.1, -z + 0.015)), ((-x, 0, z - 0.015), (x, 0.1, z)),
-                    ((-x, 0, -z), (-x + 0.015, 0.1, z))):
+    for low, up in (
+        ((-x, 0, -z), (x, 0.1, -z + 0.015)),
+        ((-x, 0, z - 0.015), (x, 0.1, z)),
+        ((-x, 0, -z), (-x + 0.015, 0.1, z)),
+    ):
         model.box(low, up, PAINT)
     door = chance.uniform(-0.3, 0.3) * wide
     model.box((door - 0.45, 0, z - 0.04), (door + 0.45, 2.05, z - 0.016), WOOD)
@@ -136,11 +154,9 @@ def _fittings(model: Model, chance: Chance, wide: float, deep: float, high: floa
     for _ in range(chance.whole(1, 5)):
         place, y = chance.uniform(-0.8, 0.8) * x, chance.uniform(1.2, high - 0.6)
         w, h = chance.uniforms(0.15, 0.45, 2)
-        model.box((place - w, y - h, -z), (place + w, y + h, -z + 0.02), PAINT,
-                  chance.pick(COLOURS))
+        model.box((place - w, y - h, -z), (place + w, y + h, -z + 0.02), PAINT, chance.pick(COLOURS))
         for sx, sy, ex, ey in ((-w, -h, w, -h), (-w, h, w, h), (-w, -h, -w, h), (w, -h, w, h)):
-            model.box((place + sx - 0.02, y + sy - 0.02, -z), (place + ex + 0.02, y + ey + 0.02,
-                                                            -z + 0.035), WOOD)
+            model.box((place + sx - 0.02, y + sy - 0.02, -z), (place + ex + 0.02, y + ey + 0.02, -z + 0.035), WOOD)
     for radius in chance.some((0.008, 0.015, 0.03, 0.05), chance.whole(0, 3)):
         y = high - chance.uniform(0.15, 0.5)
         model.bar((-x, y, -z + 0.08), (x, y, -z + 0.08), radius, STEEL, sides=16)
@@ -167,19 +183,33 @@ def _fittings(model: Model, chance: Chance, wide: float, deep: float, high: floa
                     model.put("bar8", tip, (0.02, 0.12, 0.02), PAINT)
 
 
-def _along_walls(model: Model, chance: Chance, ground: Ground, wide: float, deep: float,
-                 high: float, closed: bool) -> None:
+def _along_walls(
+    model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float, closed: bool
+) -> None:
     """Put furniture with its back to the walls of -z, -x, +x and +z."""
-    walls = ((0.0, wide, 0.5 * deep), (0.5 * np.pi, deep, 0.5 * wide),
-             (-0.5 * np.pi, deep, 0.5 * wide), (np.pi, wide, 0.5 * deep))
+    walls = (
+        (0.0, wide, 0.5 * deep),
+        (0.5 * np.pi, deep, 0.5 * wide),
+        (-0.5 * np.pi, deep, 0.5 * wide),
+        (np.pi, wide, 0.5 * deep),
+    )
     for angle, length, away in walls:
         for _ in range(chance.whole(4, 7)):
-            kind = chance.pick(("shelves", "cabinet", "sofa", "radiator", "rods", "ladder", "plant",
-                                "table", "rack", "lamp"))
-            w, d = {"shelves": (chance.uniform(0.7, 1.6), 0.34), "sofa": (1.8, 0.85),
-                    "cabinet": (chance.uniform(0.6, 1.5), 0.45), "radiator": (1.0, 0.16),
-                    "rods": (0.6, 0.45), "ladder": (0.45, 0.6), "plant": (0.5, 0.5),
-                    "table": (1.3, 0.65), "rack": (0.8, 0.62), "lamp": (0.42, 0.42)}[kind]
+            kind = chance.pick(
+                ("shelves", "cabinet", "sofa", "radiator", "rods", "ladder", "plant", "table", "rack", "lamp")
+            )
+            w, d = {
+                "shelves": (chance.uniform(0.7, 1.6), 0.34),
+                "sofa": (1.8, 0.85),
+                "cabinet": (chance.uniform(0.6, 1.5), 0.45),
+                "radiator": (1.0, 0.16),
+                "rods": (0.6, 0.45),
+                "ladder": (0.45, 0.6),
+                "plant": (0.5, 0.5),
+                "table": (1.3, 0.65),
+                "rack": (0.8, 0.62),
+                "lamp": (0.42, 0.42),
+            }[kind]
             along = chance.uniform(-0.5, 0.5) * (length - w - 0.2)
             inward = away - 0.03 - 0.5 * d
             turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -191,8 +221,7 @@ def _along_walls(model: Model, chance: Chance, ground: Ground, wide: float, deep
                 _piece(model, chance, kind, w, d, high, closed)
 
 
-def _piece(model: Model, chance: Chance, kind: str, w: float, d: float, high: float, closed: bool
-           ) -> None:
+def _piece(model: Model, chance: Chance, kind: str, w: float, d: float, high: float, closed: bool) -> None:
     """Add a piece of furniture, w wide and d deep, in a room so high."""
     tall = min(chance.uniform(0.8, 2.2), high - 0.4)
     {
@@ -209,13 +238,11 @@ def _piece(model: Model, chance: Chance, kind: str, w: float, d: float, high: fl
     }[kind]()
 
 
-def _middle(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, closed: bool
-            ) -> None:
+def _middle(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, closed: bool) -> None:
     """Put a rug, a table with chairs and clutter in the middle of the room."""
     spin = chance.uniform(0.0, 1.57)
     if chance.yes(0.7):
-        model.put("box", (0, 0.006, 0), (0.4 * wide, 0.012, 0.4 * deep), CLOTH,
-                  tint=chance.pick(COLOURS))
+        model.put("box", (0, 0.006, 0), (0.4 * wide, 0.012, 0.4 * deep), CLOTH, tint=chance.pick(COLOURS))
     if chance.yes(0.8):
         x, z = chance.uniform(-0.12, 0.12) * wide, chance.uniform(-0.12, 0.12) * deep
         w, d = chance.uniform(0.9, 1.6), chance.uniform(0.7, 0.9)
@@ -247,8 +274,7 @@ def _wheel(model: Model, chance: Chance) -> None:
     model.add(solids.torus(radius, 0.018, 40), IRON, (0, radius + 0.1, 0), turn=upright)
     for angle in np.arange(20) * (np.pi / 10):
         tip = (radius * np.cos(angle), radius + 0.1 + radius * np.sin(angle), 0)
-        model.bar((0, radius + 0.1, 0.03 * (-1) ** round(angle / (np.pi / 10))), tip, 0.0018, STEEL,
-                  sides=5)
+        model.bar((0, radius + 0.1, 0.03 * (-1) ** round(angle / (np.pi / 10))), tip, 0.0018, STEEL, sides=5)
     model.bar((0, radius + 0.1, -0.07), (0, radius + 0.1, 0.07), 0.02, STEEL)
     for z in (-0.07, 0.07):
         for x in (-0.2, 0.2):

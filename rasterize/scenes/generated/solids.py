@@ -44,6 +44,7 @@ def cushion(roundness: float = 0.45, segments: int = 20) -> Part:
         roundness: 1 for a ball, towards 0 for a box.
         segments: round the y axis; half as many from bottom to top.
     """
+
     def power(values: Doubles) -> Doubles:
         rounded: Doubles = np.sign(values) * np.abs(values) ** roundness
         return rounded
@@ -63,9 +64,7 @@ def torus(major: float, minor: float, around: int = 28, sides: int = 8) -> Part:
     turn = np.arange(around + 1)[None, :] * (2.0 * np.pi / around)
     side = np.arange(sides + 1)[:, None] * (2.0 * np.pi / sides)
     away = major + minor * np.cos(side)
-    points = np.stack(
-        [away * np.cos(turn), minor * np.sin(side) + 0.0 * turn, -away * np.sin(turn)], axis=-1
-    )
+    points = np.stack([away * np.cos(turn), minor * np.sin(side) + 0.0 * turn, -away * np.sin(turn)], axis=-1)
     points[-1], points[:, -1] = points[0], points[:, 0]  # the seams meet exactly
     return grid(points[:, :-1], closed=True, name="torus")
 

@@ -11,20 +11,7 @@ from . import solids
 from . import street_things as things
 from .chance import Chance
 from .draft import Draft, Ground
-from .model import (
-    ASPHALT,
-    BRICK,
-    CLOTH,
-    COLOURS,
-    GLASS,
-    IRON,
-    PAINT,
-    PLASTER,
-    STEEL,
-    STONE,
-    WOOD,
-    Model,
-)
+from .model import ASPHALT, BRICK, CLOTH, COLOURS, GLASS, IRON, PAINT, PLASTER, STEEL, STONE, WOOD, Model
 from .views import Candidate
 
 _LENGTH = 24.0
@@ -51,23 +38,34 @@ def street(chance: Chance) -> Draft:
                 _house(model, chance, 2.0 * (half + walk))
     for z in np.arange(-9.0, 10.0, chance.uniform(5.0, 9.0)):
         y = chance.uniform(4.5, 6.0)
-        model.sag((-half - walk, y, z), (half + walk, y + 0.3, z + chance.uniform(-2, 2)), 0.5,
-                  chance.uniform(0.005, 0.015), IRON)
+        model.sag(
+            (-half - walk, y, z),
+            (half + walk, y + 0.3, z + chance.uniform(-2, 2)),
+            0.5,
+            chance.uniform(0.005, 0.015),
+            IRON,
+        )
     low = -chance.uniform(0.7, 1.2)
-    sun = DirectionalLight((chance.uniform(-0.7, 0.7), low, chance.uniform(-0.6, 0.2)),
-                           (17.0, 15.5, 13.0))
+    sun = DirectionalLight((chance.uniform(-0.7, 0.7), low, chance.uniform(-0.6, 0.2)), (17.0, 15.5, 13.0))
     views = []
     for i in range(60):
         side = 1.0 if i % 2 else -1.0
         x = side * chance.uniform(0.1, 1.0) * (half + 0.6 * walk)
         z = chance.uniform(3.0, 10.0) * (-1.0 if i % 3 == 2 else 1.0)
         eye = (x, chance.uniform(1.1, 2.0) if i % 4 else chance.uniform(2.8, 3.8), z)
-        target = (-side * chance.uniform(0.2, 1.2) * half, chance.uniform(0.5, 1.6),
-                  z - np.sign(z) * chance.uniform(4.0, 8.0))
+        target = (
+            -side * chance.uniform(0.2, 1.2) * half,
+            chance.uniform(0.5, 1.6),
+            z - np.sign(z) * chance.uniform(4.0, 8.0),
+        )
         views.append(Candidate(eye, (target[0], target[1], float(target[2]))))
     return Draft(
-        model=model, candidates=views, lights=(sun, Environment((0.85, 1.0, 1.25))),
-        ao_radius=chance.pick((0.5, 0.8, 1.2)), yfov=chance.uniform(0.8, 1.05), clearance=0.4,
+        model=model,
+        candidates=views,
+        lights=(sun, Environment((0.85, 1.0, 1.25))),
+        ao_radius=chance.pick((0.5, 0.8, 1.2)),
+        yfov=chance.uniform(0.8, 1.05),
+        clearance=0.4,
         coverage=0.75,
     )
 
@@ -79,17 +77,27 @@ def _road(model: Model, chance: Chance, half: float, walk: float) -> None:
     if chance.yes(0.4):  # setts
         for x in np.arange(-half, half, 0.5):
             for z in np.arange(-end, end, 0.5):
-                model.put("box", (x + 0.25, -0.13 + chance.uniform(-0.01, 0.01), z + 0.25),
-                          (0.47, 0.06, 0.47), STONE, tint=chance.uniform(0.5, 0.75))
+                model.put(
+                    "box",
+                    (x + 0.25, -0.13 + chance.uniform(-0.01, 0.01), z + 0.25),
+                    (0.47, 0.06, 0.47),
+                    STONE,
+                    tint=chance.uniform(0.5, 0.75),
+                )
     for side in (-1.0, 1.0):
         for z in np.arange(-end, end, 1.0):
-            model.put("box", (side * (half + 0.07), -0.1, z + 0.5), (0.14, 0.24, 0.985), STONE,
-                      tint=chance.uniform(0.8, 1.0))
+            model.put(
+                "box", (side * (half + 0.07), -0.1, z + 0.5), (0.14, 0.24, 0.985), STONE, tint=chance.uniform(0.8, 1.0)
+            )
             for x in np.arange(0.16, walk, 0.5):
                 deep = min(0.5, walk - x)
-                model.put("box", (side * (half + x + 0.5 * deep), -0.05, z + 0.5),
-                          (deep - 0.01, 0.1 + chance.uniform(-0.006, 0.006), 0.985), STONE,
-                          tint=chance.uniform(0.75, 0.95))
+                model.put(
+                    "box",
+                    (side * (half + x + 0.5 * deep), -0.05, z + 0.5),
+                    (deep - 0.01, 0.1 + chance.uniform(-0.006, 0.006), 0.985),
+                    STONE,
+                    tint=chance.uniform(0.75, 0.95),
+                )
     model.put("bar28", (0.3 * half, -0.14, 1.0), (0.35, 0.02, 0.35), IRON)
     model.put("bar28", (-0.4 * half, -0.14, -5.0), (0.35, 0.02, 0.35), IRON)
 
@@ -119,8 +127,9 @@ def _house(model: Model, chance: Chance, wide: float) -> None:
             start = low if is_door or not storey else low + sill
             edges += [middle - 0.5 * opening, middle + 0.5 * opening]
             if storey == 0 and not is_door:
-                model.box((middle - 0.5 * opening, low - 0.3, -thick),
-                          (middle + 0.5 * opening, low + sill, 0), wall, tint)
+                model.box(
+                    (middle - 0.5 * opening, low - 0.3, -thick), (middle + 0.5 * opening, low + sill, 0), wall, tint
+                )
                 start = low + sill
             with model.at((middle, start, 0.0)):
                 if is_door:
@@ -160,14 +169,14 @@ def _window(model: Model, chance: Chance, wide: float, high: float, storey: int)
             x = side * (half + 0.02 + 0.25 * wide)
             model.box((x - 0.24 * wide, 0, 0.005), (x + 0.24 * wide, high, 0.02), PAINT, tint)
             for y in np.arange(0.05, high - 0.05, 0.09):
-                model.put("box", (x, y, 0.03), (0.42 * wide, 0.06, 0.012), PAINT, tint=tint,
-                          turn=rotation((1, 0, 0), 0.5)[0])
+                model.put(
+                    "box", (x, y, 0.03), (0.42 * wide, 0.06, 0.012), PAINT, tint=tint, turn=rotation((1, 0, 0), 0.5)[0]
+                )
     elif kind == 1 and storey:
         model.box((-half, 0.0, 0.0), (half, 0.14, 0.16), PAINT, (0.7, 0.35, 0.2))
         for _ in range(12):
             x, size = chance.uniform(-0.9, 0.9) * half, chance.uniform(0.04, 0.09)
-            model.put("octahedron", (x, 0.18 + chance.uniform(0, 0.08), 0.08), size, PAINT,
-                      tint=chance.pick(COLOURS))
+            model.put("octahedron", (x, 0.18 + chance.uniform(0, 0.08), 0.08), size, PAINT, tint=chance.pick(COLOURS))
     elif kind == 2 and not storey:
         for x in np.linspace(-half, half, 8):
             model.bar((x, 0, -0.05), (x, high, -0.05), 0.009, IRON)
@@ -181,11 +190,9 @@ def _door(model: Model, chance: Chance, wide: float, high: float) -> None:
     model.box((-half, 0, -0.22), (half, high, -0.16), WOOD, tint)
     for x in (-0.25 * wide, 0.25 * wide):
         for y in (0.1, 0.4, 0.7):
-            model.box((x - 0.18 * wide, y * high, -0.16), (x + 0.18 * wide, (y + 0.24) * high,
-                                                         -0.14), WOOD, tint)
+            model.box((x - 0.18 * wide, y * high, -0.16), (x + 0.18 * wide, (y + 0.24) * high, -0.14), WOOD, tint)
     for step in range(2):
-        model.box((-half - 0.1, -0.05, 0), (half + 0.1, 0.14 - 0.07 * step, 0.25 + 0.25 * step),
-                  STONE)
+        model.box((-half - 0.1, -0.05, 0), (half + 0.1, 0.14 - 0.07 * step, 0.25 + 0.25 * step), STONE)
 
 
 def _balcony(model: Model, chance: Chance, wide: float, y: float) -> None:
@@ -208,25 +215,27 @@ def _awning(model: Model, chance: Chance, wide: float, tall: float) -> None:
     """Add a striped awning with a scalloped edge on two bars."""
     u = np.linspace(-0.42 * wide, 0.42 * wide, 33)[None, :]
     v = np.array([0.0, 0.5, 1.0, 1.12])[:, None]
-    drop = 0.35 * np.minimum(v, 1.0) ** 1.2 + np.maximum(v - 1.0, 0.0) * (
-        1.0 + 0.4 * np.cos(u * 12.0))
-    points = np.stack([u + 0.0 * v, tall - 0.35 - drop, 0.02 + 1.1 * np.minimum(v, 1.0) + 0.0 * u],
-                      axis=-1)
+    drop = 0.35 * np.minimum(v, 1.0) ** 1.2 + np.maximum(v - 1.0, 0.0) * (1.0 + 0.4 * np.cos(u * 12.0))
+    points = np.stack([u + 0.0 * v, tall - 0.35 - drop, 0.02 + 1.1 * np.minimum(v, 1.0) + 0.0 * u], axis=-1)
     model.add(solids.sheet(points[::-1], 0.012), CLOTH, tint=chance.pick(COLOURS))
     for x in (-0.4 * wide, 0.4 * wide):
         model.bar((x, tall - 0.9, 0.02), (x, tall - 0.7, 1.08), 0.012, IRON)
 
 
-def _furnish(model: Model, chance: Chance, ground: Ground, side: float, half: float, walk: float
-             ) -> None:
+def _furnish(model: Model, chance: Chance, ground: Ground, side: float, half: float, walk: float) -> None:
     """Add lamps, trees in grates, bins, benches, bollards, bicycles and parked cars."""
     kerb = half + 0.35
     for z in np.arange(-9.0, 10.0, chance.uniform(5.0, 8.0)):
         ground.take(0.0, z, 0.4, 0.4)
         with model.at((side * kerb, 0.0, z), -side * 0.5 * np.pi):
             things.street_light(model, chance)
-    for kind, number in ((things.waste_bin, 3), (things.bench, 2), (things.bicycle, 2),
-                         (things.bollards, 2), (things.crates, 2)):
+    for kind, number in (
+        (things.waste_bin, 3),
+        (things.bench, 2),
+        (things.bicycle, 2),
+        (things.bollards, 2),
+        (things.crates, 2),
+    ):
         for _ in range(chance.whole(0, number)):
             place = ground.find(chance, (-0.1, 0.1, -10.0, 10.0), 0.2, 2.0)
             if place is not None:

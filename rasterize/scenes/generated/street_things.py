@@ -52,9 +52,14 @@ def bicycle(model: Model, chance: Chance) -> None:
             for angle in np.arange(16) * (np.pi / 8):
                 tip = (x + 0.31 * np.cos(angle), 0.34 + 0.31 * np.sin(angle), 0)
                 model.bar((x, 0.34, 0.0), tip, 0.0015, STEEL, sides=5)
-        for start, end in (((-0.52, 0.34), (-0.05, 0.3)), ((-0.05, 0.3), (0.38, 0.75)),
-                           ((-0.05, 0.3), (-0.2, 0.8)), ((-0.2, 0.75), (0.38, 0.78)),
-                           ((-0.52, 0.34), (-0.2, 0.75)), ((0.52, 0.34), (0.36, 0.9))):
+        for start, end in (
+            ((-0.52, 0.34), (-0.05, 0.3)),
+            ((-0.05, 0.3), (0.38, 0.75)),
+            ((-0.05, 0.3), (-0.2, 0.8)),
+            ((-0.2, 0.75), (0.38, 0.78)),
+            ((-0.52, 0.34), (-0.2, 0.75)),
+            ((0.52, 0.34), (0.36, 0.9)),
+        ):
             model.bar((*start, 0), (*end, 0), 0.015, PAINT, tint=tint)
         model.put("cushion", (-0.22, 0.85, 0), (0.13, 0.03, 0.07), IRON)
         model.bar((0.36, 0.9, -0.25), (0.36, 0.9, 0.25), 0.012, STEEL)
@@ -70,16 +75,14 @@ def bollards(model: Model, chance: Chance) -> None:
     flat = rotation((1, 0, 0), 0.5 * np.pi)[0]
     turns = rotation((1, 0, 0), 0.5 * np.pi * (np.arange(15) % 2)) @ flat
     for start in (-0.8, 0.0):
-        at = np.stack([start + 0.8 * share, 0.7 - 0.8 * share * (1 - share), 0.0 * share - 0.2],
-                      axis=1)
+        at = np.stack([start + 0.8 * share, 0.7 - 0.8 * share * (1 - share), 0.0 * share - 0.2], axis=1)
         model.scatter(link, STEEL, at, turns=turns)
 
 
 def crates(model: Model, chance: Chance) -> None:
     """Add crates of fruit."""
     for i in range(chance.whole(2, 5)):
-        with model.at((0.5 * (i % 3) - 0.5, 0.36 * (i // 3), chance.uniform(-0.1, 0.1)),
-                      chance.uniform(-0.2, 0.2)):
+        with model.at((0.5 * (i % 3) - 0.5, 0.36 * (i // 3), chance.uniform(-0.1, 0.1)), chance.uniform(-0.2, 0.2)):
             for y in (0.02, 0.13, 0.24):
                 for z in (-0.15, 0.15):
                     model.box((-0.22, y, z - 0.008), (0.22, y + 0.08, z + 0.008), WOOD)

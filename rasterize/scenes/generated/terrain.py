@@ -31,9 +31,14 @@ def terrain(chance: Chance) -> Draft:
         at = chance.uniforms(-0.9 * _HALF, 0.9 * _HALF, count, 2)
         size = 0.12 + 1.1 * chance.uniforms(0.0, 1.0, count) ** 5
         y = height(at[:, 0], at[:, 1]) + 0.25 * size
-        model.scatter(part, STONE, np.stack([at[:, 0], y, at[:, 1]], axis=1),
-                      turns=plants.turned_anyhow(chance, count, 0.5), scales=size,
-                      tints=np.repeat(chance.uniforms(0.7, 1.15, count, 1), 3, axis=1))
+        model.scatter(
+            part,
+            STONE,
+            np.stack([at[:, 0], y, at[:, 1]], axis=1),
+            turns=plants.turned_anyhow(chance, count, 0.5),
+            scales=size,
+            tints=np.repeat(chance.uniforms(0.7, 1.15, count, 1), 3, axis=1),
+        )
     thing = chance.pick((_ring_of_stones, _dry_wall, _hut, _cairns))
     x, z = (float(v) for v in chance.uniforms(-2.5, 2.5, 2))
     with model.at(on_ground(x, z), chance.uniform(0.0, 6.28)):
@@ -52,12 +57,15 @@ def terrain(chance: Chance) -> Draft:
         spot = chance.uniforms(-10.0, 10.0, 2)
         with model.at(on_ground(float(spot[0]), float(spot[1]))):
             _bare_tree(model, chance)
-    sun = DirectionalLight((chance.uniform(-0.9, 0.9), -chance.uniform(0.35, 0.8), -0.5),
-                           (17.0, 15.0, 12.0))
+    sun = DirectionalLight((chance.uniform(-0.9, 0.9), -chance.uniform(0.35, 0.8), -0.5), (17.0, 15.0, 12.0))
     return Draft(
-        model=model, candidates=_candidates(chance, height, (x, z)),
-        lights=(sun, Environment((0.75, 0.95, 1.3))), ao_radius=chance.pick((0.5, 1.0, 1.5)),
-        yfov=chance.uniform(0.8, 1.0), clearance=0.4, coverage=0.55,
+        model=model,
+        candidates=_candidates(chance, height, (x, z)),
+        lights=(sun, Environment((0.75, 0.95, 1.3))),
+        ao_radius=chance.pick((0.5, 1.0, 1.5)),
+        yfov=chance.uniform(0.8, 1.0),
+        clearance=0.4,
+        coverage=0.55,
     )
 
 
@@ -93,10 +101,18 @@ def _ring_of_stones(model: Model, chance: Chance) -> None:
     for i in range(count):
         angle = 2.0 * np.pi * i / count
         wide, tall = chance.uniform(0.5, 0.8), high * chance.uniform(0.8, 1.1)
-        with model.at((radius * np.sin(angle), 0, radius * np.cos(angle)), angle,
-                      rotation((1, 0, 0), chance.uniform(-0.1, 0.1))[0]):
-            model.put("cushion", (0, 0.5 * tall - 0.3, 0), (0.5 * wide, 0.5 * tall + 0.3, 0.17),
-                      STONE, tint=chance.uniform(0.8, 1.1))
+        with model.at(
+            (radius * np.sin(angle), 0, radius * np.cos(angle)),
+            angle,
+            rotation((1, 0, 0), chance.uniform(-0.1, 0.1))[0],
+        ):
+            model.put(
+                "cushion",
+                (0, 0.5 * tall - 0.3, 0),
+                (0.5 * wide, 0.5 * tall + 0.3, 0.17),
+                STONE,
+                tint=chance.uniform(0.8, 1.1),
+            )
         if i % 2 == 0 and chance.yes(0.7):
             half = angle + np.pi / count
             with model.at((radius * np.sin(half), high, radius * np.cos(half)), half):
@@ -111,9 +127,14 @@ def _dry_wall(model: Model, chance: Chance) -> None:
             wide = chance.uniform(0.2, 0.5)
             if not -0.5 < x + 0.5 * wide < 0.6 and (course < 5 or chance.yes(0.7)):
                 middle = (x + 0.5 * wide, 0.19 * course - 0.1, chance.uniform(-0.03, 0.03))
-                model.put("cushion", middle, (0.5 * wide - 0.008, 0.093, 0.2), STONE,
-                          turn=rotation((0, 1, 0), chance.uniform(-0.08, 0.08))[0],
-                          tint=chance.uniform(0.7, 1.15))
+                model.put(
+                    "cushion",
+                    middle,
+                    (0.5 * wide - 0.008, 0.093, 0.2),
+                    STONE,
+                    turn=rotation((0, 1, 0), chance.uniform(-0.08, 0.08))[0],
+                    tint=chance.uniform(0.7, 1.15),
+                )
             x += wide
     for x in (-0.5, 0.6):
         model.bar((x, -0.3, 0), (x, 1.15, 0), 0.06, WOOD)
@@ -132,12 +153,23 @@ def _hut(model: Model, chance: Chance) -> None:
         model.bar((x, -0.3, deep), (x, high + 0.5, deep), 0.07, WOOD)
     slope = rotation((1, 0, 0), 0.18)[0]
     for x in np.arange(-half - 0.4, half + 0.4, 0.16):
-        model.put("box", (x, high + 0.28, 0), (0.13, 0.03, 2 * deep + 0.9), WOOD, turn=slope.T,
-                  tint=chance.uniform(0.75, 1.15))
+        model.put(
+            "box",
+            (x, high + 0.28, 0),
+            (0.13, 0.03, 2 * deep + 0.9),
+            WOOD,
+            turn=slope.T,
+            tint=chance.uniform(0.75, 1.15),
+        )
     model.box((-half, -0.3, -deep), (half, 0.05, deep + 0.5), WOOD)
     for _ in range(4):
-        model.put("box", (chance.uniform(-1.2, 1.2), 0.25, chance.uniform(-0.9, 0.3)),
-                  (0.4, 0.4, 0.4), WOOD, turn=rotation((0, 1, 0), chance.uniform(0, 3))[0])
+        model.put(
+            "box",
+            (chance.uniform(-1.2, 1.2), 0.25, chance.uniform(-0.9, 0.3)),
+            (0.4, 0.4, 0.4),
+            WOOD,
+            turn=rotation((0, 1, 0), chance.uniform(0, 3))[0],
+        )
 
 
 def _cairns(model: Model, chance: Chance) -> None:
@@ -147,9 +179,14 @@ def _cairns(model: Model, chance: Chance) -> None:
         y, size = -0.3, chance.uniform(0.35, 0.7)
         for _ in range(chance.whole(5, 9)):
             flat = chance.uniform(0.09, 0.16)
-            model.put("cushion", (x, y + flat, z), (size, flat, 0.9 * size), STONE,
-                      turn=rotation((0, 1, 0.05), chance.uniform(0, 6.28))[0],
-                      tint=chance.uniform(0.7, 1.15))
+            model.put(
+                "cushion",
+                (x, y + flat, z),
+                (size, flat, 0.9 * size),
+                STONE,
+                turn=rotation((0, 1, 0.05), chance.uniform(0, 6.28))[0],
+                tint=chance.uniform(0.7, 1.15),
+            )
             y, size = y + 1.9 * flat, size * chance.uniform(0.78, 0.97)
         if chance.yes(0.6):
             model.bar((x + 0.6, -0.3, z), (x + 0.1, 2.2, z + 0.1), 0.02, WOOD)
@@ -162,14 +199,12 @@ def _bare_tree(model: Model, chance: Chance) -> None:
         model.bar((0, -0.2, 0), (0, 0.9 * high, 0), 0.03 * high, WOOD)
         for share in np.linspace(0.2, 0.85, 7):
             radius = 0.3 * high * (1.05 - share)
-            model.put("cone", (0, share * high, 0), (radius, 0.22 * high, radius), WOOD,
-                      tint=(0.35, 0.7, 0.35))
+            model.put("cone", (0, share * high, 0), (radius, 0.22 * high, radius), WOOD, tint=(0.35, 0.7, 0.35))
         return
     plants.tree(model, chance, high, 40)
 
 
-def _candidates(chance: Chance, height: solids.Height, middle: tuple[float, float]
-                ) -> list[Candidate]:
+def _candidates(chance: Chance, height: solids.Height, middle: tuple[float, float]) -> list[Candidate]:
     """Return views of what stands in the middle, from all sides and heights."""
     views = []
     start = chance.uniform(0.0, 6.28)

@@ -54,8 +54,7 @@ class Surroundings:
         return float(np.arctan2(over, under).sum() / (2.0 * np.pi))
 
     def is_free(self, eye: Vector, clearance: float) -> bool:
-        """Return whether a point is outside all that is closed, and nothing is within a distance.
-        """
+        """Return whether a point is outside all that is closed, and nothing is within a distance."""
         near = np.linalg.norm(self._middle - np.asarray(eye), axis=1) - self._reach < clearance
         if near.any() and _distance(self.corners[near] - np.asarray(eye)).min() < clearance:
             return False
@@ -90,8 +89,13 @@ class Surroundings:
 
 
 def chosen(
-    surroundings: Surroundings, candidates: Iterable[Candidate], count: int, *, yfov: float,
-    clearance: float, coverage: float,
+    surroundings: Surroundings,
+    candidates: Iterable[Candidate],
+    count: int,
+    *,
+    yfov: float,
+    clearance: float,
+    coverage: float,
 ) -> list[Candidate]:
     """Return the first `count` candidates that show enough; the best of the others fill up.
 
@@ -111,8 +115,7 @@ def chosen(
     for candidate in candidates:
         if not surroundings.is_free(candidate.eye, clearance):
             continue
-        camera = Camera.look_at(candidate.eye, candidate.target, yfov=yfov, width=PROBE[1],
-                                height=PROBE[0])
+        camera = Camera.look_at(candidate.eye, candidate.target, yfov=yfov, width=PROBE[1], height=PROBE[0])
         seen = surroundings.distances(camera)
         hit = np.isfinite(seen)
         blocked = float((seen < 3.0 * clearance).mean())
@@ -139,8 +142,9 @@ def _distance(corners: Doubles) -> Doubles:
     foot = normal * height[:, None]
     after = np.roll(corners, -1, axis=1)
     edge = after - corners
-    side = np.einsum("tij,tij->ti", np.cross(edge, foot[:, None] - corners),
-                     np.broadcast_to(normal[:, None], edge.shape))
+    side = np.einsum(
+        "tij,tij->ti", np.cross(edge, foot[:, None] - corners), np.broadcast_to(normal[:, None], edge.shape)
+    )
     within = (side >= 0).all(axis=1)
     squared = np.maximum(np.einsum("tij,tij->ti", edge, edge), _PARALLEL)
     share = np.clip(-np.einsum("tij,tij->ti", corners, edge) / squared, 0.0, 1.0)

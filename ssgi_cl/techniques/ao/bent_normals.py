@@ -31,8 +31,13 @@ class BentNormals:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         to_world = camera.view[:3, :3].T
         self._kernel.run(
-            "bent normals", self._size,
-            scanned=scanned, normal=gbuffer.normal, bent=self._bent, margin=gbuffer.margin,
-            least=LEAST_OPEN, to_world=VIEW_ROTATION.pack(rotation_values(to_world)),
+            "bent normals",
+            self._size,
+            scanned=scanned,
+            normal=gbuffer.normal,
+            bent=self._bent,
+            margin=gbuffer.margin,
+            least=LEAST_OPEN,
+            to_world=VIEW_ROTATION.pack(rotation_values(to_world)),
         )
         return self._bent

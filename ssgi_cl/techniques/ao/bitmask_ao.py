@@ -47,28 +47,31 @@ class BitmaskParams(SliceParams):
     """
 
     taps: int = param(
-        14, "depths read on either side of a slice; of several layers' first one more, see above",
-        low=1, high=MOST_TAPS,
+        14, "depths read on either side of a slice; of several layers' first one more, see above", low=1, high=MOST_TAPS
     )
-    tap_power: float = param(
-        1.6, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
-    )
+    tap_power: float = param(1.6, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0)
     thickness: float = param(
-        0.15, "of surfaces, along the view direction; with `joined`, of those that one tap meets",
-        low=0.0, high=1e3, unit="radii"
+        0.15,
+        "of surfaces, along the view direction; with `joined`, of those that one tap meets",
+        low=0.0,
+        high=1e3,
+        unit="radii",
     )
     end: str = param(
-        "layer", "where such surfaces end: `thickness` behind their front (that of each pixel "
-        "where the G-buffer has it), or at the next depth layer if that is nearer", choices=ENDS
+        "layer",
+        "where such surfaces end: `thickness` behind their front (that of each pixel "
+        "where the G-buffer has it), or at the next depth layer if that is nearer",
+        choices=ENDS,
     )
     joined: bool = param(True, "surfaces cover what lies between neighbouring taps")
     slack: float = param(
-        0.2, "depth by which a surface may miss the line through its other taps",
-        low=0.0, high=1e3, unit="radii",
+        0.2, "depth by which a surface may miss the line through its other taps", low=0.0, high=1e3, unit="radii"
     )
     sectors: str = param(
-        "cosine", "the 32 sectors of a slice are equal parts of the cosine-weighted measure, or "
-        "equal angles as published, all directions of a slice weighing the same", choices=SECTORS
+        "cosine",
+        "the 32 sectors of a slice are equal parts of the cosine-weighted measure, or "
+        "equal angles as published, all directions of a slice weighing the same",
+        choices=SECTORS,
     )
 
     def in_front_of(self, layers: int) -> Self:
@@ -165,8 +168,16 @@ def bitmask_ao(
             which, its value and what is allowed.
     """
     technique, device = made_for(
-        BitmaskAo, gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
-        error=error, budget_ms=budget_ms, **params,
+        BitmaskAo,
+        gbuffer,
+        runtime,
+        radius=radius,
+        slices=slices,
+        taps=taps,
+        preset=preset,
+        error=error,
+        budget_ms=budget_ms,
+        **params,
     )
     return technique(device)
 
@@ -181,9 +192,13 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.bitmask_ao",
     kernels={
         "bitmask_ao/bitmask_ao.cl": (
-            *MACROS, "SLICES_THICKNESS", "SLICES_DEEPER", "SLICES_NEXT", "BITMASK_ANGLE",
+            *MACROS,
+            "SLICES_THICKNESS",
+            "SLICES_DEEPER",
+            "SLICES_NEXT",
+            "BITMASK_ANGLE",
             "BITMASK_JOINED",
-        ),
+        )
     },
     reads=("depth", "normal", "thickness"),
     writes=("ao",),
@@ -192,11 +207,12 @@ DESCRIPTOR = Technique(
     bench=Bench(
         settings=("1x9", "2x9", "2x14", "4x20", "2x14-2", "2x14-4", "4x20-4"),
         families=("bitmask_ao",),
-        rows={"bitmask_ao": (
-            "ambient occlusion from 32 sectors a slice that surfaces cover",
-            (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"),
-             ("4 layers", "bitmask_ao.2x14-4")),
-        )},
+        rows={
+            "bitmask_ao": (
+                "ambient occlusion from 32 sectors a slice that surfaces cover",
+                (("", "bitmask_ao.2x14"), ("2 layers", "bitmask_ao.2x14-2"), ("4 layers", "bitmask_ao.2x14-4")),
+            )
+        },
     ),
     variants={"taps": (6,), "resolution": ("full", "half")},
     tunable=TUNABLE,

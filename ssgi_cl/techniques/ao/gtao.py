@@ -41,12 +41,15 @@ class GtaoParams(SliceParams):
     """
 
     falloff: float = param(
-        0.0, "part of the radius, at its end, over which a horizon moves down to the tangent "
-        "plane; 0 for a sharp end", low=0.0, high=1.0, unit="radii", shape=bool,
+        0.0,
+        "part of the radius, at its end, over which a horizon moves down to the tangent plane; 0 for a sharp end",
+        low=0.0,
+        high=1.0,
+        unit="radii",
+        shape=bool,
     )
     thin_occluder: float = param(
-        0.0, "with a falloff: how much more depth counts in the distance, for thin things",
-        low=0.0, high=10.0,
+        0.0, "with a falloff: how much more depth counts in the distance, for thin things", low=0.0, high=10.0
     )
     bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
 
@@ -76,28 +79,19 @@ class Gtao(SliceTechnique[GtaoParams]):
     defaults = GtaoParams
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: GtaoParams | None = None,
-        margin: Size = (0, 0),
-        layers: int = 1,
+        self, runtime: Runtime, size: Size, params: GtaoParams | None = None, margin: Size = (0, 0), layers: int = 1
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
         if self.params.bent_normals:
             self._bent = BentNormals(runtime, size)
 
     @former_order("gbuffer", "tiles", "layers")
-    def run(
-        self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
         plane = super().run(gbuffer, tiles=tiles, layers=layers)
         return self._bent.run(gbuffer, plane) if self.params.bent_normals else plane
 
-    def __call__(
-        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
+    def __call__(self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
         if not self.params.bent_normals:
             return super().__call__(gbuffer, out)
@@ -107,9 +101,7 @@ class Gtao(SliceTechnique[GtaoParams]):
         out[...] = a
         return out
 
-    def both(
-        self, gbuffer: GBuffer | DeviceGBuffer
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def both(self, gbuffer: GBuffer | DeviceGBuffer) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return A [rows, columns] and bent normals [rows, columns, 3]; see `gtao`."""
         if not self.params.bent_normals:
             raise ValueError("bent_normals is False: expected True for bent normals")
@@ -203,8 +195,17 @@ def gtao(
             which, its value and what is allowed.
     """
     technique, device = made_for(
-        Gtao, gbuffer, runtime, radius=radius, slices=slices, taps=taps,
-        bent_normals=bent_normals, preset=preset, error=error, budget_ms=budget_ms, **params,
+        Gtao,
+        gbuffer,
+        runtime,
+        radius=radius,
+        slices=slices,
+        taps=taps,
+        bent_normals=bent_normals,
+        preset=preset,
+        error=error,
+        budget_ms=budget_ms,
+        **params,
     )
     return technique.both(device) if bent_normals else technique(device)
 
@@ -222,10 +223,7 @@ DESCRIPTOR = Technique(
     writes=("ao", "bent"),
     command=True,
     quantity="occlusion",
-    variants={
-        "taps": (4,), "falloff": (0.0, 0.6), "bent_normals": (False, True),
-        "resolution": ("full", "quarter"),
-    },
+    variants={"taps": (4,), "falloff": (0.0, 0.6), "bent_normals": (False, True), "resolution": ("full", "quarter")},
     tunable=TUNABLE,
     layers=PRESET_LAYERS,
     bench=Bench(

@@ -36,12 +36,20 @@ class HbaoParams(SliceParams):
     """
 
     attenuation: float = param(
-        0.6, "how much less an occluder at the radius hides than one nearby: by the square of its "
-        "distance; 0 for a sharp end", low=0.0, high=1.0, shape=bool,
+        0.6,
+        "how much less an occluder at the radius hides than one nearby: by the square of its "
+        "distance; 0 for a sharp end",
+        low=0.0,
+        high=1.0,
+        shape=bool,
     )
     angle_bias: float = param(
-        0.0, "elevation above the tangent plane up to which nothing occludes", low=0.0,
-        high=1.5, unit="radians", shape=bool,
+        0.0,
+        "elevation above the tangent plane up to which nothing occludes",
+        low=0.0,
+        high=1.5,
+        unit="radians",
+        shape=bool,
     )
 
 
@@ -62,10 +70,7 @@ class Hbao(SliceTechnique[HbaoParams]):
     defaults = HbaoParams
 
     def _macros(self) -> Mapping[str, int]:
-        return {
-            "HBAO_ATTENUATION": int(self.params.attenuation > 0.0),
-            "HBAO_BIAS": int(self.params.angle_bias > 0.0),
-        }
+        return {"HBAO_ATTENUATION": int(self.params.attenuation > 0.0), "HBAO_BIAS": int(self.params.angle_bias > 0.0)}
 
     def _values(self) -> Mapping[str, float]:
         params = self.params
@@ -114,8 +119,16 @@ def hbao(
             which, its value and what is allowed.
     """
     technique, device = made_for(
-        Hbao, gbuffer, runtime, radius=radius, slices=slices, taps=taps, preset=preset,
-        error=error, budget_ms=budget_ms, **params,
+        Hbao,
+        gbuffer,
+        runtime,
+        radius=radius,
+        slices=slices,
+        taps=taps,
+        preset=preset,
+        error=error,
+        budget_ms=budget_ms,
+        **params,
     )
     return technique(device)
 
@@ -138,8 +151,6 @@ DESCRIPTOR = Technique(
     layers=PRESET_LAYERS,
     bench=Bench(
         families=("hbao",),
-        rows={"hbao": (
-            "ambient occlusion from horizons, attenuated with distance", (("", "hbao.2x9"),),
-        )},
+        rows={"hbao": ("ambient occlusion from horizons, attenuated with distance", (("", "hbao.2x9"),))},
     ),
 )

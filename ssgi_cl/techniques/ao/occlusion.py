@@ -19,13 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.filters.upsample import (
-    ReducedGBuffer,
-    Upsample,
-    UpsampleBlur,
-    UpsampleParams,
-    coarse_size,
-)
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams, coarse_size
 from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
@@ -41,19 +35,16 @@ class OcclusionParams(Params):
     """Parameters of every technique of ambient occlusion."""
 
     max_radius_px: float = param(
-        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
-        unit="px",
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf, unit="px"
     )
-    resolution: str = param(
-        "full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS)
-    )
+    resolution: str = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
     blur_radius: int = param(
-        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
-        unit="px",
+        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16, unit="px"
     )
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
     blur_resolution: str = param(
-        "own", "size at which the blur works and its radius counts: that of `resolution`, or full",
+        "own",
+        "size at which the blur works and its radius counts: that of `resolution`, or full",
         choices=BLUR_RESOLUTIONS,
     )
 
@@ -66,9 +57,7 @@ class OcclusionParams(Params):
     def blur(self) -> BilateralParams:
         """What A is blurred with."""
         step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
-        return BilateralParams(
-            radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step
-        )
+        return BilateralParams(radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step)
 
 
 class OcclusionKeywords(TypedDict, total=False):
@@ -98,8 +87,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
     """The dataclass of its parameters, an `OcclusionParams`."""
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: Any = None, margin: Size = (0, 0),
-        layers: int = 1,
+        self, runtime: Runtime, size: Size, params: Any = None, margin: Size = (0, 0), layers: int = 1
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -113,26 +101,18 @@ class OcclusionTechnique(Prepared[Any], ABC):
         self._upsample: Upsample | UpsampleBlur | None = None
         late = step > 1 and blur.passes * blur.radius > 0 and params.blur_resolution == "full"
         if late and channels == 1:
-            self._upsample = UpsampleBlur(
-                runtime, size, step, blur, background=1.0, kept=blur.passes == 1
-            )
+            self._upsample = UpsampleBlur(runtime, size, step, blur, background=1.0, kept=blur.passes == 1)
             blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
-            self._upsample = Upsample(
-                runtime, size, UpsampleParams(step=step, background=1.0), channels, kept=not late
-            )
-        self._blur = Bilateral(
-            runtime, size if late else coarse, blur, channels, kept=late or step == 1
-        )
+            self._upsample = Upsample(runtime, size, UpsampleParams(step=step, background=1.0), channels, kept=not late)
+        self._blur = Bilateral(runtime, size if late else coarse, blur, channels, kept=late or step == 1)
         self._blur_first = not late
         last = step == 1 and not self._blur.active
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
     @former_order("gbuffer", "tiles", "layers")
-    def run(
-        self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
 
         In open `tiles`, found with `reach`, nothing is computed that is known. Only the front
@@ -151,18 +131,14 @@ class OcclusionTechnique(Prepared[Any], ABC):
         with self._visibility.over(region, background=background) as (result, over):
             self._occlude(result, gbuffer, source, tiles, layers, over)
         if self._blur_first:
-            result = self._blur.run(
-                source, result, tiles=tiles, step=self._step, region=region
-            )
+            result = self._blur.run(source, result, tiles=tiles, step=self._step, region=region)
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(gbuffer, result, reduced=self._reduced)
         if not self._blur_first and self._blur.active:
             result = self._blur.run(gbuffer, result, region=gbuffer.seen)
         return result
 
-    def __call__(
-        self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
+    def __call__(self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return A [rows, columns] float32 in [0, 1], written to `out` if given."""
         device = on_device(gbuffer, self.runtime)
         with self.runtime.frame():
@@ -180,8 +156,13 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, region: Region | None,
+        self,
+        out: Plane,
+        gbuffer: DeviceGBuffer,
+        source: Source,
+        tiles: OpenTiles | None,
+        layers: int | None,
+        region: Region | None,
     ) -> None:
         """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
 

@@ -15,23 +15,13 @@ from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
-from ssgi_cl.device.constants import (
-    SLICES_GROUP,
-    SLICES_LEAST_N_DOT_V,
-    SLICES_NEAREST_TAP,
-    SLICES_STRIP,
-)
+from ssgi_cl.device.constants import SLICES_GROUP, SLICES_LEAST_N_DOT_V, SLICES_NEAREST_TAP, SLICES_STRIP
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import ImageParts, Target
-from ssgi_cl.techniques.ao.occlusion import (
-    RESOLUTIONS,
-    OcclusionKeywords,
-    OcclusionParams,
-    OcclusionTechnique,
-)
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
@@ -46,8 +36,14 @@ SLICES = Struct(
         *(
             (name, "int")
             for name in (
-                "margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead",
-                "tile_columns", "tile_step",
+                "margin_left",
+                "margin_right",
+                "margin_top",
+                "margin_bottom",
+                "stride",
+                "lead",
+                "tile_columns",
+                "tile_step",
             )
         ),
     ),
@@ -74,10 +70,7 @@ MACROS = ("SLICES_COUNT", "SLICES_TAPS", "SLICES_LAYERS")
 # Presets differ in how much they sample, not in what they take for an occluder, and in nothing that
 # depends on the scene: more slices err less on all sets of scenes. More taps err less where what is
 # tuned on is thick, and more where horizons take thin rods for walls.
-TUNABLE: Mapping[str, Sequence[Any]] = {
-    "slices": [1, 2, 3, 4, 8],
-    "resolution": ["full", "half"],
-}
+TUNABLE: Mapping[str, Sequence[Any]] = {"slices": [1, 2, 3, 4, 8], "resolution": ["full", "half"]}
 """Parameters by which presets differ."""
 PRESET_LAYERS = (1, 2, 4)
 """Numbers of depth layers that presets are recorded for."""
@@ -101,17 +94,13 @@ class SliceParams(OcclusionParams):
     """
 
     radius: float = param(
-        0.5, "distance up to which surfaces occlude", low=0.0, high=1e30, above=True,
-        unit="scene units",
+        0.5, "distance up to which surfaces occlude", low=0.0, high=1e30, above=True, unit="scene units"
     )
     slices: int = param(2, "planes along the view direction, each with two sides", low=1, high=32)
     taps: int = param(9, "depths read on either side of a slice", low=1, high=64)
-    tap_power: float = param(
-        1.2, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
-    )
+    tap_power: float = param(1.2, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0)
     bias: float = param(
-        0.0, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
-        unit="radii",
+        0.0, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0, unit="radii"
     )
     contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
 
@@ -164,8 +153,7 @@ def pattern(params: SliceParams) -> Pattern:
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     return Pattern(
         angle=np.pi * (number + turn) / slices,
-        share=((np.arange(taps) + jitter[..., None] + params.overshoot) / taps)
-        ** params.tap_power,
+        share=((np.arange(taps) + jitter[..., None] + params.overshoot) / taps) ** params.tap_power,
         dither=np.mod(0.5 + golden * (TILE_ORDER[..., None] + TILE**2 * number), 1.0),
     )
 
@@ -204,9 +192,7 @@ class SliceScan(Prepared[SliceParams]):
         longest: distance of the farthest tap, in parts of the radius.
     """
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int) -> None:
         self.runtime, self._params, self.layers = runtime, params, layers
         self.step = step = RESOLUTIONS[params.resolution]
         self.size = coarse_size(size, step)
@@ -247,9 +233,7 @@ class SliceScan(Prepared[SliceParams]):
             for strip in range(first[1], first[1] + count)
         ]
 
-    def macros(
-        self, *, thick: bool, reads_thickness: bool, layers: int | None = None
-    ) -> dict[str, int]:
+    def macros(self, *, thick: bool, reads_thickness: bool, layers: int | None = None) -> dict[str, int]:
         """Return the macros of a kernel that scans `layers`, without or with thickness by pixel."""
         return {
             "SLICES_COUNT": self.params.slices,
@@ -258,28 +242,27 @@ class SliceScan(Prepared[SliceParams]):
             **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
         }
 
-    def inv_depth(
-        self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None
-    ) -> Plane:
+    def inv_depth(self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None) -> Plane:
         """Queue the pass that brings all layers or fewer into the measure and size of the scan."""
         count = layers or self.layers
         perspective = bool(gbuffer.camera_struct["perspective"])
         thick = thickness is not None
         kernel = self.runtime.kernel(
-            "slices/slices_inv_depth.cl",
-            {"INV_DEPTH_LAYERS": count, "INV_DEPTH_THICKNESS": int(thick)}, (CAMERA,),
+            "slices/slices_inv_depth.cl", {"INV_DEPTH_LAYERS": count, "INV_DEPTH_THICKNESS": int(thick)}, (CAMERA,)
         )
         # What lies outside differs between perspective and orthographic cameras.
-        target = Target(
-            self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf,
-            kept=False,
-        )
+        target = Target(self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf, kept=False)
         with target.over(self._rows_of(gbuffer.region)) as (inv_depth, over):
             kernel.run(
-                "inverse depth", inv_depth.size, region=over,
-                depth=gbuffer.depth, thickness=thickness, inv_depth=inv_depth,
+                "inverse depth",
+                inv_depth.size,
+                region=over,
+                depth=gbuffer.depth,
+                thickness=thickness,
+                inv_depth=inv_depth,
                 ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
-                camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
+                camera=gbuffer.camera_struct,
+                **self._places(gbuffer.depth),
             )
         return inv_depth
 
@@ -292,25 +275,20 @@ class SliceScan(Prepared[SliceParams]):
         coarse = seen.reduced(self.step)
         return Region(coarse.row, 0, coarse.rows, columns)
 
-    def sorted(
-        self, name: str, images: Plane | ImageParts, region: Region | None = None
-    ) -> DeviceArray:
+    def sorted(self, name: str, images: Plane | ImageParts, region: Region | None = None) -> DeviceArray:
         """Queue the passes that put images, of the G-buffer's whole size, where `inv_depth` has
         depth.
 
         They are 0 outside of `region`.
         """
-        parts: Iterable[tuple[int, Plane]] = (
-            [(0, images)] if not isinstance(images, ImageParts) else images.parts
-        )
+        parts: Iterable[tuple[int, Plane]] = [(0, images)] if not isinstance(images, ImageParts) else images.parts
         array, over = self._array(images.count, region)
         if isinstance(images, ImageParts) and not images.complete and region is None:
             self.runtime.transient.zero(array)
         for first, part in parts:
             kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
-                name, self.sorted_size, region=over,
-                images=part, sorted=array, first_image=first, **self._places(part),
+                name, self.sorted_size, region=over, images=part, sorted=array, first_image=first, **self._places(part)
             )
             del part  # its memory is the next one's
         return array
@@ -319,15 +297,18 @@ class SliceScan(Prepared[SliceParams]):
         """Queue the pass that finds the planes of all layers, from normals where there are any."""
         slopes, over = self._array(2 * self.layers, gbuffer.region)
         kernel = self.runtime.kernel(
-            "slices/slices_slopes.cl",
-            {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes},
-            (CAMERA,),
+            "slices/slices_slopes.cl", {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes}, (CAMERA,)
         )
         kernel.run(
-            "slopes", self.sorted_size, region=over,
-            depth=gbuffer.depth, normal=gbuffer.normal, slopes=slopes,
+            "slopes",
+            self.sorted_size,
+            region=over,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            slopes=slopes,
             ortho_unit=_ortho_unit(gbuffer.camera_struct, self.step),
-            camera=gbuffer.camera_struct, **self._places(gbuffer.depth),
+            camera=gbuffer.camera_struct,
+            **self._places(gbuffer.depth),
         )
         return slopes
 
@@ -342,8 +323,12 @@ class SliceScan(Prepared[SliceParams]):
     def _places(self, fine: Plane) -> dict[str, Any]:
         """Return arguments: which pixels of a plane are picked and where they are put."""
         return {
-            "fine_size": fine.size, "columns": self._whole[1], "lead": self._lead,
-            "step": self.step, "first_x": self._first[1], "first_y": self._first[0],
+            "fine_size": fine.size,
+            "columns": self._whole[1],
+            "lead": self._lead,
+            "step": self.step,
+            "first_x": self._first[1],
+            "first_y": self._first[0],
         }
 
     def packed(self, source: Source, values: Mapping[str, float]) -> Any:
@@ -352,23 +337,25 @@ class SliceScan(Prepared[SliceParams]):
         camera = source.camera_struct
         unit = _ortho_unit(camera, 1)
         pixels = max(abs(float(camera["from_x"])), abs(float(camera["from_y"])))
-        return SLICES.pack({
-            **dict.fromkeys(SLICES.dtype.names or (), 0.0),
-            "radius": params.radius,
-            "ortho_unit": unit,
-            "unit_px": pixels / (1.0 if camera["perspective"] else unit),
-            "most_px": params.max_radius_px / self.step,
-            "bias": params.bias,
-            "depth_bias": DEPTH_BIAS,
-            "contrast": params.contrast,
-            "stride": self._stride,
-            "lead": self._lead,
-            "margin_left": source.margin[1],
-            "margin_right": source.whole[1] - self.size[1] - source.margin[1],
-            "margin_top": source.margin[0],
-            "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
-            **values,
-        })
+        return SLICES.pack(
+            {
+                **dict.fromkeys(SLICES.dtype.names or (), 0.0),
+                "radius": params.radius,
+                "ortho_unit": unit,
+                "unit_px": pixels / (1.0 if camera["perspective"] else unit),
+                "most_px": params.max_radius_px / self.step,
+                "bias": params.bias,
+                "depth_bias": DEPTH_BIAS,
+                "contrast": params.contrast,
+                "stride": self._stride,
+                "lead": self._lead,
+                "margin_left": source.margin[1],
+                "margin_right": source.whole[1] - self.size[1] - source.margin[1],
+                "margin_top": source.margin[0],
+                "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
+                **values,
+            }
+        )
 
 
 P = TypeVar("P", bound=SliceParams)
@@ -389,21 +376,14 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
     """Whether it looks at the thickness that a G-buffer may have for each pixel."""
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: P | None = None,
-        margin: Size = (0, 0),
-        layers: int = 1,
+        self, runtime: Runtime, size: Size, params: P | None = None, margin: Size = (0, 0), layers: int = 1
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
         in_front = self.params.in_front_of(layers)
         self._scan = SliceScan(runtime, size, in_front, margin, layers)
         runtime.transient.reserve(
-            plane_bytes(self.params.channels, self._scan.size) + max(
-                plane_bytes(self.params.channels, self._scan.size),
-                plane_bytes(layers, self._scan.sorted_size),
-            )
+            plane_bytes(self.params.channels, self._scan.size)
+            + max(plane_bytes(self.params.channels, self._scan.size), plane_bytes(layers, self._scan.sorted_size))
         )
         self._kernels: dict[tuple[bool, int], Kernel] = {}
         self._kernel(thick=False, layers=layers)
@@ -429,14 +409,22 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         """Return how far it looks: as far as the nearest pixel of those that scan together."""
         step = self._step
         return Reach(
-            radius=self.params.radius, stretch=1.01 * max(self._scan.longest, 1.0),
-            more_px=(NEAREST_TAP + 2.0) * step, most_px=self.params.max_radius_px, step=step,
+            radius=self.params.radius,
+            stretch=1.01 * max(self._scan.longest, 1.0),
+            more_px=(NEAREST_TAP + 2.0) * step,
+            most_px=self.params.max_radius_px,
+            step=step,
             group=TILE * GROUP * step,
         )
 
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, region: Region | None,
+        self,
+        out: Plane,
+        gbuffer: DeviceGBuffer,
+        source: Source,
+        tiles: OpenTiles | None,
+        layers: int | None,
+        region: Region | None,
     ) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         layers = layers or self.layers
@@ -445,10 +433,18 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         kernel = self._kernel(thick=thickness is not None, layers=layers)
         for strip in self._scan.strips(region):
             kernel.run(
-                self.name, out.size, grid=self._scan.grid, region=strip, cell=(1, 1),
-                inv_depth=inv_depth, normal=source.normal, table=self._scan.table,
+                self.name,
+                out.size,
+                grid=self._scan.grid,
+                region=strip,
+                cell=(1, 1),
+                inv_depth=inv_depth,
+                normal=source.normal,
+                table=self._scan.table,
                 tiles=None if tiles is None else tiles.bits,
-                visibility=out, camera=source.camera_struct, params=packed,
+                visibility=out,
+                camera=source.camera_struct,
+                params=packed,
             )
 
     def _macros(self) -> Mapping[str, int]:

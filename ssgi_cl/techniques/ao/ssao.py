@@ -34,10 +34,7 @@ SSAO = Struct(
         *floats("contrast", "border_depth"),
         *(
             (name, "int")
-            for name in (
-                "margin_left", "margin_right", "margin_top", "margin_bottom", "tile_columns",
-                "tile_step",
-            )
+            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom", "tile_columns", "tile_step")
         ),
     ),
 )
@@ -54,44 +51,49 @@ class SsaoParams(OcclusionParams):
     """
 
     radius: float | tuple[float, ...] = param(
-        0.5, "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
-        unit="scene units", shape=len,
+        0.5,
+        "radius of the ball; up to 4 at once, of which the greatest occlusion counts",
+        unit="scene units",
+        shape=len,
     )
     samples: int = param(16, "points per pixel and radius", low=1, high=256)
     length_power: float = param(
-        0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly",
-        low=0.05, high=4.0,
+        0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly", low=0.05, high=4.0
     )
-    hemisphere: bool = param(
-        True, "flip points to the normal's side; without, a flat surface is half occluded"
-    )
+    hemisphere: bool = param(True, "flip points to the normal's side; without, a flat surface is half occluded")
     falloff: str | tuple[float, ...] = param(
-        "ramp", "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
+        "ramp",
+        "occlusion by distance behind the surface: 'exponential', 'ramp', or values at "
         "equal steps from 0 to `falloff_end`",
         shape=lambda falloff: falloff if isinstance(falloff, str) else len(falloff),
     )
     rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
-    full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0,
-                        unit="radii")
+    full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0, unit="radii")
     none: float = param(2.0, "ramp: no occlusion from this d on", low=1e-3, high=1e3, unit="radii")
     power: float = param(1.0, "ramp: exponent of its linear part", low=0.01, high=100.0)
-    falloff_end: float = param(2.0, "values: d of the last one, no occlusion beyond",
-                               low=1e-3, high=1e3, unit="radii")
+    falloff_end: float = param(2.0, "values: d of the last one, no occlusion beyond", low=1e-3, high=1e3, unit="radii")
     bias: float = param(
-        0.02, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0,
-        unit="radii",
+        0.02, "height above the tangent plane up to which nothing occludes", low=0.0, high=1.0, unit="radii"
     )
     contrast: float = param(
-        1.4, "exponent of A before the blur; points find less occlusion than rays do, so that more "
-        "than 1 has a smaller error", low=0.1, high=10.0,
+        1.4,
+        "exponent of A before the blur; points find less occlusion than rays do, so that more "
+        "than 1 has a smaller error",
+        low=0.1,
+        high=10.0,
     )
     outside: str | float = param(
-        "unknown", "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
-        "or the depth of a border in scene units", shape=lambda outside: outside == "unknown",
+        "unknown",
+        "samples outside the G-buffer: 'unknown' (not counted), 'open' (nothing there) "
+        "or the depth of a border in scene units",
+        shape=lambda outside: outside == "unknown",
     )
     near_px: float = param(
-        math.inf, "projected radius above which samples grow in proportion, up to `max_samples`",
-        low=1.0, high=math.inf, unit="px",
+        math.inf,
+        "projected radius above which samples grow in proportion, up to `max_samples`",
+        low=1.0,
+        high=math.inf,
+        unit="px",
     )
     max_samples: int = param(0, "most points per pixel; 0 for `samples`", low=0, high=256)
 
@@ -101,10 +103,11 @@ class SsaoParams(OcclusionParams):
         radii = self.radius if isinstance(self.radius, (Sequence, np.ndarray)) else (self.radius,)
         if not 1 <= len(radii) <= 4:
             raise ValueError(f"radius has {len(radii)} values: expected 1 to 4")
-        set_(self, "radius", tuple(
-            checks.number("radius", r, low=0, high=1e30, above=True, unit="scene units")
-            for r in radii
-        ))
+        set_(
+            self,
+            "radius",
+            tuple(checks.number("radius", r, low=0, high=1e30, above=True, unit="scene units") for r in radii),
+        )
         if isinstance(self.falloff, str):
             checks.choice("falloff", self.falloff, FALLOFFS)
         else:
@@ -118,14 +121,11 @@ class SsaoParams(OcclusionParams):
         if isinstance(self.outside, str):
             checks.choice("outside", self.outside, ("unknown", "open"))
         else:
-            set_(self, "outside", checks.number(
-                "outside", self.outside, low=0, above=True, unit="scene units"))
+            set_(self, "outside", checks.number("outside", self.outside, low=0, above=True, unit="scene units"))
         if self.none <= self.full and self.falloff == "ramp":
             raise ValueError(f"none is {self.none}: expected more than full, which is {self.full}")
         if self.max_samples and self.max_samples < self.samples:
-            raise ValueError(
-                f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}"
-            )
+            raise ValueError(f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}")
 
 
 class SsaoKeywords(OcclusionKeywords, total=False):
@@ -210,12 +210,7 @@ class Ssao(OcclusionTechnique):
     defaults = SsaoParams
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: SsaoParams | None = None,
-        margin: Size = (0, 0),
-        layers: int = 1,
+        self, runtime: Runtime, size: Size, params: SsaoParams | None = None, margin: Size = (0, 0), layers: int = 1
     ) -> None:
         super().__init__(runtime, size, params, margin, layers)
         params = self.params
@@ -227,9 +222,7 @@ class Ssao(OcclusionTechnique):
                 "SSAO_MOST_SAMPLES": most,
                 "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]  # a tuple once checked
                 "SSAO_HEMISPHERE": int(params.hemisphere),
-                "SSAO_FALLOFF": FALLOFFS.index(params.falloff)
-                if isinstance(params.falloff, str)
-                else len(FALLOFFS),
+                "SSAO_FALLOFF": FALLOFFS.index(params.falloff) if isinstance(params.falloff, str) else len(FALLOFFS),
                 "SSAO_CURVE_SIZE": len(curve),
                 "SSAO_OUTSIDE": int(params.outside != "unknown"),
             },
@@ -260,19 +253,34 @@ class Ssao(OcclusionTechnique):
         # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
         return Reach(
             radius=max(params.radius),
-            more_px=2.0 * self._step, most_px=params.max_radius_px, step=self._step, bulge=1.0,
+            more_px=2.0 * self._step,
+            most_px=params.max_radius_px,
+            step=self._step,
+            bulge=1.0,
             slack=1e-6,
         )
 
     def _occlude(
-        self, out: Plane, gbuffer: DeviceGBuffer, source: Source, tiles: OpenTiles | None,
-        layers: int | None, region: Region | None,
+        self,
+        out: Plane,
+        gbuffer: DeviceGBuffer,
+        source: Source,
+        tiles: OpenTiles | None,
+        layers: int | None,
+        region: Region | None,
     ) -> None:
         self._kernel.run(
-            "ssao", out.size, region=region,
-            depth=source.depth, normal=source.normal, samples=self._points, curve=self._curve,
-            tiles=None if tiles is None else tiles.bits, visibility=out,
-            camera=source.camera_struct, params=self._packed(source, tiles),
+            "ssao",
+            out.size,
+            region=region,
+            depth=source.depth,
+            normal=source.normal,
+            samples=self._points,
+            curve=self._curve,
+            tiles=None if tiles is None else tiles.bits,
+            visibility=out,
+            camera=source.camera_struct,
+            params=self._packed(source, tiles),
         )
 
     def _packed(self, source: Source, tiles: OpenTiles | None) -> Any:
@@ -289,14 +297,12 @@ class Ssao(OcclusionTechnique):
                 "depth_bias": DEPTH_BIAS,
                 "rate": params.rate,
                 "none_at": params.none,
-                "ramp_scale": 1.0 / (params.none - params.full)
-                if params.none > params.full else 0.0,
+                "ramp_scale": 1.0 / (params.none - params.full) if params.none > params.full else 0.0,
                 "power": params.power,
                 "curve_end": params.falloff_end,
                 "curve_scale": (curve_size - 1) / params.falloff_end,
                 "contrast": params.contrast,
-                "border_depth": params.outside
-                if isinstance(params.outside, float) else math.inf,
+                "border_depth": params.outside if isinstance(params.outside, float) else math.inf,
                 **self._margins(source),
                 **tile_values(tiles, self._step),
             }
@@ -343,8 +349,15 @@ def ssao(
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
     chosen: SsaoParams = params_for(
-        Ssao, gbuffer, runtime, radius=tuple(radii.ravel().tolist()), samples=samples,
-        preset=preset, error=error, budget_ms=budget_ms, **params,
+        Ssao,
+        gbuffer,
+        runtime,
+        radius=tuple(radii.ravel().tolist()),
+        samples=samples,
+        preset=preset,
+        error=error,
+        budget_ms=budget_ms,
+        **params,
     )
     device = on_device(gbuffer, runtime)
     technique: Ssao = device.runtime.prepared(
@@ -365,25 +378,22 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.ssao",
     kernels={
         "ssao/ssao.cl": (
-            "SSAO_MOST_SAMPLES", "SSAO_RADII", "SSAO_HEMISPHERE", "SSAO_FALLOFF",
-            "SSAO_CURVE_SIZE", "SSAO_OUTSIDE",
-        ),
+            "SSAO_MOST_SAMPLES",
+            "SSAO_RADII",
+            "SSAO_HEMISPHERE",
+            "SSAO_FALLOFF",
+            "SSAO_CURVE_SIZE",
+            "SSAO_OUTSIDE",
+        )
     },
     reads=("depth", "normal"),
     writes=("ao",),
     command=True,
     quantity="occlusion",
-    variants={
-        "falloff": ("ramp", "exponential"), "outside": ("unknown", 1.0),
-        "resolution": ("full", "quarter"),
-    },
-    tunable={
-        "samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [1, 2],
-    },
+    variants={"falloff": ("ramp", "exponential"), "outside": ("unknown", 1.0), "resolution": ("full", "quarter")},
+    tunable={"samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [1, 2]},
     bench=Bench(
         families=("ssao-blur",),
-        rows={"ssao": (
-            "ambient occlusion from points in a ball", (("16 samples, blurred", "ssao-blur.16"),),
-        )},
+        rows={"ssao": ("ambient occlusion from points in a ball", (("16 samples, blurred", "ssao-blur.16"),))},
     ),
 )

@@ -45,16 +45,20 @@ class BilateralParams(Params):
     """Parameters of the edge-aware blur (Tomasi and Manduchi 1998, as a cross-bilateral filter)."""
 
     radius: int = param(4, "pixels on either side; 7 is a 15 x 15 blur", low=0, high=16, unit="px")
-    sigma: float = param(
-        0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px"
-    )
+    sigma: float = param(0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px")
     depth_sigma: float = param(
-        0.01, "standard deviation of the distance from the tangent plane, relative to depth; "
-        "beyond 2.8 of it samples have no weight", low=1e-6, high=10.0,
+        0.01,
+        "standard deviation of the distance from the tangent plane, relative to depth; "
+        "beyond 2.8 of it samples have no weight",
+        low=1e-6,
+        high=10.0,
     )
     normal_sigma: float = param(
-        0.5, "standard deviation of the angle between normals; beyond about twice as much samples "
-        "have no weight: at 0.5, those at right angles", low=1e-3, high=10.0,
+        0.5,
+        "standard deviation of the angle between normals; beyond about twice as much samples "
+        "have no weight: at 0.5, those at right angles",
+        low=1e-3,
+        high=10.0,
         unit="radians",
     )
     passes: int = param(1, "how often the blur is applied", low=0, high=64)
@@ -104,8 +108,13 @@ class Bilateral(Prepared[BilateralParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: BilateralParams | None = None,
-        channels: int = 1, *, kept: bool = True,
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: BilateralParams | None = None,
+        channels: int = 1,
+        *,
+        kept: bool = True,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -120,8 +129,12 @@ class Bilateral(Prepared[BilateralParams]):
         self._kernels = {
             shape: runtime.kernel(
                 "bilateral/bilateral_blur.cl",
-                {"BLUR_RADIUS": params.radius, "BLUR_COUNT": channels, "BLUR_SHAPE": shape,
-                 "BLUR_ROWS": self._rows[shape]},
+                {
+                    "BLUR_RADIUS": params.radius,
+                    "BLUR_COUNT": channels,
+                    "BLUR_SHAPE": shape,
+                    "BLUR_ROWS": self._rows[shape],
+                },
                 (CAMERA, BLUR),
             )
             for shape in self._shapes
@@ -136,8 +149,14 @@ class Bilateral(Prepared[BilateralParams]):
 
     @former_order("value", "gbuffer", "name", first=lambda given: isinstance(given, Plane))
     def run(
-        self, gbuffer: Source, value: Plane, *, name: str = "blur",
-        tiles: OpenTiles | None = None, step: int = 1, region: Region | None = None,
+        self,
+        gbuffer: Source,
+        value: Plane,
+        *,
+        name: str = "blur",
+        tiles: OpenTiles | None = None,
+        step: int = 1,
+        region: Region | None = None,
     ) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
@@ -172,11 +191,17 @@ class Bilateral(Prepared[BilateralParams]):
                     self._kernels[shape].run(
                         f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                         self.size,
-                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)), region=over,
+                        grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
+                        region=over,
                         cell=(self._rows[shape], lanes),
-                        value=value, linear=gbuffer.linear, normal=gbuffer.normal,
-                        weights=self._weights, tiles=bits, blurred=out,
-                        camera=gbuffer.camera_struct, params=packed,
+                        value=value,
+                        linear=gbuffer.linear,
+                        normal=gbuffer.normal,
+                        weights=self._weights,
+                        tiles=bits,
+                        blurred=out,
+                        camera=gbuffer.camera_struct,
+                        params=packed,
                     )
                 value = out
         return value
@@ -227,9 +252,7 @@ def bilateral_blur(
     count = channels or 1
     blur, plane = runtime.prepared(
         (Bilateral, gbuffer.size, chosen.shape(), count),
-        lambda: (
-            Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)
-        ),
+        lambda: (Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)),
     )
     blur.params = chosen
     plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
@@ -246,13 +269,8 @@ DESCRIPTOR = Technique(
     params=BilateralParams,
     technique=Bilateral,
     reference="ssgi_cl.reference.bilateral",
-    kernels={
-        "bilateral/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE"),
-    },
+    kernels={"bilateral/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE")},
     reads=("depth", "normal", "image"),
     writes=("image",),
-    bench=Bench(
-        families=("blur",),
-        rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))},
-    ),
+    bench=Bench(families=("blur",), rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))}),
 )

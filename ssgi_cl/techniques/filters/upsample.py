@@ -28,10 +28,7 @@ from ssgi_cl.techniques.technique import Bench, Technique
 UPSAMPLE = Struct(
     "UpsampleParams",
     (
-        *(
-            (name, "int")
-            for name in ("margin_columns", "margin_rows", "coarse_columns", "coarse_rows")
-        ),
+        *((name, "int") for name in ("margin_columns", "margin_rows", "coarse_columns", "coarse_rows")),
         *floats("depth_scale", "normal_scale", "background"),
     ),
 )
@@ -41,17 +38,13 @@ UPSAMPLE = Struct(
 class UpsampleParams(Params):
     """Parameters of joint-bilateral upsampling (Kopf et al. 2007)."""
 
-    step: int = param(
-        2, "pixels of the result from one of the image to the next: 1, 2 or 4", low=1, high=4
-    )
+    step: int = param(2, "pixels of the result from one of the image to the next: 1, 2 or 4", low=1, high=4)
     background: float = param(0.0, "the value where nothing is")
     depth_sigma: float = param(
-        0.005, "standard deviation of the distance from the tangent plane, relative to depth",
-        low=1e-6, high=10.0,
+        0.005, "standard deviation of the distance from the tangent plane, relative to depth", low=1e-6, high=10.0
     )
     normal_sigma: float = param(
-        0.3, "standard deviation of the angle between normals", low=1e-3, high=10.0,
-        unit="radians",
+        0.3, "standard deviation of the angle between normals", low=1e-3, high=10.0, unit="radians"
     )
 
     def __post_init__(self) -> None:
@@ -93,9 +86,7 @@ class ReducedGBuffer:
         self.normal = runtime.plane(3, self.whole)
         self.camera_struct = gbuffer.camera_struct
         self._kernels = {
-            count: runtime.kernel(
-                "gbuffer/gbuffer_reduce.cl", {"REDUCE_COUNT": count, "UPSAMPLE_STEP": step}
-            )
+            count: runtime.kernel("gbuffer/gbuffer_reduce.cl", {"REDUCE_COUNT": count, "UPSAMPLE_STEP": step})
             for count in (1, 3)
         }
 
@@ -131,9 +122,15 @@ class ReducedGBuffer:
             region = region.inside(whole, self.first).reduced(self.step)
         with self._previous_regions[name].over(region) as over:
             self._kernels[coarse.count].run(
-                f"reduce {name}", self.whole, region=over,
-                fine=fine, coarse=coarse, fine_size=fine.size, first_x=self.first[1],
-                first_y=self.first[0], outside=coarse.outside,
+                f"reduce {name}",
+                self.whole,
+                region=over,
+                fine=fine,
+                coarse=coarse,
+                fine_size=fine.size,
+                first_x=self.first[1],
+                first_y=self.first[0],
+                outside=coarse.outside,
             )
 
 
@@ -184,11 +181,19 @@ class Upsample(Prepared[UpsampleParams]):
         background = (self.params.background,) * self._channels
         with self._fine.over(gbuffer.seen, background=background) as (fine, over):
             self._kernel.run(
-                "upsample", self.size, grid=(self.size[0], -(-coarse.size[1] // lanes)),
-                region=over, cell=(1, lanes * self.params.step),
-                coarse=coarse, coarse_linear=reduced.linear, coarse_normal=reduced.normal,
-                linear=gbuffer.linear, normal=gbuffer.normal, fine=fine,
-                camera=gbuffer.camera_struct, params=packed,
+                "upsample",
+                self.size,
+                grid=(self.size[0], -(-coarse.size[1] // lanes)),
+                region=over,
+                cell=(1, lanes * self.params.step),
+                coarse=coarse,
+                coarse_linear=reduced.linear,
+                coarse_normal=reduced.normal,
+                linear=gbuffer.linear,
+                normal=gbuffer.normal,
+                fine=fine,
+                camera=gbuffer.camera_struct,
+                params=packed,
             )
         return fine
 
@@ -246,9 +251,14 @@ class UpsampleBlur:
         packed = _packed(reduced, gbuffer, self._scales)
         rows, columns = coarse.size
         guides: dict[str, Any] = {
-            "coarse": coarse, "coarse_linear": reduced.linear, "coarse_normal": reduced.normal,
-            "linear": gbuffer.linear, "normal": gbuffer.normal, "weights": self._weights,
-            "camera": gbuffer.camera_struct, "params": packed,
+            "coarse": coarse,
+            "coarse_linear": reduced.linear,
+            "coarse_normal": reduced.normal,
+            "linear": gbuffer.linear,
+            "normal": gbuffer.normal,
+            "weights": self._weights,
+            "camera": gbuffer.camera_struct,
+            "params": packed,
         }
         along_rows, along_columns = self._kernels
         seen, wide = gbuffer.seen, None
@@ -257,22 +267,31 @@ class UpsampleBlur:
             wide = Region(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
         with self._rows.over(wide) as (between, over):
             along_rows.run(
-                "blur rows", self._rows.size, grid=(rows, -(-columns // self._lanes)),
-                region=over, cell=(1, self._lanes * self.step),
-                blurred=between, small=coarse.size, whole=gbuffer.whole, **guides,
+                "blur rows",
+                self._rows.size,
+                grid=(rows, -(-columns // self._lanes)),
+                region=over,
+                cell=(1, self._lanes * self.step),
+                blurred=between,
+                small=coarse.size,
+                whole=gbuffer.whole,
+                **guides,
             )
         with self._fine.over(seen, background=self._background) as (fine, over):
             along_columns.run(
-                "blur columns", self.size, grid=(rows, -(-self.size[1] // self._lanes)),
-                region=over, cell=(self.step, self._lanes),
-                rows=between, fine=fine, **guides,
+                "blur columns",
+                self.size,
+                grid=(rows, -(-self.size[1] // self._lanes)),
+                region=over,
+                cell=(self.step, self._lanes),
+                rows=between,
+                fine=fine,
+                **guides,
             )
         return fine
 
 
-def _packed(
-    reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
-) -> NDArray[np.void]:
+def _packed(reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]) -> NDArray[np.void]:
     return UPSAMPLE.pack(
         {
             "margin_columns": gbuffer.margin[1],
@@ -317,9 +336,7 @@ def upsample(
     Raises:
         TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
     """
-    params = UpsampleParams(
-        step=step, background=background, depth_sigma=depth_sigma, normal_sigma=normal_sigma
-    )
+    params = UpsampleParams(step=step, background=background, depth_sigma=depth_sigma, normal_sigma=normal_sigma)
     step = params.step
     values = checks.as_array("image", image)
     channels = 3 if values.ndim == 3 else 0
@@ -365,8 +382,6 @@ DESCRIPTOR = Technique(
     writes=("image",),
     bench=Bench(
         families=("upsample",),
-        rows={"upsample": (
-            "half or quarter size to full size, along surfaces", (("half", "upsample.2"),),
-        )},
+        rows={"upsample": ("half or quarter size to full size, along surfaces", (("half", "upsample.2"),))},
     ),
 )

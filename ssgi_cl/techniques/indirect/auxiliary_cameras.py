@@ -27,11 +27,7 @@ YFOV = 1.6
 
 @checked_keywords
 def auxiliary_cameras(
-    camera: Camera,
-    gbuffer: GBuffer | DeviceGBuffer | ArrayLike,
-    count: int = 4,
-    *,
-    size: float = 0.5,
+    camera: Camera, gbuffer: GBuffer | DeviceGBuffer | ArrayLike, count: int = 4, *, size: float = 0.5
 ) -> list[Camera]:
     """Place cameras that see what a camera misses.
 
@@ -76,11 +72,7 @@ def auxiliary_cameras(
         up = camera.view[1, :3]
         if abs(ways[chosen] @ up) > 0.99:
             up = camera.view[0, :3]
-        cameras.append(
-            Camera.look_at(
-                places[chosen], target, up, yfov=YFOV, width=columns, height=rows
-            )
-        )
+        cameras.append(Camera.look_at(places[chosen], target, up, yfov=YFOV, width=columns, height=rows))
         likeness = np.maximum(likeness, ways @ ways[chosen])
     return cameras
 
@@ -90,17 +82,13 @@ def _depth(camera: Camera, gbuffer: GBuffer | DeviceGBuffer | ArrayLike) -> NDAr
     if isinstance(gbuffer, DeviceGBuffer):
         rows, columns = gbuffer.margin
         whole = gbuffer.depth.download()[0]
-        depth: NDArray[np.float32] = whole[
-            rows : whole.shape[0] - rows, columns : whole.shape[1] - columns
-        ]
+        depth: NDArray[np.float32] = whole[rows : whole.shape[0] - rows, columns : whole.shape[1] - columns]
     elif isinstance(gbuffer, GBuffer):
         first = gbuffer.first("depth")
         assert first is not None  # noqa: S101  every G-buffer has a depth
         depth = gbuffer.inner(first)
     else:
-        depth = checks.plane(
-            "gbuffer", np.asarray(gbuffer), unit="scene units", low=0.0, infinite=True
-        )
+        depth = checks.plane("gbuffer", np.asarray(gbuffer), unit="scene units", low=0.0, infinite=True)
     if depth.shape != camera.size:
         raise ValueError(f"gbuffer has size {depth.shape}: expected {camera.size} as the camera")
     return depth
@@ -112,16 +100,13 @@ def _places(camera: Camera, depth: NDArray[np.float32]) -> tuple[Doubles, Double
     starts = [np.arange(n) * s // n for n, s in zip((rows, columns), camera.size, strict=True)]
     nearest = np.minimum.reduceat(np.minimum.reduceat(depth, starts[0], 0), starts[1], 1)
     small = Camera(
-        view=camera.view, projection=camera.projection, width=columns, height=rows,
-        depth_range=camera.depth_range,
+        view=camera.view, projection=camera.projection, width=columns, height=rows, depth_range=camera.depth_range
     )
     seen = np.isfinite(nearest)
     limit = BEYOND * float(np.median(nearest[seen]))
     free = np.where(seen, nearest, limit).astype(np.float32)
     visible = small.unproject(free)[seen]
     box = np.vstack([visible, camera.position])
-    places = np.concatenate(
-        [small.unproject(np.float32(share) * free).reshape(-1, 3) for share in SHARES]
-    )
+    places = np.concatenate([small.unproject(np.float32(share) * free).reshape(-1, 3) for share in SHARES])
     within = ((places >= box.min(axis=0)) & (places <= box.max(axis=0))).all(axis=-1)
     return np.median(visible, axis=0), places[within]

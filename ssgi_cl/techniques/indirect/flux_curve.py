@@ -70,10 +70,7 @@ class FluxCurve:
             face_runs = self._orders[size].count // RUN
             map_runs = -(-face_runs * faces // BLOCK_RUNS) * BLOCK_RUNS
             self._tables.append(
-                {
-                    "face_runs": face_runs, "faces": faces, "face_rows": size[0],
-                    "map_runs": map_runs, "first_run": first,
-                }
+                {"face_runs": face_runs, "faces": faces, "face_rows": size[0], "map_runs": map_runs, "first_run": first}
             )
             first += map_runs
         blocks = first // BLOCK_RUNS
@@ -87,9 +84,7 @@ class FluxCurve:
         """World-space point [3] that positions of `cut` count from: the first map's origin."""
         return self.maps[0].origin
 
-    def update(
-        self, rsms: Sequence[DeviceRsm], importance: DeviceArray | None = None
-    ) -> None:
+    def update(self, rsms: Sequence[DeviceRsm], importance: DeviceArray | None = None) -> None:
         """Queue the passes that make the sums, unless they are those of these maps already.
 
         Args:
@@ -98,39 +93,38 @@ class FluxCurve:
                 kernels/vpl/curve.clh. It is taken for new.
         """
         maps, versions = tuple(rsms), tuple(rsm.version for rsm in rsms)
-        if importance is None is self._importance and (maps, versions) == (
-            self.maps, self._versions
-        ):
+        if importance is None is self._importance and (maps, versions) == (self.maps, self._versions):
             return
         self._versions = ()  # should anything fail, the sums are nobody's
         self.maps, self._importance = maps, importance
         self.version += 1
         runtime, lanes = self.runtime, self.runtime.variant.lanes
-        kernel = runtime.kernel(
-            "vpl/vpl_partial_sums.cl", self._macros(), (CURVE,)
-        )
+        kernel = runtime.kernel("vpl/vpl_partial_sums.cl", self._macros(), (CURVE,))
         for rsm, table in zip(maps, self._tables, strict=True):
             _, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl partial sums", rsm.size, grid=(1, table["map_runs"] // lanes),
-                flux=flux, area=rsm.area, gloss=gloss, order=self._orders[rsm.face_size],
-                importance=self._importance, quarters=self.quarters, runs=self.runs,
+                "vpl partial sums",
+                rsm.size,
+                grid=(1, table["map_runs"] // lanes),
+                flux=flux,
+                area=rsm.area,
+                gloss=gloss,
+                order=self._orders[rsm.face_size],
+                importance=self._importance,
+                quarters=self.quarters,
+                runs=self.runs,
                 params=self._packed(table),
             )
         blocks = self._counts["blocks"]
         runtime.kernel("vpl/vpl_blocks.cl", structs=(CURVE,)).run(
-            "vpl blocks", (SUMS, blocks),
-            runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0]),
+            "vpl blocks", (SUMS, blocks), runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0])
         )
         runtime.kernel("vpl/vpl_totals.cl").run(
-            "vpl totals", (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1),
-            blocks=self.blocks,
+            "vpl totals", (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1), blocks=self.blocks
         )
         self._versions = versions
 
-    def cut(
-        self, found: FoundPlaces, lights: int, split: int, edges: FoundPlaces | None = None
-    ) -> None:
+    def cut(self, found: FoundPlaces, lights: int, split: int, edges: FoundPlaces | None = None) -> None:
         """Queue the passes that find places of `lights` times `split` pieces; see `FoundPlaces`.
 
         Args:
@@ -143,16 +137,32 @@ class FluxCurve:
         kernel = runtime.kernel("vpl/vpl_cut.cl", macros, (CURVE,))
         for rsm, table in zip(self.maps, self._tables, strict=True):
             packed = self._packed(
-                table, lights=lights, split=split, count=found.count, stride=found.stride,
+                table,
+                lights=lights,
+                split=split,
+                count=found.count,
+                stride=found.stride,
                 **dict(zip("xyz", rsm.origin - self.origin, strict=True)),
             )
             axis, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl cut", rsm.size, grid=(1, -(-found.count // lanes)),
-                position=rsm.position, normal=rsm.normal, axis=axis, flux=flux, area=rsm.area,
-                gloss=gloss, order=self._orders[rsm.face_size], quarters=self.quarters,
-                runs=self.runs, blocks=self.blocks, importance=self._importance,
-                edges=edges.array if edges else None, found=found.array, params=packed,
+                "vpl cut",
+                rsm.size,
+                grid=(1, -(-found.count // lanes)),
+                position=rsm.position,
+                normal=rsm.normal,
+                axis=axis,
+                flux=flux,
+                area=rsm.area,
+                gloss=gloss,
+                order=self._orders[rsm.face_size],
+                quarters=self.quarters,
+                runs=self.runs,
+                blocks=self.blocks,
+                importance=self._importance,
+                edges=edges.array if edges else None,
+                found=found.array,
+                params=packed,
                 edge_stride=edges.stride if edges else 0,
                 edge_step=(edges.count - 1) // (lights * split) if edges else 0,
             )
@@ -184,9 +194,7 @@ class FluxCurve:
         """Return how many texels reflect anything. Waits for the device."""
         return int(self.blocks.download().reshape(2, SUMS, -1)[0, 0, -1])
 
-    def _packed(
-        self, table: dict[str, int], **values: float
-    ) -> np.ndarray[tuple[int, ...], np.dtype[np.void]]:
+    def _packed(self, table: dict[str, int], **values: float) -> np.ndarray[tuple[int, ...], np.dtype[np.void]]:
         rest = dict.fromkeys(("lights", "split", "count", "stride", "x", "y", "z"), 0.0)
         return CURVE.pack({**rest, **self._counts, **table, **values})
 
@@ -200,9 +208,7 @@ class FoundPlaces:
         middle: which of the two.
     """
 
-    def __init__(
-        self, runtime: Runtime, count: int, *, middle: bool, glossy: bool = False
-    ) -> None:
+    def __init__(self, runtime: Runtime, count: int, *, middle: bool, glossy: bool = False) -> None:
         self.count = count
         self.middle = middle
         self.stride = -(-count // 16) * 16
@@ -245,9 +251,7 @@ def hilbert_order(rows: int, columns: int) -> NDArray[np.intp]:
 
 def _order(runtime: Runtime, size: Size) -> DeviceArray:
     """Return `_packed_order` in device memory, the same for all curves."""
-    kept: DeviceArray = runtime.prepared(
-        (FluxCurve, size), lambda: runtime.array(_packed_order(size))
-    )
+    kept: DeviceArray = runtime.prepared((FluxCurve, size), lambda: runtime.array(_packed_order(size)))
     return kept
 
 

@@ -60,9 +60,7 @@ class LightVolume:
     area: Doubles
 
     @classmethod
-    def of(
-        cls, light: SentLight, low: Doubles, extent: float, also: SentLight | None = None
-    ) -> LightVolume:
+    def of(cls, light: SentLight, low: Doubles, extent: float, also: SentLight | None = None) -> LightVolume:
         """Return the volume of light within a cube.
 
         Args:
@@ -87,9 +85,7 @@ class LightVolume:
                 # Pieces are few: those of some surfaces may have missed a cell that others lie in.
                 over = np.maximum(area, each[face, :, 3])
                 mean += each[face, :, :3] / (np.pi * np.maximum(over, 1e-300))[:, None]
-            nearest = ndimage.distance_transform_edt(
-                ~known, return_distances=False, return_indices=True
-            )
+            nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
             radiance[..., face, :] = mean.reshape(*shape, 3)[tuple(nearest)]
             faces[known, face] = area.reshape(shape)[known] / side**2
         return cls(low, side, radiance, np.maximum(faces, FAINT))

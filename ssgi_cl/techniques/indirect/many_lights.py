@@ -20,9 +20,7 @@ MOST_PAIRS = 1 << 21
 """Of a group and a light that are looked at together, for memory."""
 
 
-def traced_lights(
-    positions: Floats, normals: Floats, lights: Floats, rays: int
-) -> tuple[NDArray[np.int32], Floats]:
+def traced_lights(positions: Floats, normals: Floats, lights: Floats, rays: int) -> tuple[NDArray[np.int32], Floats]:
     """Return the lights that groups of receivers trace rays to, and what each counts.
 
     Groups of `FIRST_GROUP` receivers share them. A light is taken with a probability in proportion

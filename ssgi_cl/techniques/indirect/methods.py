@@ -24,9 +24,7 @@ class Method:
     params: type[Params]
 
 
-def chosen_params(
-    methods: Mapping[str, Method], method: object, given: Mapping[str, Any]
-) -> Params:
+def chosen_params(methods: Mapping[str, Method], method: object, given: Mapping[str, Any]) -> Params:
     """Return the parameters of a method.
 
     Args:
@@ -41,13 +39,10 @@ def chosen_params(
     name = checks.choice("method", method, tuple(methods))
     own = _names(methods[name])
     for parameter, value in given.items():
-        others = [
-            repr(other) for other, kind in methods.items() if parameter in _names(kind)
-        ]
+        others = [repr(other) for other, kind in methods.items() if parameter in _names(kind)]
         if parameter not in own and others:
             raise ValueError(
-                f"{parameter}={value!r} applies only to method={' or '.join(others)} "
-                f"(got method={name!r})"
+                f"{parameter}={value!r} applies only to method={' or '.join(others)} (got method={name!r})"
             )
     return methods[name].params(**given)
 

@@ -21,8 +21,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 MULTIRES = Struct(
     "MultiresParams",
     (
-        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "no_second_difference",
-        "beyond"),
+        *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "no_second_difference", "beyond"),
         *((name, "int") for name in ("margin_columns", "margin_rows")),
     ),
 )
@@ -49,12 +48,14 @@ class MultiresGridParams(Params):
     """Which points of a level stand for which others."""
 
     coarsest: int = param(
-        16, "between the points of the coarsest level, all of which are computed: 1, 2, 4, 8, 16 "
-        "or 32", unit="px", low=1, high=32,
+        16,
+        "between the points of the coarsest level, all of which are computed: 1, 2, 4, 8, 16 or 32",
+        unit="px",
+        low=1,
+        high=32,
     )
     plane_tolerance: float = param(
-        0.005, "distance from the tangent plane at which a point counts nothing",
-        unit="depths", low=1e-6, high=1.0,
+        0.005, "distance from the tangent plane at which a point counts nothing", unit="depths", low=1e-6, high=1.0
     )
     normal_tolerance: float = param(
         0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0
@@ -85,9 +86,7 @@ def tile_order(size: Size) -> NDArray[np.int32]:
     """Return the tiles of an image of `size` points along a Z-curve, row << 16 | column each."""
     rows, columns = -(-size[0] // TILE), -(-size[1] // TILE)
     row, column = (axis.ravel() for axis in np.indices((rows, columns)))
-    key = sum(
-        ((column >> bit & 1) << 2 * bit) | ((row >> bit & 1) << (2 * bit + 1)) for bit in range(12)
-    )
+    key = sum(((column >> bit & 1) << 2 * bit) | ((row >> bit & 1) << (2 * bit + 1)) for bit in range(12))
     return (row << 16 | column)[np.argsort(key)].astype(np.int32)
 
 
@@ -123,9 +122,16 @@ class Points:
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) * 0.5 / to
         self.camera_struct = struct
         self._reduce.run(
-            "multires reduce", self.size,
-            fine_depth=fine.depth, fine_normal=fine.normal, depth=self.depth, linear=self.linear,
-            normal=self.normal, fine_size=fine.whole, margin=fine.margin, camera=struct,
+            "multires reduce",
+            self.size,
+            fine_depth=fine.depth,
+            fine_normal=fine.normal,
+            depth=self.depth,
+            linear=self.linear,
+            normal=self.normal,
+            fine_size=fine.whole,
+            margin=fine.margin,
+            camera=struct,
         )
 
 
@@ -149,9 +155,7 @@ class Level:
 
     source: Source  # known when the level is planned
 
-    def __init__(
-        self, runtime: Runtime, number: int, step: int, size: Size, channels: int
-    ) -> None:
+    def __init__(self, runtime: Runtime, number: int, step: int, size: Size, channels: int) -> None:
         self.number = number
         self.step = step
         self.size = size
@@ -170,16 +174,26 @@ class Level:
     def mark(self, kernel: Kernel, name: str, grid: Size, **arguments: Any) -> None:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
         kernel.run(
-            name, self.size, grid=grid,
-            values=self.values, fractions=self.fractions, masks=self._masks, **arguments,
+            name, self.size, grid=grid, values=self.values, fractions=self.fractions, masks=self._masks, **arguments
         )
         self._count.run(
-            "multires list", self.size, grid=(1, self._tile_count),
-            masks=self._masks, tiles=self._tiles, counts=self._counts, tile_count=self._tile_count,
+            "multires list",
+            self.size,
+            grid=(1, self._tile_count),
+            masks=self._masks,
+            tiles=self._tiles,
+            counts=self._counts,
+            tile_count=self._tile_count,
         )
         self._fill.run(
-            "multires list", self.size, grid=(1, -(-self._tile_count // CHUNK)), local=(1, 1),
-            masks=self._masks, counts=self._counts, tiles=self._tiles, list=self.list,
+            "multires list",
+            self.size,
+            grid=(1, -(-self._tile_count // CHUNK)),
+            local=(1, 1),
+            masks=self._masks,
+            counts=self._counts,
+            tiles=self._tiles,
+            list=self.list,
             tile_count=self._tile_count,
         )
 
@@ -201,11 +215,7 @@ class MultiresGrid(Prepared[MultiresGridParams]):
     """
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: MultiresGridParams | None = None,
-        channels: int = 3,
+        self, runtime: Runtime, size: Size, params: MultiresGridParams | None = None, channels: int = 3
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -256,8 +266,11 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             if coarser is None:
                 level.mark(
                     self.runtime.kernel("multires/multires_start.cl", self._macros),
-                    "multires start", (level.size[0], -(-level.size[1] // TILE)),
-                    depth=source.depth, whole=source.whole, margin=source.margin,
+                    "multires start",
+                    (level.size[0], -(-level.size[1] // TILE)),
+                    depth=source.depth,
+                    whole=source.whole,
+                    margin=source.margin,
                 )
             else:
                 self._interpolate(coarser, level, bound)
@@ -283,23 +296,39 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         values = {
             "depth_scale": 1.0 / params.plane_tolerance,
             "normal_scale": 1.0 / (1.0 - math.cos(params.normal_tolerance)),
-            "scale": bound_scale(level.step), "margin_columns": 0, "margin_rows": 0,
-            "begins": BEGINS, "ends": ENDS, "no_second_difference": NO_SECOND_DIFFERENCE,
+            "scale": bound_scale(level.step),
+            "margin_columns": 0,
+            "margin_rows": 0,
+            "begins": BEGINS,
+            "ends": ENDS,
+            "no_second_difference": NO_SECOND_DIFFERENCE,
             "beyond": BEYOND,
         }
         self.runtime.kernel("multires/multires_gradient.cl", self._macros, (CAMERA, MULTIRES)).run(
-            "multires gradient", coarser.size,
-            linear=known.linear, normal=known.normal, values=coarser.values, bound=bound,
-            gradient=known.gradient, camera=known.camera_struct, params=MULTIRES.pack(values),
+            "multires gradient",
+            coarser.size,
+            linear=known.linear,
+            normal=known.normal,
+            values=coarser.values,
+            bound=bound,
+            gradient=known.gradient,
+            camera=known.camera_struct,
+            params=MULTIRES.pack(values),
         )
         values["margin_rows"], values["margin_columns"] = source.margin
-        kernel = self.runtime.kernel(
-            "multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES)
-        )
+        kernel = self.runtime.kernel("multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES))
         level.mark(
-            kernel, "multires interpolate",
+            kernel,
+            "multires interpolate",
             (coarser.size[0], -(-coarser.size[1] // max(self.runtime.variant.lanes, TILE // 2))),
-            coarse_linear=known.linear, coarse_normal=known.normal, coarse_values=coarser.values,
-            coarse_gradient=known.gradient, linear=source.linear, normal=source.normal, bound=bound,
-            coarse=coarser.size, camera=source.camera_struct, params=MULTIRES.pack(values),
+            coarse_linear=known.linear,
+            coarse_normal=known.normal,
+            coarse_values=coarser.values,
+            coarse_gradient=known.gradient,
+            linear=source.linear,
+            normal=source.normal,
+            bound=bound,
+            coarse=coarser.size,
+            camera=source.camera_struct,
+            params=MULTIRES.pack(values),
         )

@@ -25,9 +25,7 @@ from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.indirect.vpl_tree import CPU_ITEMS
 
-SUBSPLAT = Struct(
-    "SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal")
-)
+SUBSPLAT = Struct("SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal"))
 IMAGES, EMPTY = SUBSPLAT_IMAGES, SUBSPLAT_EMPTY
 ROWS = 4
 """Times so many subsplats as a work-item has lanes: each light is read once for all of them."""
@@ -43,16 +41,17 @@ class MultiresPublishedParams(Params):
 
     vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
     levels: int = param(
-        7, "levels of the mipmap; a texel of the coarsest has 2^(levels - 1) pixels along its side",
-        low=1, high=10,
+        7, "levels of the mipmap; a texel of the coarsest has 2^(levels - 1) pixels along its side", low=1, high=10
     )
     depth_threshold: float = param(
-        0.1 / 16.0, "depth variation over 3 x 3 pixels, relative to depth, above which a texel of "
-        "level 3 is refined; at level l it is 3 / l of that", low=0.0, high=1e6,
+        0.1 / 16.0,
+        "depth variation over 3 x 3 pixels, relative to depth, above which a texel of "
+        "level 3 is refined; at level l it is 3 / l of that",
+        low=0.0,
+        high=1e6,
     )
     normal_threshold: float = param(
-        0.1, "extent of the normals' x or y in view space above which a texel is refined",
-        low=0.0, high=2.0,
+        0.1, "extent of the normals' x or y in view space above which a texel is refined", low=0.0, high=2.0
     )
 
     def depth_limit(self, level: int) -> float:
@@ -82,39 +81,28 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
     name: ClassVar[str] = "multires published"
     """Of the pass that is skipped where no light is."""
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: MultiresPublishedParams | None = None
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: MultiresPublishedParams | None = None) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params = params or MultiresPublishedParams()
         self._lights = DeviceVpls(runtime, params.vpls)
         self._chooser = VplChooser(runtime, (self._lights,))
-        sizes = [
-            (-(-size[0] // step), -(-size[1] // step))
-            for step in (1 << level for level in range(params.levels))
-        ]
+        sizes = [(-(-size[0] // step), -(-size[1] // step)) for step in (1 << level for level in range(params.levels))]
         self._levels = [Level(runtime, n, 1 << n, own, 3) for n, own in enumerate(sizes)]
         self._variation = [runtime.plane(IMAGES, own, EMPTY) for own in sizes]
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
         self._no_light = NoLight(runtime, size, self.name)
         folder = "multires_published/subsplat_"
-        self._vary, self._mip = (
-            runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip")
-        )
+        self._vary, self._mip = (runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip"))
         self._refine = runtime.kernel(f"{folder}refine.cl", structs=(SUBSPLAT,))
         self._shade = runtime.kernel(
-            f"{folder}shade.cl", {"VPL_NEAR": 0, "VPL_CUT": 0, "SUBSPLAT_ROWS": ROWS},
-            (CAMERA, VPL),
+            f"{folder}shade.cl", {"VPL_NEAR": 0, "VPL_CUT": 0, "SUBSPLAT_ROWS": ROWS}, (CAMERA, VPL)
         )
         self._upsample = runtime.kernel(f"{folder}upsample.cl")
 
     @former_order("gbuffer", "vpls", "rsms")
-    def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
-        rsms: Sequence[DeviceRsm] = (),
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *, rsms: Sequence[DeviceRsm] = ()) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
         Args:
@@ -158,15 +146,16 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         """Queue the passes that make the mipmap and the lists of subsplats of all levels."""
         params, levels, variation = self.params, self._levels, self._variation
         self._vary.run(
-            "subsplat variation", self.size,
-            depth=gbuffer.depth, normal=gbuffer.normal, variation=variation[0], whole=gbuffer.whole,
+            "subsplat variation",
+            self.size,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            variation=variation[0],
+            whole=gbuffer.whole,
             margin=gbuffer.margin,
         )
         for finer, coarser in pairwise(variation):
-            self._mip.run(
-                "subsplat mip", coarser.size,
-                finer=finer, coarser=coarser, finer_size=finer.size,
-            )
+            self._mip.run("subsplat mip", coarser.size, finer=finer, coarser=coarser, finer_size=finer.size)
         for n, level in enumerate(levels):
             # There is nothing above the coarsest level: no limit that a parent could keep.
             above = n + 1 < len(levels)
@@ -178,8 +167,12 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
                 "coarser_normal": params.normal_limit(n + 1) if above else -math.inf,
             }
             level.mark(
-                self._refine, "subsplat refine", (level.size[0], -(-level.size[1] // TILE)),
-                variation=variation[n], coarser=coarser, coarser_size=coarser.size,
+                self._refine,
+                "subsplat refine",
+                (level.size[0], -(-level.size[1] // TILE)),
+                variation=variation[n],
+                coarser=coarser,
+                coarser_size=coarser.size,
                 limits=SUBSPLAT.pack(limits),
             )
 
@@ -191,16 +184,27 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         for batch in self._lights.batches():
             packed = VPL.pack(
                 {
-                    **_ZEROS, **self._lights.values, **batch,
-                    "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0],
+                    **_ZEROS,
+                    **self._lights.values,
+                    **batch,
+                    "margin_columns": gbuffer.margin[1],
+                    "margin_rows": gbuffer.margin[0],
                 }
             )
             self._shade.run(
-                f"subsplats {level.step}", level.size, grid=(1, min(pieces, items)),
+                f"subsplats {level.step}",
+                level.size,
+                grid=(1, min(pieces, items)),
                 local=(1, 64 if is_gpu else 1),
-                depth=gbuffer.depth, normal=gbuffer.normal, list=level.list,
-                lights=self._lights.lights, values=level.values, camera=gbuffer.camera_struct,
-                params=packed, image=self.size, step=level.step,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                list=level.list,
+                lights=self._lights.lights,
+                values=level.values,
+                camera=gbuffer.camera_struct,
+                params=packed,
+                image=self.size,
+                step=level.step,
             )
 
     def _combine(self) -> Plane:
@@ -210,9 +214,14 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         finer = zip(self._levels[-2::-1], self._merged[::-1], strict=True)
         for level, (merged, merged_fractions) in finer:
             self._upsample.run(
-                "subsplat upsample", level.size,
-                coarse_values=values, coarse_fractions=fractions, fine_values=level.values,
-                fine_fractions=level.fractions, values=merged, fractions=merged_fractions,
+                "subsplat upsample",
+                level.size,
+                coarse_values=values,
+                coarse_fractions=fractions,
+                fine_values=level.values,
+                fine_fractions=level.fractions,
+                values=merged,
+                fractions=merged_fractions,
                 coarse_size=values.size,
             )
             values, fractions = merged, merged_fractions

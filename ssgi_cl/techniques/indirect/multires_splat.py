@@ -24,10 +24,7 @@ from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.methods import Method, chosen_params
 from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGridParams, Source
-from ssgi_cl.techniques.indirect.multires_published import (
-    MultiresPublished,
-    MultiresPublishedParams,
-)
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
@@ -57,25 +54,34 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     """
 
     error: float = param(
-        0.01, "of interpolation, as estimated; 1e6: geometry alone decides",
-        unit="of the mean irradiance", low=0.0, high=1e6,
+        0.01,
+        "of interpolation, as estimated; 1e6: geometry alone decides",
+        unit="of the mean irradiance",
+        low=0.0,
+        high=1e6,
     )
     light_error: float = param(
-        0.007, "up to which few lights stand for many, as estimated for each few; 0: never",
-        unit="of the mean irradiance", low=0.0, high=1e6,
+        0.007,
+        "up to which few lights stand for many, as estimated for each few; 0: never",
+        unit="of the mean irradiance",
+        low=0.0,
+        high=1e6,
     )
     cutoff: float = cutoff_param(0.0)
     refine: float = refine_param()
     visibility: bool = param(
-        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        False,
+        "surfaces block light on its way from light to pixel: all triangles where `scene` "
         "is given, else what the camera and the lights see; an "
-        "`error` of 0.05 is then enough, since the occupancy grid is no more exact"
+        "`error` of 0.05 is then enough, since the occupancy grid is no more exact",
     )
     grid: int = grid_param()
     share: int = param(
-        16, "lights that share a shadow ray: 4, 16 or 64, neighbours on a reflective shadow map; "
+        16,
+        "lights that share a shadow ray: 4, 16 or 64, neighbours on a reflective shadow map; "
         "fewer cost more and err less where few of many lights reach what is seen",
-        low=4, high=64,
+        low=4,
+        high=64,
     )
 
     importance: bool = importance_param()
@@ -131,8 +137,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     """Of the pass that is skipped where no light is."""
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *,
-        surfels: int = 0,
+        self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *, surfels: int = 0
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -142,15 +147,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self._lights = DeviceVpls(runtime, most, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
         self.rays: Any = None
-        self.occupancy = (
-            OccupancyGrid(runtime, params.grid, size) if params.visibility else None
-        )
+        self.occupancy = OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0),
-            self.occupancy,
-            params.share,
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self.occupancy, params.share
         )
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
@@ -161,9 +162,14 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
 
     @former_order("gbuffer", "vpls", "rsms")
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
-        rsms: Sequence[DeviceRsm] = (), scene: DeviceScene | None = None,
-        surfels: WorldVpls | None = None, other_light: Sequence[Plane] = (),
+        self,
+        gbuffer: DeviceGBuffer,
+        vpls: Vpls | None = None,
+        *,
+        rsms: Sequence[DeviceRsm] = (),
+        scene: DeviceScene | None = None,
+        surfels: WorldVpls | None = None,
+        other_light: Sequence[Plane] = (),
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 
@@ -201,22 +207,13 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 gbuffer, self.grid.half(gbuffer), rsms, self.occupancy, scene, self._lights
             )
             if curve is not None and params.importance:
-                importance = self._importance.run(
-                    gbuffer, curve, occupancy=self.occupancy, packed=packed
-                )
-                self._chooser.place(
-                    rsms, camera, kinds=1, importance=importance, more=surfels
-                )
+                importance = self._importance.run(gbuffer, curve, occupancy=self.occupancy, packed=packed)
+                self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
-        tree.measure(
-            coarsest.source, coarsest.list, values, params.error, params.light_error,
-            other_light,
-        )
+        tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error, other_light)
         for level in chain([coarsest], levels):
-            tree.shine(
-                level.source, level.list, level.most, level.fractions, level.values, values
-            )
+            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values)
         return self.grid.result
 
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> None:
@@ -230,36 +227,44 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self.rays = self._block(gbuffer, gbuffer, (), self.occupancy, solid, lights)
 
     def _block(
-        self, gbuffer: DeviceGBuffer, seen: Source, rsms: Sequence[DeviceRsm],
-        occupancy: OccupancyGrid, scene: DeviceScene | None, lights: DeviceVpls,
+        self,
+        gbuffer: DeviceGBuffer,
+        seen: Source,
+        rsms: Sequence[DeviceRsm],
+        occupancy: OccupancyGrid,
+        scene: DeviceScene | None,
+        lights: DeviceVpls,
     ) -> Any:
         """Queue the passes that mark what blocks light; return the struct for rays through it.
 
         The grid spans the lights and what is `seen`: some pixels of the G-buffer, or all.
         """
         values = {
-            **dict.fromkeys((name for name, _ in VPL.members), 0), **lights.values,
-            "margin_columns": seen.margin[1], "margin_rows": seen.margin[0],
+            **dict.fromkeys((name for name, _ in VPL.members), 0),
+            **lights.values,
+            "margin_columns": seen.margin[1],
+            "margin_rows": seen.margin[0],
             "count": lights.segments,
         }
         packed = VPL.pack(values)
         tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
         self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-            "vpl boxes", seen.size, grid=tiles,
-            depth=seen.depth, normal=seen.normal, boxes=self._boxes, camera=seen.camera_struct,
+            "vpl boxes",
+            seen.size,
+            grid=tiles,
+            depth=seen.depth,
+            normal=seen.normal,
+            boxes=self._boxes,
+            camera=seen.camera_struct,
             params=packed,
         )
         occupancy.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
         return VPL.pack(
-            {**values, "lift": occupancy.lift, "margin_columns": gbuffer.margin[1],
-             "margin_rows": gbuffer.margin[0]}
+            {**values, "lift": occupancy.lift, "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]}
         )
 
     def __call__(
-        self,
-        gbuffer: GBuffer | DeviceGBuffer,
-        vpls: Vpls,
-        out: NDArray[np.float32] | None = None,
+        self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None
     ) -> NDArray[np.float32]:
         """Return irradiance [rows, columns, 3] float32 in W/m^2, written to `out` if given."""
         if out is None:
@@ -348,7 +353,12 @@ DESCRIPTOR = Technique(
         "multires/multires_gradient.cl": ("MULTIRES_CHANNELS",),
         "multires/multires_start.cl": ("MULTIRES_CHANNELS",),
         "multires/shade_list.cl": (
-            "SHADE_LINE", "SHADE_PARTS", "SHADE_ROWS", "VPL_CUT", "VPL_GRID", "VPL_NEAR",
+            "SHADE_LINE",
+            "SHADE_PARTS",
+            "SHADE_ROWS",
+            "VPL_CUT",
+            "VPL_GRID",
+            "VPL_NEAR",
             "VPL_VISIBILITY",
         ),
         "multires_published/subsplat_mip.cl": (),
@@ -363,9 +373,11 @@ DESCRIPTOR = Technique(
     quantity="bounce",
     bench=Bench(
         families=("multires", "multires-visibility"),
-        rows={"multires_splat": (
-            "the same light at few pixels and from few lights, to a given error",
-            (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096")),
-        )},
+        rows={
+            "multires_splat": (
+                "the same light at few pixels and from few lights, to a given error",
+                (("1 %", "multires.10-permille"), ("with visibility", "multires-visibility.4096")),
+            )
+        },
     ),
 )

@@ -19,9 +19,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
-TURN = Struct(
-    "VplTurn", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z")
-)
+TURN = Struct("VplTurn", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"))
 GRIDS = (32, 64, 128, 256)
 MOST_CELLS = 128
 """That are chosen: with 256 view rays take twice the time, and few scenes gain."""
@@ -38,8 +36,11 @@ SLICES = 8
 def grid_param() -> Any:
     """Declare the parameter `grid`."""
     return param(
-        0, "cells along a side of the occupancy grid: 32, 64, 128, 256, or 0: as many as the "
-        "image's pixels fill, at most 128; 128 with `scene`", low=0, high=256,
+        0,
+        "cells along a side of the occupancy grid: 32, 64, 128, 256, or 0: as many as the "
+        "image's pixels fill, at most 128; 128 with `scene`",
+        low=0,
+        high=256,
     )
 
 
@@ -90,8 +91,14 @@ class OccupancyGrid:
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
     def fill(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], boxes: DeviceArray,
-        lights: DeviceVpls, size: Size, packed: Any, scene: DeviceScene | None = None,
+        self,
+        gbuffer: DeviceGBuffer,
+        rsms: Sequence[DeviceRsm],
+        boxes: DeviceArray,
+        lights: DeviceVpls,
+        size: Size,
+        packed: Any,
+        scene: DeviceScene | None = None,
     ) -> None:
         """Queue what marks the surfaces of all layers and of the reflective shadow maps.
 
@@ -107,8 +114,13 @@ class OccupancyGrid:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         self._clear.run(
-            "vpl grid", size, grid=(self.cells, self.cells),
-            boxes=boxes, bounds=lights.bounds, occupancy=self.grid, grid_box=self.box,
+            "vpl grid",
+            size,
+            grid=(self.cells, self.cells),
+            boxes=boxes,
+            bounds=lights.bounds,
+            occupancy=self.grid,
+            grid_box=self.box,
             params=packed,
         )
         if scene is not None:
@@ -118,9 +130,7 @@ class OccupancyGrid:
         self.lift = LIFT if scene is None else MESH_LIFT
         self._measure_distances()
 
-    def fill_scene(
-        self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float
-    ) -> None:
+    def fill_scene(self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float) -> None:
         """Queue what marks the triangles of a scene in a grid round the origin of a space.
 
         Args:
@@ -134,8 +144,13 @@ class OccupancyGrid:
         self._whole = self.runtime.array(box)
         packed = VPL.pack(dict.fromkeys((name for name, _ in VPL.members), 0))
         self._clear.run(
-            "vpl grid", (1, 1), grid=(self.cells, self.cells),
-            boxes=self._whole, bounds=self._whole, occupancy=self.grid, grid_box=self.box,
+            "vpl grid",
+            (1, 1),
+            grid=(self.cells, self.cells),
+            boxes=self._whole,
+            bounds=self._whole,
+            occupancy=self.grid,
+            grid_box=self.box,
             params=packed,
         )
         self._voxelize(scene, view, 1.0 / unit)
@@ -148,14 +163,13 @@ class OccupancyGrid:
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
             reach.run(
-                "vpl reach", (axis, blocks**axis),
-                grid=(1, -(-blocks**3 // self.runtime.variant.lanes)),
+                "vpl reach",
+                (axis, blocks**axis),
+                grid=(1, -(-(blocks**3) // self.runtime.variant.lanes)),
                 occupancy=self.grid,
             )
 
-    def _voxelize(
-        self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float
-    ) -> None:
+    def _voxelize(self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float) -> None:
         """Queue the pass that marks the triangles of a scene."""
         # In float64: origin and camera may be far from the world's and near each other.
         turn, shift = view[:3, :3], view[:3, 3]
@@ -163,17 +177,23 @@ class OccupancyGrid:
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
         self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
-            "vpl voxelize", (scene.vertices, scene.triangles),
+            "vpl voxelize",
+            (scene.vertices, scene.triangles),
             grid=(slices, -(-scene.triangles // self.runtime.variant.lanes)),
-            faces=scene.faces, vertices=scene.shading, uvs=scene.uvs, cutouts=scene.cutouts,
-            materials=scene.materials, textures=scene.textures, texels=scene.texels,
-            decode=scene.decode, grid_box=self.box, occupancy=self.grid,
+            faces=scene.faces,
+            vertices=scene.shading,
+            uvs=scene.uvs,
+            cutouts=scene.cutouts,
+            materials=scene.materials,
+            textures=scene.textures,
+            texels=scene.texels,
+            decode=scene.decode,
+            grid_box=self.box,
+            occupancy=self.grid,
             turn=packed_turn(from_scene),
         )
 
-    def _mark_seen(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, packed: Any
-    ) -> None:
+    def _mark_seen(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, packed: Any) -> None:
         """Queue the passes that mark what the camera and the lights see."""
         sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
         sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]
@@ -182,9 +202,15 @@ class OccupancyGrid:
                 "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
             )
             kernel.run(
-                "vpl occupy", whole,
-                points=points, normal=normal, grid_box=self.box, occupancy=self.grid,
-                camera=gbuffer.camera_struct, params=packed, turn=packed_turn(turn),
+                "vpl occupy",
+                whole,
+                points=points,
+                normal=normal,
+                grid_box=self.box,
+                occupancy=self.grid,
+                camera=gbuffer.camera_struct,
+                params=packed,
+                turn=packed_turn(turn),
             )
 
 

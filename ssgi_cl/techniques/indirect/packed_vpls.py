@@ -81,8 +81,14 @@ class DeviceVpls:
     """
 
     def __init__(
-        self, runtime: Runtime, most: int, subsets: int = 1, *, parts: bool = False,
-        listed: int = 1, glossy: bool = False,
+        self,
+        runtime: Runtime,
+        most: int,
+        subsets: int = 1,
+        *,
+        parts: bool = False,
+        listed: int = 1,
+        glossy: bool = False,
     ) -> None:
         self.glossy = glossy
         self.most = most
@@ -144,9 +150,7 @@ class DeviceVpls:
         lights[segment, number] = _packed(vpls, camera, unit, brightest)
         if vpls.parts is not None and self.parted:
             places = self.stride + PARTS * number[:, None] + np.arange(PARTS)
-            lights[np.repeat(segment, PARTS), places.ravel()] = _packed(
-                vpls.parts, camera, unit, brightest
-            )
+            lights[np.repeat(segment, PARTS), places.ravel()] = _packed(vpls.parts, camera, unit, brightest)
         own = lights[:, : self.stride]
         rows = [own[..., :3], -own[..., 4:7], own[..., 3:4]]
         if self.glossy:
@@ -156,8 +160,7 @@ class DeviceVpls:
         self.bounds.send(bounds.transpose(0, 2, 1))
 
     def place(
-        self, chosen: ChosenVpls | None, camera: Camera, unit: float | None = None,
-        more: WorldVpls | None = None,
+        self, chosen: ChosenVpls | None, camera: Camera, unit: float | None = None, more: WorldVpls | None = None
     ) -> None:
         """Queue the passes that replace the contents by lights as a camera sees them.
 
@@ -186,20 +189,19 @@ class DeviceVpls:
         if more is not None:
             away.append(float(np.abs(more.to_view(camera)[:, 3]).max()) + more.reach)
             brightest.append(more.brightest)
-        unit, power = self._scale(
-            max(away, default=1.0) if unit is None else unit, max(brightest, default=1.0)
-        )
+        unit, power = self._scale(max(away, default=1.0) if unit is None else unit, max(brightest, default=1.0))
         if chosen is not None:
             self._place_chosen(chosen, camera, unit, power)
         if more is not None:
             self._place_more(more, camera, unit, power, first)
 
-    def _place_chosen(
-        self, chosen: ChosenVpls, camera: Camera, unit: float, power: float
-    ) -> None:
+    def _place_chosen(self, chosen: ChosenVpls, camera: Camera, unit: float, power: float) -> None:
         values = {
-            **self._space(chosen.curve.maps[0].to_view(camera), unit), "per_brightest": 1.0 / power,
-            "lights": chosen.count, "split": chosen.split, "edge_stride": chosen.edges.stride,
+            **self._space(chosen.curve.maps[0].to_view(camera), unit),
+            "per_brightest": 1.0 / power,
+            "lights": chosen.count,
+            "split": chosen.split,
+            "edge_stride": chosen.edges.stride,
         }
         wanted = [chosen.places]
         if chosen.part_places is not None and self.parted:
@@ -208,24 +210,33 @@ class DeviceVpls:
             macros = {"VPL_PART": part, "VPL_GLOSSY": int(self.glossy)}
             kernel = self.runtime.kernel("vpl/vpl_place.cl", macros, (PLACE,))
             kernel.run(
-                "vpl place", (self.segments, self.stride * (PARTS if part else 1)),
-                edges=chosen.edges.array, places=places.array, lights=self.lights,
-                bounds=self.bounds, params=PLACE.pack({**values, "place_stride": places.stride}),
+                "vpl place",
+                (self.segments, self.stride * (PARTS if part else 1)),
+                edges=chosen.edges.array,
+                places=places.array,
+                lights=self.lights,
+                bounds=self.bounds,
+                params=PLACE.pack({**values, "place_stride": places.stride}),
             )
 
-    def _place_more(
-        self, more: WorldVpls, camera: Camera, unit: float, power: float, first: int
-    ) -> None:
+    def _place_more(self, more: WorldVpls, camera: Camera, unit: float, power: float, first: int) -> None:
         values = {
-            **self._space(more.to_view(camera), unit), "per_brightest": more.brightest / power,
-            "lights": more.count, "split": 1, "edge_stride": 0,
+            **self._space(more.to_view(camera), unit),
+            "per_brightest": more.brightest / power,
+            "lights": more.count,
+            "split": 1,
+            "edge_stride": 0,
         }
         wanted = [(more.lights, more.stride), (more.parts, more.part_stride)]
         for part, (world, stride) in enumerate(wanted[: 1 + int(self.parted)]):
             kernel = self.runtime.kernel("vpl/vpl_to_view.cl", {"VPL_PART": part}, (PLACE,))
             kernel.run(
-                "vpl place", (self.segments, self.stride * (PARTS if part else 1)),
-                world=world, lights=self.lights, bounds=self.bounds, first=first,
+                "vpl place",
+                (self.segments, self.stride * (PARTS if part else 1)),
+                world=world,
+                lights=self.lights,
+                bounds=self.bounds,
+                first=first,
                 params=PLACE.pack({**values, "place_stride": stride}),
             )
 
@@ -234,8 +245,11 @@ class DeviceVpls:
         return {
             **rotation_values(to_view[:, :3]),
             **dict(zip("xyz", to_view[:, 3].tolist(), strict=True)),
-            "per_unit": 1.0 / unit, "batch": self.batch, "subsets": self.subsets,
-            "stride": self.stride, "span": self.span,
+            "per_unit": 1.0 / unit,
+            "batch": self.batch,
+            "subsets": self.subsets,
+            "stride": self.stride,
+            "span": self.span,
         }
 
     def _scale(self, furthest: float, brightest: float) -> tuple[float, float]:
@@ -254,10 +268,7 @@ class DeviceVpls:
     def batches(self) -> Iterator[dict[str, float]]:
         """Yield the struct's members of each batch; of an empty one if there are no lights."""
         for number in range(max(-(-self.count // self.batch), 1)):
-            yield {
-                "segment": number * self.subsets,
-                "count": min(self.count - number * self.batch, self.batch),
-            }
+            yield {"segment": number * self.subsets, "count": min(self.count - number * self.batch, self.batch)}
 
 
 class VplChooser:
@@ -269,17 +280,21 @@ class VplChooser:
         most: lights that are chosen, at most; by default as many as there is room for.
     """
 
-    def __init__(
-        self, runtime: Runtime, lights: Sequence[DeviceVpls], most: int | None = None
-    ) -> None:
+    def __init__(self, runtime: Runtime, lights: Sequence[DeviceVpls], most: int | None = None) -> None:
         self.runtime = runtime
         self._lights = tuple(lights)
         self._most = most
         self._chosen: dict[bool, tuple[ChosenVpls, ...]] = {}
 
     def place(
-        self, rsms: Sequence[DeviceRsm], camera: Camera, *, kinds: int, unit: float | None = None,
-        importance: DeviceArray | None = None, more: WorldVpls | None = None,
+        self,
+        rsms: Sequence[DeviceRsm],
+        camera: Camera,
+        *,
+        kinds: int,
+        unit: float | None = None,
+        importance: DeviceArray | None = None,
+        more: WorldVpls | None = None,
     ) -> FluxCurve:
         """Queue the passes that fill the first `kinds` of the lights from at least one map.
 
@@ -299,9 +314,7 @@ class VplChooser:
         if made is None or made[0].curve.key != curve_key(rsms):
             curve = FluxCurve(self.runtime, curve_key(rsms), glossy=self._lights[0].glossy)
             made = self._chosen[weighted] = tuple(
-                ChosenVpls(
-                    curve, min(self._most or own.most, curve.texels), parts=own.span > own.stride
-                )
+                ChosenVpls(curve, min(self._most or own.most, curve.texels), parts=own.span > own.stride)
                 for own in self._lights
             )
         made[0].curve.update(rsms, importance)
@@ -311,9 +324,7 @@ class VplChooser:
         return made[0].curve
 
 
-def _packed(
-    vpls: Vpls, camera: Camera, unit: float, brightest: float
-) -> NDArray[np.float32]:
+def _packed(vpls: Vpls, camera: Camera, unit: float, brightest: float) -> NDArray[np.float32]:
     """Return [count, LIGHT] what kernels read of lights."""
     turn = camera.view[:3, :3]
     lights = np.zeros((len(vpls), LIGHT if vpls.axis is None else LOBE_LIGHT), np.float32)

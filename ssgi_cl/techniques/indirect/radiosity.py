@@ -39,25 +39,20 @@ SETTLED = 50
 class RadiosityParams(Params):
     """Parameters of radiosity."""
 
-    surfels: int = param(
-        2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14
-    )
+    surfels: int = param(2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14)
     bounces: int | str = param(
-        "all", "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
-        "to come have less than 0.2 % of the flux"
+        "all",
+        "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
+        "to come have less than 0.2 % of the flux",
     )
     emission: bool = param(
-        True, "the lights that are returned send what surfaces emit, too; False: only what they "
-        "reflect, for pixels that emissive surfaces light in another way"
+        True,
+        "the lights that are returned send what surfaces emit, too; False: only what they "
+        "reflect, for pixels that emissive surfaces light in another way",
     )
-    vpls: int = param(
-        4096, "virtual point lights that are chosen from maps to light surfels", low=16,
-        high=1 << 16,
-    )
+    vpls: int = param(4096, "virtual point lights that are chosen from maps to light surfels", low=16, high=1 << 16)
     directions: int = param(128, "in which a surfel looks for the sky", low=16, high=4096)
-    grid: int = param(
-        128, "cells along a side of the occupancy grid: 32, 64, 128 or 256", low=32, high=256
-    )
+    grid: int = param(128, "cells along a side of the occupancy grid: 32, 64, 128 or 256", low=32, high=256)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,12 +60,10 @@ class RadiosityParams(Params):
             raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
         bounces = self.bounces
         if bounces != "all" and (
-            isinstance(bounces, bool) or not isinstance(bounces, int)
-            or not 1 <= bounces <= MOST_BOUNCES
+            isinstance(bounces, bool) or not isinstance(bounces, int) or not 1 <= bounces <= MOST_BOUNCES
         ):
             raise ValueError(
-                f"bounces is {bounces!r}: expected 'all' or an integer in [1, {MOST_BOUNCES}] "
-                "(reflections)"
+                f"bounces is {bounces!r}: expected 'all' or an integer in [1, {MOST_BOUNCES}] (reflections)"
             )
 
 
@@ -129,14 +122,10 @@ class Radiosity(Prepared[RadiosityParams]):
         if self._volume is None and self._light is not None:
             half = self._device.half
             own, also = self._light
-            self._volume = LightVolume.of(
-                own, self._device.camera.position - half, 2.0 * half, also
-            )
+            self._volume = LightVolume.of(own, self._device.camera.position - half, 2.0 * half, also)
         return self._volume
 
-    def run(
-        self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()
-    ) -> WorldVpls | None:
+    def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> WorldVpls | None:
         """Return the lights, None where they would be black. Waits for the device if it computes.
 
         Args:
@@ -173,9 +162,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._lit = lit
         return self._result
 
-    def _solved(
-        self, environments: Sequence[Environment], records: Floats | None
-    ) -> WorldVpls | None:
+    def _solved(self, environments: Sequence[Environment], records: Floats | None) -> WorldVpls | None:
         device, surfels = self._device, self._device.surfels
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
@@ -212,8 +199,10 @@ class Radiosity(Prepared[RadiosityParams]):
         turn = device.camera.view[:3, :3]
         watts = self._maps.values["gain"] * device.unit**2
         return SentLight(
-            rows[:, :3] * device.unit @ turn + device.camera.position, -rows[:, 4:7] @ turn,
-            rows[:, 3] * device.unit**2, rows[:, 8:11] * watts,
+            rows[:, :3] * device.unit @ turn + device.camera.position,
+            -rows[:, 4:7] @ turn,
+            rows[:, 3] * device.unit**2,
+            rows[:, 8:11] * watts,
         )
 
     def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
@@ -230,9 +219,7 @@ class Radiosity(Prepared[RadiosityParams]):
         for bounce in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
             received = device.gather(sky if bounce == 1 else sky + first).astype(np.float64)
             self.bounces = bounce
-            latest, total = float((np.abs(received - before) * weight).sum()), float(
-                (received * weight).sum()
-            )
+            latest, total = float((np.abs(received - before) * weight).sum()), float((received * weight).sum())
             ratio = latest / change if change > 0.0 else 0.0
             before, change = received, latest
             if bounce < 3:
@@ -255,10 +242,7 @@ def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
     if emission:
         exitance += math.pi * surfels.part_emission
     flux = surfels.part_area[:, None] * exitance
-    parts = Vpls(
-        surfels.part_position + surfels.origin, surfels.part_normal, flux, surfels.part_area
-    )
+    parts = Vpls(surfels.part_position + surfels.origin, surfels.part_normal, flux, surfels.part_area)
     return Vpls(
-        surfels.position + surfels.origin, surfels.normal,
-        flux.reshape(-1, PARTS, 3).sum(axis=1), surfels.area, parts,
+        surfels.position + surfels.origin, surfels.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), surfels.area, parts
     )

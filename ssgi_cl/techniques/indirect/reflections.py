@@ -59,8 +59,15 @@ class Reflections:
         self._sent = runtime.array(np.zeros(CELLS**3 * FACES * 4, np.float32))
 
     def run(
-        self, gbuffer: DeviceGBuffer, radiance: Plane, *, light: Plane, lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None], occupancy: OccupancyGrid, rays: Any,
+        self,
+        gbuffer: DeviceGBuffer,
+        radiance: Plane,
+        *,
+        light: Plane,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None],
+        occupancy: OccupancyGrid,
+        rays: Any,
         volume: LightVolume,
     ) -> None:
         """Queue the passes that add what lobes reflect to the plane of radiance.
@@ -80,8 +87,14 @@ class Reflections:
         self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
 
     def _trace(
-        self, gbuffer: DeviceGBuffer, radiance: Plane, light: Plane, lights: Sequence[Light],
-        occupancy: OccupancyGrid, rays: Any, volume: LightVolume,
+        self,
+        gbuffer: DeviceGBuffer,
+        radiance: Plane,
+        light: Plane,
+        lights: Sequence[Light],
+        occupancy: OccupancyGrid,
+        rays: Any,
+        volume: LightVolume,
     ) -> None:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
@@ -93,33 +106,46 @@ class Reflections:
             self._sent.upload(packed.astype(np.float32).ravel())
         reach = volume.side * CELLS
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()
-        params = REFLECT.pack({
-            "cell_x": x, "cell_y": y, "cell_z": z,
-            "per_cell": 1.0 / (float(rays["per_unit"]) * volume.side),
-            **rotation_values(camera.view[:3, :3].T),
-            "reach": reach,
-            "thick": THICK_CELLS * reach / occupancy.cells,
-            "texels_per_angle": self._sky.texels_per_angle,
-            "levels": self._sky.count,
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
-        })
+        params = REFLECT.pack(
+            {
+                "cell_x": x,
+                "cell_y": y,
+                "cell_z": z,
+                "per_cell": 1.0 / (float(rays["per_unit"]) * volume.side),
+                **rotation_values(camera.view[:3, :3].T),
+                "reach": reach,
+                "thick": THICK_CELLS * reach / occupancy.cells,
+                "texels_per_angle": self._sky.texels_per_angle,
+                "levels": self._sky.count,
+                "margin_columns": gbuffer.margin[1],
+                "margin_rows": gbuffer.margin[0],
+            }
+        )
         seen: dict[str, Any] = {
-            "linear": gbuffer.linear, "normal": gbuffer.normal, "albedo": gbuffer.albedo,
-            "specular": gbuffer.specular, "gloss": gbuffer.gloss,
+            "linear": gbuffer.linear,
+            "normal": gbuffer.normal,
+            "albedo": gbuffer.albedo,
+            "specular": gbuffer.specular,
+            "gloss": gbuffer.gloss,
         }
-        macros = {
-            "REFLECT_RAYS": RAYS, "REFLECT_STEPS": STEPS, "REFLECT_CELLS": CELLS,
-            **occupancy.macros,
-        }
+        macros = {"REFLECT_RAYS": RAYS, "REFLECT_STEPS": STEPS, "REFLECT_CELLS": CELLS, **occupancy.macros}
         with self._reflected.over(gbuffer.seen) as (reflected, over):
-            self.runtime.kernel(
-                "reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)
-            ).run(
-                "reflect trace", self.size, region=over, **seen, radiance=radiance, light=light,
-                sky=self._sky.texels, places=self._sky.places, volume=self._sent,
-                occupancy=occupancy.grid, grid_box=occupancy.box, reflected=reflected,
-                camera=gbuffer.camera_struct, rays=rays, params=params,
+            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)).run(
+                "reflect trace",
+                self.size,
+                region=over,
+                **seen,
+                radiance=radiance,
+                light=light,
+                sky=self._sky.texels,
+                places=self._sky.places,
+                volume=self._sent,
+                occupancy=occupancy.grid,
+                grid_box=occupancy.box,
+                reflected=reflected,
+                camera=gbuffer.camera_struct,
+                rays=rays,
+                params=params,
             )
             mean = self.runtime.transient.plane(3, self.size)
             passes = ((reflected, mean, 1), (mean, radiance, STRIDE))
@@ -129,6 +155,12 @@ class Reflections:
                     {"REFLECT_STRIDE": stride, "REFLECT_LAST": int(target is radiance)},
                     (CAMERA, REFLECT),
                 ).run(
-                    "reflect add", self.size, region=over, **seen, reflected=source,
-                    radiance=target, camera=gbuffer.camera_struct, params=params,
+                    "reflect add",
+                    self.size,
+                    region=over,
+                    **seen,
+                    reflected=source,
+                    radiance=target,
+                    camera=gbuffer.camera_struct,
+                    params=params,
                 )

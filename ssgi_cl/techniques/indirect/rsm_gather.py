@@ -39,25 +39,29 @@ class RsmGatherParams(Params):
 
     samples: int = param(400, "texels of each map that a pixel gathers from", low=1, high=65536)
     pattern: str = param(
-        "flux", "'flux': drawn in proportion to flux, the same for all pixels; 'fixed': a disk "
+        "flux",
+        "'flux': drawn in proportion to flux, the same for all pixels; 'fixed': a disk "
         "round the pixel's place in the map; 'rotated': the disk turned from pixel to pixel, noise "
         "for bands; 'all': every texel, whatever `samples` is",
         choices=("flux", "fixed", "rotated", "all"),
     )
     radius: float = param(
-        math.inf, "of the disk; by default as far as the furthest corner of the map",
-        unit="sides of a face of the map", low=0.0, above=True, high=math.inf,
+        math.inf,
+        "of the disk; by default as far as the furthest corner of the map",
+        unit="sides of a face of the map",
+        low=0.0,
+        above=True,
+        high=math.inf,
     )
     resolution: str = param(
-        "full", "'full': light is gathered for all pixels; 'adaptive': for those alone between "
-        "which it is not smooth, the others are interpolated", choices=RESOLUTIONS,
+        "full",
+        "'full': light is gathered for all pixels; 'adaptive': for those alone between "
+        "which it is not smooth, the others are interpolated",
+        choices=RESOLUTIONS,
     )
-    error: float = param(
-        0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6
-    )
+    error: float = param(0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6)
     plane_tolerance: float = param(
-        0.005, "distance from the tangent plane at which a neighbour counts nothing",
-        unit="depths", low=1e-6, high=1.0,
+        0.005, "distance from the tangent plane at which a neighbour counts nothing", unit="depths", low=1e-6, high=1.0
     )
     normal_tolerance: float = param(
         0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0
@@ -91,19 +95,13 @@ class RsmGather(RsmTechnique[RsmGatherParams]):
     name = "rsm gather"
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: RsmGatherParams | None = None,
-        margin: Size = (0, 0),
+        self, runtime: Runtime, size: Size, params: RsmGatherParams | None = None, margin: Size = (0, 0)
     ) -> None:
         params = params or RsmGatherParams()
         super().__init__(runtime, size, params, margin)
         self._grid: MultiresGrid | None = None
         if params.resolution == "adaptive":
-            self._grid = MultiresGrid(
-                runtime, size, _grid_params(params)
-            )
+            self._grid = MultiresGrid(runtime, size, _grid_params(params))
             self._bound = runtime.empty(1, np.float32)
             self._bounds = runtime.kernel("rsm_gather/rsm_gather_bound.cl")
         else:
@@ -132,23 +130,23 @@ class RsmGather(RsmTechnique[RsmGatherParams]):
             self._maps.gather(level.source, camera, level.values, level)
             if level.number == 0:
                 self._bounds.run(
-                    "mean", level.size, grid=(1, 1), local=(1, 1),
-                    list=level.list, values=level.values, bound=self._bound,
+                    "mean",
+                    level.size,
+                    grid=(1, 1),
+                    local=(1, 1),
+                    list=level.list,
+                    values=level.values,
+                    bound=self._bound,
                     share=self.params.error,
                 )
         return self._grid.result
 
 
 def _grid_params(params: RsmGatherParams) -> MultiresGridParams:
-    return MultiresGridParams(
-        plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance
-    )
+    return MultiresGridParams(plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance)
 
 
-METHODS = {
-    "unbiased": Method(RsmGather, RsmGatherParams),
-    "published": Method(RsmPublished, RsmPublishedParams),
-}
+METHODS = {"unbiased": Method(RsmGather, RsmGatherParams), "published": Method(RsmPublished, RsmPublishedParams)}
 """The first is the default."""
 
 
@@ -206,8 +204,7 @@ def rsm_gather(
     runtime = device.runtime
     kind: Any = METHODS[method].technique
     technique = runtime.prepared(
-        (kind, device.size, device.margin, chosen.shape()),
-        lambda: kind(runtime, device.size, chosen, device.margin),
+        (kind, device.size, device.margin, chosen.shape()), lambda: kind(runtime, device.size, chosen, device.margin)
     )
     technique.params = chosen
     result: NDArray[np.float32] = technique(device, rsms)
@@ -225,7 +222,10 @@ DESCRIPTOR = Technique(
     kernels={
         "rsm_gather/rsm_gather_bound.cl": (),
         "rsm_gather/rsm_gather_disk.cl": (
-            "RSM_GATHER_LISTED", "RSM_GATHER_POINTS", "RSM_GATHER_ROTATED", "RSM_GATHER_SPHERE",
+            "RSM_GATHER_LISTED",
+            "RSM_GATHER_POINTS",
+            "RSM_GATHER_ROTATED",
+            "RSM_GATHER_SPHERE",
         ),
         "rsm_gather/rsm_gather_pick.cl": (),
         "rsm_gather/rsm_gather_same.cl": ("RSM_GATHER_LISTED",),
@@ -240,10 +240,11 @@ DESCRIPTOR = Technique(
     quantity="unblocked_bounce",
     bench=Bench(
         families=("rsm-gather", "rsm-gather-adaptive"),
-        rows={"rsm_gather": (
-            "one-bounce indirect light, gathered from reflective shadow maps",
-            (("400 samples", "rsm-gather.400"),
-             ('`resolution="adaptive"`', "rsm-gather-adaptive.400")),
-        )},
+        rows={
+            "rsm_gather": (
+                "one-bounce indirect light, gathered from reflective shadow maps",
+                (("400 samples", "rsm-gather.400"), ('`resolution="adaptive"`', "rsm-gather-adaptive.400")),
+            )
+        },
     ),
 )

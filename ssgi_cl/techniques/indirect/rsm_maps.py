@@ -34,10 +34,7 @@ GATHER = Struct(
         *((name, "int") for name in ("margin_columns", "margin_rows", "samples", "add")),
     ),
 )
-MAP = Struct(
-    "RsmMapParams",
-    (*floats(*ROTATION, "radius", "density", "offset"), ("columns", "int"), ("rows", "int")),
-)
+MAP = Struct("RsmMapParams", (*floats(*ROTATION, "radius", "density", "offset"), ("columns", "int"), ("rows", "int")))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,9 +115,7 @@ class RsmMaps:
             self._kept[number].update(rsm)
         self._maps = list(zip(rsms, self._kept, strict=False))
 
-    def gather(
-        self, source: Source, camera: Camera, result: Plane, level: Level | None = None
-    ) -> None:
+    def gather(self, source: Source, camera: Camera, result: Plane, level: Level | None = None) -> None:
         """Queue the gathering from all maps that were prepared, at least one.
 
         Args:
@@ -134,8 +129,15 @@ class RsmMaps:
             self._gather(source, camera, result, level, rsm, samples, add=number > 0)
 
     def _gather(
-        self, source: Source, camera: Camera, result: Plane, level: Level | None, rsm: DeviceRsm,
-        samples: _Samples, *, add: bool,
+        self,
+        source: Source,
+        camera: Camera,
+        result: Plane,
+        level: Level | None,
+        rsm: DeviceRsm,
+        samples: _Samples,
+        *,
+        add: bool,
     ) -> None:
         kernel, given, count = self._pass(rsm, samples, listed=level is not None)
         to_map = rsm.from_view(camera)
@@ -157,24 +159,27 @@ class RsmMaps:
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
         kernel.run(
-            "rsm gather" if level is None else f"rsm gather {level.step}", result.size,
-            grid=grid, local=local,
-            depth=source.depth, normal=source.normal, list=None if level is None else level.list,
-            fractions=None if level is None else level.fractions, irradiance=result,
-            camera=source.camera_struct, params=packed, **given,
+            "rsm gather" if level is None else f"rsm gather {level.step}",
+            result.size,
+            grid=grid,
+            local=local,
+            depth=source.depth,
+            normal=source.normal,
+            list=None if level is None else level.list,
+            fractions=None if level is None else level.fractions,
+            irradiance=result,
+            camera=source.camera_struct,
+            params=packed,
+            **given,
         )
 
-    def _pass(
-        self, rsm: DeviceRsm, samples: _Samples, *, listed: bool
-    ) -> tuple[Kernel, dict[str, Any], int]:
+    def _pass(self, rsm: DeviceRsm, samples: _Samples, *, listed: bool) -> tuple[Kernel, dict[str, Any], int]:
         """Return the kernel, its further arguments and the number of samples."""
         sampling = self.sampling
         macros = {"RSM_GATHER_LISTED": int(listed)}
         if not self._in_disk:
             chosen = samples.picked or samples.texels
-            kernel = self.runtime.kernel(
-                "rsm_gather/rsm_gather_same.cl", macros, (CAMERA, GATHER)
-            )
+            kernel = self.runtime.kernel("rsm_gather/rsm_gather_same.cl", macros, (CAMERA, GATHER))
             return kernel, {"samples": chosen.records}, chosen.count
         kernel = self.runtime.kernel(
             "rsm_gather/rsm_gather_disk.cl",

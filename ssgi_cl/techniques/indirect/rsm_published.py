@@ -19,10 +19,7 @@ from ssgi_cl.techniques.indirect.rsm_technique import RsmTechnique
 
 INTERPOLATE = Struct(
     "RsmInterpolateParams",
-    (
-        *floats("reach", "cosine"),
-        *((name, "int") for name in ("margin_columns", "margin_rows", "step")),
-    ),
+    (*floats("reach", "cosine"), *((name, "int") for name in ("margin_columns", "margin_rows", "step"))),
 )
 
 
@@ -38,24 +35,36 @@ class RsmPublishedParams(Params):
 
     samples: int = param(400, "texels of each map that a pixel gathers from", low=1, high=65536)
     radius: float = param(
-        0.5, "of the disk round the pixel's place in the map, r_max",
-        unit="sides of a face of the map", low=0.0, above=True, high=4.0,
+        0.5,
+        "of the disk round the pixel's place in the map, r_max",
+        unit="sides of a face of the map",
+        low=0.0,
+        above=True,
+        high=4.0,
     )
     offset: float = param(
-        1.0, "by which lights move along minus their normal, against the singularity in corners",
-        unit="widths of a texel's surface", low=0.0, high=1e6,
+        1.0,
+        "by which lights move along minus their normal, against the singularity in corners",
+        unit="widths of a texel's surface",
+        low=0.0,
+        high=1e6,
     )
     spacing: int = param(
-        8, "between the pixels of the low-resolution pass; 1: light is gathered for every pixel",
-        unit="px", low=1, high=64,
+        8,
+        "between the pixels of the low-resolution pass; 1: light is gathered for every pixel",
+        unit="px",
+        low=1,
+        high=64,
     )
     position_tolerance: float = param(
-        2.0, "distance in space up to which a low-resolution pixel is near",
-        unit="spacings, as large as they are at the pixel's depth", low=0.0, high=1e6,
+        2.0,
+        "distance in space up to which a low-resolution pixel is near",
+        unit="spacings, as large as they are at the pixel's depth",
+        low=0.0,
+        high=1e6,
     )
     normal_tolerance: float = param(
-        0.2, "angle between normals up to which they are similar", unit="radians", low=1e-3,
-        high=3.0,
+        0.2, "angle between normals up to which they are similar", unit="radians", low=1e-3, high=3.0
     )
 
 
@@ -79,25 +88,18 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
     name = "rsm published"
 
     def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        params: RsmPublishedParams | None = None,
-        margin: Size = (0, 0),
+        self, runtime: Runtime, size: Size, params: RsmPublishedParams | None = None, margin: Size = (0, 0)
     ) -> None:
         params = params or RsmPublishedParams()
         super().__init__(runtime, size, params, margin)
         self._lattice = Level(runtime, 0, params.spacing, size, 3)
         self._rest = Level(runtime, 1, 1, size, 3)
         self._choose = runtime.kernel("rsm_published/rsm_published_lattice.cl")
-        self._interpolate = runtime.kernel(
-            "rsm_published/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE)
-        )
+        self._interpolate = runtime.kernel("rsm_published/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE))
 
     def _sampling(self, params: RsmPublishedParams) -> MapSampling:
         return MapSampling(
-            pattern="fixed", samples=params.samples, radius=params.radius, weights="paper",
-            offset=params.offset,
+            pattern="fixed", samples=params.samples, radius=params.radius, weights="paper", offset=params.offset
         )
 
     @property
@@ -109,17 +111,27 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
     def _gathered(self, gbuffer: DeviceGBuffer, camera: Camera) -> Plane:
         grid = (self.size[0], -(-self.size[1] // TILE))
         self._lattice.mark(
-            self._choose, "rsm lattice", grid,
-            depth=gbuffer.depth, whole=gbuffer.whole, margin=gbuffer.margin,
+            self._choose,
+            "rsm lattice",
+            grid,
+            depth=gbuffer.depth,
+            whole=gbuffer.whole,
+            margin=gbuffer.margin,
             step=self.params.spacing,
         )
         self._maps.gather(gbuffer, camera, self._lattice.values, self._lattice)
         if self.params.spacing == 1:
             return self._lattice.values
         self._rest.mark(
-            self._interpolate, "rsm interpolate", grid,
-            depth=gbuffer.depth, normal=gbuffer.normal, lattice=self._lattice.values,
-            whole=gbuffer.whole, camera=gbuffer.camera_struct, params=self._limits(gbuffer),
+            self._interpolate,
+            "rsm interpolate",
+            grid,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            lattice=self._lattice.values,
+            whole=gbuffer.whole,
+            camera=gbuffer.camera_struct,
+            params=self._limits(gbuffer),
         )
         self._maps.gather(gbuffer, camera, self._rest.values, self._rest)
         return self._rest.values
@@ -131,7 +143,8 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
         values = {
             "reach": (params.position_tolerance * params.spacing * pixel) ** 2,
             "cosine": math.cos(params.normal_tolerance),
-            "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0],
+            "margin_columns": gbuffer.margin[1],
+            "margin_rows": gbuffer.margin[0],
             "step": params.spacing,
         }
         return INTERPOLATE.pack(values)

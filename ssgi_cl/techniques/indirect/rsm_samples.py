@@ -18,9 +18,7 @@ from ssgi_cl.device.structs import Struct
 Doubles = NDArray[np.float64]
 
 RECORD = RSM_RECORD
-SUMS = Struct(
-    "RsmSumsParams", tuple((name, "int") for name in ("from", "to", "columns", "rows"))
-)
+SUMS = Struct("RsmSumsParams", tuple((name, "int") for name in ("from", "to", "columns", "rows")))
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Of a turn: the step of angle that spreads any number of points evenly."""
@@ -48,9 +46,7 @@ def disk_pattern(count: int, weights: str) -> Doubles:
     xi = (np.arange(count) + 0.5) / count
     angle = 2.0 * np.pi * np.mod(np.arange(count) * GOLDEN, 1.0)
     share = xi / xi.sum() if weights == "unbiased" else xi**2 / (xi**2).sum()
-    return np.stack(
-        [xi * np.cos(angle), xi * np.sin(angle), np.zeros(count), np.pi * share], axis=-1
-    )
+    return np.stack([xi * np.cos(angle), xi * np.sin(angle), np.zeros(count), np.pi * share], axis=-1)
 
 
 def cap_pattern(count: int, weights: str, reach: float) -> Doubles:
@@ -64,10 +60,7 @@ def cap_pattern(count: int, weights: str, reach: float) -> Doubles:
     density = np.sin(polar) if weights == "unbiased" else xi**2
     cap = 2.0 * np.pi * (1.0 - math.cos(reach))
     return np.stack(
-        [
-            np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar),
-            cap * density / density.sum(),
-        ],
+        [np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar), cap * density / density.sum()],
         axis=-1,
     )
 
@@ -120,30 +113,26 @@ class TexelRecords:
     def update(self, rsm: DeviceRsm) -> None:
         """Queue the pass that brings the records, and what each is picked by."""
         self._kernel.run(
-            "rsm texels", self.size,
-            position=rsm.position, normal=rsm.normal, flux=rsm.flux, area=rsm.area,
-            texels=self.records, powers=self.sums,
+            "rsm texels",
+            self.size,
+            position=rsm.position,
+            normal=rsm.normal,
+            flux=rsm.flux,
+            area=rsm.area,
+            texels=self.records,
+            powers=self.sums,
         )
 
     def add_up(self) -> None:
         """Queue the passes that make the pyramid of sums of what `update` brought."""
         for level, size in enumerate(self._levels[1:], 1):
             below = self._levels[level - 1]
-            values = {
-                "from": self._starts[level - 1], "to": self._starts[level],
-                "columns": below[1], "rows": below[0],
-            }
-            self._sums.run(
-                "rsm sums", size, grid=size,
-                pyramid=self.sums, params=SUMS.pack(values),
-            )
+            values = {"from": self._starts[level - 1], "to": self._starts[level], "columns": below[1], "rows": below[0]}
+            self._sums.run("rsm sums", size, grid=size, pyramid=self.sums, params=SUMS.pack(values))
 
     def level_table(self) -> NDArray[np.int32]:
         """Return [levels, 3] where each level begins, its columns, its rows; from the top down."""
-        rows = [
-            (start, size[1], size[0])
-            for start, size in zip(self._starts, self._levels, strict=False)
-        ]
+        rows = [(start, size[1], size[0]) for start, size in zip(self._starts, self._levels, strict=False)]
         return np.array(rows[::-1], np.int32)
 
 
@@ -169,7 +158,14 @@ class FluxSamples:
         """Queue the passes that draw the samples from what the texels are now."""
         self._texels.add_up()
         self._kernel.run(
-            "rsm pick", (1, self.count), grid=(1, self.count), local=(1, 16),
-            texels=self._texels.records, pyramid=self._texels.sums, levels=self._table,
-            points=self._points, samples=self.records, level_count=self._depth,
+            "rsm pick",
+            (1, self.count),
+            grid=(1, self.count),
+            local=(1, 16),
+            texels=self._texels.records,
+            pyramid=self._texels.sums,
+            levels=self._table,
+            points=self._points,
+            samples=self.records,
+            level_count=self._depth,
         )

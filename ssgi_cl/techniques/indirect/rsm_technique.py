@@ -39,9 +39,7 @@ class RsmTechnique(Prepared[Q], ABC):
     name: ClassVar[str]
     """Of the pass that is skipped where no light is."""
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: Q, margin: Size
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: Q, margin: Size) -> None:
         self._params = params
         self.runtime = runtime
         self.size = size

@@ -18,9 +18,7 @@ LEAST_ROWS = 32
 """Of an image that directions are chosen from: coarser ones are repeated to it."""
 
 
-def sky_directions(
-    environments: Sequence[Environment], count: int
-) -> tuple[Doubles, Doubles, Doubles]:
+def sky_directions(environments: Sequence[Environment], count: int) -> tuple[Doubles, Doubles, Doubles]:
     """Return directions, solid angles and mean radiance of parts of the sphere.
 
     Half of the parts' measure is solid angle, half luminous flux: what is bright is divided
@@ -86,9 +84,7 @@ def _parts(image: Doubles, count: int) -> tuple[Doubles, Doubles, Doubles]:
     part = np.minimum((ends - 0.5 * measure[order]) / ends[-1] * count, count - 1).astype(np.intp)
     sums = np.zeros((count, 8))
     weight = flux + 1e-6 * solid * max(float(flux.sum()), 1e-300)
-    values = np.column_stack(
-        [solid, radiance / scale * solid[:, None], flat * weight[:, None], weight]
-    )[order]
+    values = np.column_stack([solid, radiance / scale * solid[:, None], flat * weight[:, None], weight])[order]
     np.add.at(sums, part, values)
     sums = sums[sums[:, 0] > 0.0]
     way = sums[:, 4:7]

@@ -98,7 +98,11 @@ class Ssdo(Prepared[SsdoParams]):
         self._senders: LitLayers | None = None
         if params.bounce:
             self._senders = LitLayers(
-                runtime, whole, layers, attributes, punctual_lights_of(runtime, whole, params),
+                runtime,
+                whole,
+                layers,
+                attributes,
+                punctual_lights_of(runtime, whole, params),
                 emission=params.emission,
                 # Points know no more of a surface than the side that is seen.
                 backs=params.method == "bitmask" and attributes > 1,
@@ -159,15 +163,17 @@ class Ssdo(Prepared[SsdoParams]):
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
         if given != self._shape:
             raise ValueError(
-                f"the G-buffer's size, margin, layers and layers with attributes are {given}: "
-                f"expected {self._shape}"
+                f"the G-buffer's size, margin, layers and layers with attributes are {given}: expected {self._shape}"
             )
         self._sky.set(environments_of(lights))
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
         # Then lights and the whole sky are all there is.
         open_ = (
-            tiles is not None and tiles.open == tiles.total and not views
-            and self._sky.image is None and self._bent is None
+            tiles is not None
+            and tiles.open == tiles.total
+            and not views
+            and self._sky.image is None
+            and self._bent is None
         )
         sent: Any = radiance
         sends = radiance is not None
@@ -179,23 +185,15 @@ class Ssdo(Prepared[SsdoParams]):
                 visibility = self._sender_visibility(gbuffer, tiles) if ambient else None
                 points = self.params.method != "bitmask"
                 light = self._senders.records if points else self._senders.images
-                sent = light(
-                    gbuffer, lights, shadows=shadows, visibility=visibility,
-                    step=SenderVisibility.step,
-                )
+                sent = light(gbuffer, lights, shadows=shadows, visibility=visibility, step=SenderVisibility.step)
                 sends = sent is not None
             punctual_lights, lights_margin = self._senders.punctual_lights, gbuffer.margin
             self._senders.punctual_lights = None
         else:
-            self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime,
-                self.size, self.params)()
-            punctual_lights, lights_margin = self._punctual_lights.run(
-                gbuffer, lights, shadows=shadows
-            ), (0, 0)
+            self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime, self.size, self.params)()
+            punctual_lights, lights_margin = self._punctual_lights.run(gbuffer, lights, shadows=shadows), (0, 0)
         if punctual_lights is not None:
-            punctual_lights = self._light_blur.run(
-                gbuffer, punctual_lights, lights=lights, shadows=shadows
-            )
+            punctual_lights = self._light_blur.run(gbuffer, punctual_lights, lights=lights, shadows=shadows)
         sends = sends and self.params.bounce
         gathered = None
         if not sends and not ambient and self._bent is None:
@@ -203,13 +201,9 @@ class Ssdo(Prepared[SsdoParams]):
         elif not open_:
             sky = self._sky if self._sky.image is not None else None
             source = self._finish.source(gbuffer)
-            gathered = self._gathered(
-                gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles
-            )
+            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles)
             plain = sky is None and not views
-            gathered = self._finish.run(
-                gbuffer, gathered, source=source, tiles=tiles if plain else None
-            )
+            gathered = self._finish.run(gbuffer, gathered, source=source, tiles=tiles if plain else None)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
         if self._bent is not None and gathered is not None:
@@ -222,8 +216,7 @@ class Ssdo(Prepared[SsdoParams]):
             Sides(self.runtime).run(gbuffer)
 
     def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
-        """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves.
-        """
+        """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves."""
         if isinstance(self._back, SsdoPoints):
             return None
         return self._back.reach(gbuffer, SenderVisibility.step)
@@ -258,10 +251,7 @@ class Ssdo(Prepared[SsdoParams]):
         self._views.begin(gbuffer)
         try:
             for view in chain((first,), views):
-                self._views.add(
-                    light, self._back, gbuffer, source, view, lights, shadows,
-                    sends=sent is not None,
-                )
+                self._views.add(light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None)
         finally:
             self._views.end()
         return light
@@ -287,7 +277,9 @@ class Ssdo(Prepared[SsdoParams]):
         )
         red, green, blue = (np.pi * self._sky.constant).tolist()
         values = {
-            "red": red, "green": green, "blue": blue,
+            "red": red,
+            "green": green,
+            "blue": blue,
             "margin_columns": gbuffer.margin[1],
             "margin_rows": gbuffer.margin[0],
             "lights_columns": lights_margin[1],
@@ -299,10 +291,15 @@ class Ssdo(Prepared[SsdoParams]):
             self._bounce.over(gbuffer.seen if bounces else None) as (bounce, _),
         ):
             kernel.run(
-                "ssdo split", self.size, region=over,
-                depth=gbuffer.depth, gathered=gathered, punctual_lights=punctual_lights,
+                "ssdo split",
+                self.size,
+                region=over,
+                depth=gbuffer.depth,
+                gathered=gathered,
+                punctual_lights=punctual_lights,
                 direct=direct,
-                bounce=bounce, params=SPLIT.pack(values),
+                bounce=bounce,
+                params=SPLIT.pack(values),
             )
         return direct, bounce if bounces else None
 
@@ -365,14 +362,16 @@ def ssdo(
     runtime = device.runtime
     shape = (device.size, device.margin, device.layers, device.attributes)
     technique: Ssdo = runtime.prepared(
-        (Ssdo, chosen.shape(), *shape),
-        lambda: Ssdo(runtime, shape[0], chosen, *shape[1:]),
+        (Ssdo, chosen.shape(), *shape), lambda: Ssdo(runtime, shape[0], chosen, *shape[1:])
     )
     technique.params = chosen
     sent = None if radiance is None else uploaded_radiance(radiance, device)
     with runtime.frame():
         planes = technique.run(
-            device, lights, shadows=uploaded_maps(lights, rsms, runtime), radiance=sent,
+            device,
+            lights,
+            shadows=uploaded_maps(lights, rsms, runtime),
+            radiance=sent,
             views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
         )
         images = [
@@ -394,30 +393,54 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.ssdo_bitmask",
     kernels={
         "ssdo/ssdo_sides.cl": ("SIDES_LAYERS",),
-        "ssdo/ssdo_split.cl": (
-            "SPLIT_BOUNCE", "SPLIT_FIRST", "SPLIT_GATHERED", "SPLIT_LIGHTS", "SPLIT_SKY",
-        ),
+        "ssdo/ssdo_split.cl": ("SPLIT_BOUNCE", "SPLIT_FIRST", "SPLIT_GATHERED", "SPLIT_LIGHTS", "SPLIT_SKY"),
         "ssdo_bitmask/ssdo_bitmask.cl": (
-            "BITMASK_BACKS", "BITMASK_BENT", "BITMASK_BOUNCE", "BITMASK_CONES", "BITMASK_KEPT",
-            "BITMASK_SIDES", "BITMASK_THICK", "SKY_SIZE", "SLICES_COUNT", "SLICES_LAYERS",
-            "SLICES_NEXT", "SLICES_TAPS", "SLICES_THICKNESS",
+            "BITMASK_BACKS",
+            "BITMASK_BENT",
+            "BITMASK_BOUNCE",
+            "BITMASK_CONES",
+            "BITMASK_KEPT",
+            "BITMASK_SIDES",
+            "BITMASK_THICK",
+            "SKY_SIZE",
+            "SLICES_COUNT",
+            "SLICES_LAYERS",
+            "SLICES_NEXT",
+            "SLICES_TAPS",
+            "SLICES_THICKNESS",
         ),
         "ssdo_points/ssdo_planes.cl": ("PLANES_LAYERS", "PLANES_NORMALS"),
         "ssdo_points/ssdo_points.cl": (
-            "POINTS_COUNT", "POINTS_KEPT", "POINTS_LAYERS", "POINTS_PUBLISHED", "POINTS_SENDERS",
-            "POINTS_SKY", "POINTS_STEP", "POINTS_TAPS", "POINTS_THICKNESS",
+            "POINTS_COUNT",
+            "POINTS_KEPT",
+            "POINTS_LAYERS",
+            "POINTS_PUBLISHED",
+            "POINTS_SENDERS",
+            "POINTS_SKY",
+            "POINTS_STEP",
+            "POINTS_TAPS",
+            "POINTS_THICKNESS",
         ),
         "ssdo_point_views/ssdo_point_views.cl": (
-            "POINTS_LAYERS", "POINTS_PUBLISHED", "POINTS_TAPS", "POINTS_THICKNESS",
-            "POINT_VIEWS_COUNT", "POINT_VIEWS_SENDERS", "POINT_VIEWS_SKY", "POINT_VIEWS_STEP",
+            "POINTS_LAYERS",
+            "POINTS_PUBLISHED",
+            "POINTS_TAPS",
+            "POINTS_THICKNESS",
+            "POINT_VIEWS_COUNT",
+            "POINT_VIEWS_SENDERS",
+            "POINT_VIEWS_SKY",
+            "POINT_VIEWS_STEP",
         ),
         "ssdo_views/ssdo_views.cl": (
-            "VIEWS_BOUNCE", "VIEWS_LAYERS", "VIEWS_NORMALS", "VIEWS_SENDERS", "VIEWS_SLICES",
-            "VIEWS_STRATA", "VIEWS_TAPS",
+            "VIEWS_BOUNCE",
+            "VIEWS_LAYERS",
+            "VIEWS_NORMALS",
+            "VIEWS_SENDERS",
+            "VIEWS_SLICES",
+            "VIEWS_STRATA",
+            "VIEWS_TAPS",
         ),
-        "ssdo_views/ssdo_views_unseen.cl": (
-            "SEEN_LAYERS", "SEEN_NORMALS", "UNSEEN_LAYERS", "UNSEEN_NORMALS",
-        ),
+        "ssdo_views/ssdo_views_unseen.cl": ("SEEN_LAYERS", "SEEN_NORMALS", "UNSEEN_LAYERS", "UNSEEN_NORMALS"),
     },
     reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "rsms"),
     writes=("direct", "bounce", "bent"),
@@ -426,9 +449,11 @@ DESCRIPTOR = Technique(
     quantity="bounce",
     bench=Bench(
         families=("ssdo-bitmask-half", "ssdo-points"),
-        rows={"ssdo": (
-            "directional occlusion and one-bounce indirect light from visible surfaces",
-            (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8")),
-        )},
+        rows={
+            "ssdo": (
+                "directional occlusion and one-bounce indirect light from visible surfaces",
+                (("bitmask, half size", "ssdo-bitmask-half.2"), ("points", "ssdo-points.8")),
+            )
+        },
     ),
 )

@@ -19,9 +19,7 @@ from ssgi_cl.techniques.tiles import OpenTiles
 BackEnd = SsdoBitmask | SsdoPoints
 
 
-def back_params(
-    params: SsdoParams, size: Size, margin: Size
-) -> SsdoBitmaskParams | PointsParams:
+def back_params(params: SsdoParams, size: Size, margin: Size) -> SsdoBitmaskParams | PointsParams:
     """Return the parameters of the back end for G-buffers of such a size and margin."""
     if params.method != "bitmask":
         return params.points()
@@ -32,13 +30,7 @@ def back_params(
 
 
 def back_end(
-    runtime: Runtime,
-    size: Size,
-    params: SsdoParams,
-    margin: Size,
-    layers: int,
-    *,
-    kept: bool = False,
+    runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int, *, kept: bool = False
 ) -> BackEnd:
     """Return what gathers light for G-buffers of such a shape; see `Ssdo`.
 
@@ -70,9 +62,7 @@ class SenderVisibility:
 
     step = RESOLUTIONS["quarter"]
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: SsdoParams, margin: Size, layers: int) -> None:
         self._shape = size, margin
         self._back: BackEnd
         own = self._params(params)

@@ -13,16 +13,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.bitmask_ao import ENDS
-from ssgi_cl.techniques.ao.slices import (
-    GROUP,
-    NEAREST_TAP,
-    SLICES,
-    TILE,
-    SliceParams,
-    SliceScan,
-    check_shape,
-    pattern,
-)
+from ssgi_cl.techniques.ao.slices import GROUP, NEAREST_TAP, SLICES, TILE, SliceParams, SliceScan, check_shape, pattern
 from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.shading.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.source import Source
@@ -36,24 +27,31 @@ class SsdoBitmaskParams(SliceParams):
     """Parameters of directional occlusion and a bounce from a visibility bitmask."""
 
     taps: int = param(20, "depths read on either side of a slice", low=1, high=64)
-    tap_power: float = param(
-        1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0
-    )
+    tap_power: float = param(1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0)
     thickness: float = param(
-        0.0, "of surfaces, along the view ray; that of each pixel where the G-buffer has it",
-        low=0.0, high=1e3, unit="radii", shape=bool,
+        0.0,
+        "of surfaces, along the view ray; that of each pixel where the G-buffer has it",
+        low=0.0,
+        high=1e3,
+        unit="radii",
+        shape=bool,
     )
     end: str = param(
-        "thickness", "where thick surfaces end: there, or at the next depth layer if that is "
-        "nearer", choices=ENDS
+        "thickness", "where thick surfaces end: there, or at the next depth layer if that is nearer", choices=ENDS
     )
     back: float = param(
-        0.0, "radiance of a surface's side that the camera does not see, where a receiver sees it",
-        low=0.0, high=1.0, unit="of the other side's",
+        0.0,
+        "radiance of a surface's side that the camera does not see, where a receiver sees it",
+        low=0.0,
+        high=1.0,
+        unit="of the other side's",
     )
     cones: int = param(
-        8, "directions of each slice in which an environment's image is looked up, and what is "
-        "hidden where normals are bent", low=1, high=16
+        8,
+        "directions of each slice in which an environment's image is looked up, and what is "
+        "hidden where normals are bent",
+        low=1,
+        high=16,
     )
     bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
 
@@ -137,9 +135,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         check_shape(gbuffer, *self._shape)
         scan, layers = self._scan, gbuffer.layers
         counts = (3 * layers, 6 * layers)
-        if radiance is not None and (
-            radiance.count not in counts or radiance.size != gbuffer.whole
-        ):
+        if radiance is not None and (radiance.count not in counts or radiance.size != gbuffer.whole):
             raise ValueError(
                 f"radiance has {radiance.count} images of {radiance.size}: expected {counts[0]} or "
                 f"{counts[1]} of {gbuffer.whole}"
@@ -169,20 +165,30 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         region = gbuffer.seen_every(scan.step)
         values = {"thickness": self.params.thickness, **tile_values(tiles, scan.step)}
         packed, packed_own = scan.packed(source, values), OWN.pack(own)
-        kernel = self.runtime.kernel(
-            "ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN)
-        )
+        kernel = self.runtime.kernel("ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN))
         result = Target(self.runtime, count, self.size, 1.0, kept=False)
         with result.over(region, background=(1.0, *(0.0,) * (count - 1))) as (light, over):
             if region is not None and self.masks is not None:
                 self.runtime.transient.zero(self.masks)
             for strip in scan.strips(over):
                 kernel.run(
-                    "ssdo_bitmask", self.size, grid=scan.grid, region=strip, cell=(1, 1),
-                    inv_depth=inv_depth, normal=source.normal, table=scan.table, slopes=slopes,
+                    "ssdo_bitmask",
+                    self.size,
+                    grid=scan.grid,
+                    region=strip,
+                    cell=(1, 1),
+                    inv_depth=inv_depth,
+                    normal=source.normal,
+                    table=scan.table,
+                    slopes=slopes,
                     sky=lookup,
-                    sent=sent, sides=sides, tiles=None if tiles is None else tiles.bits,
-                    light=light, kept=self.masks, camera=source.camera_struct, params=packed,
+                    sent=sent,
+                    sides=sides,
+                    tiles=None if tiles is None else tiles.bits,
+                    light=light,
+                    kept=self.masks,
+                    camera=source.camera_struct,
+                    params=packed,
                     own=packed_own,
                 )
         return light
@@ -199,9 +205,13 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         share = pattern(params).share
         apart = max(share[..., 0].max(), np.diff(share, axis=-1).max(initial=0.0))
         return Reach(
-            radius=params.radius, stretch=1.01 * max(self._scan.longest, 1.0),
-            more_px=(NEAREST_TAP + 2.0) * step, most_px=params.max_radius_px,
-            step=self._scan.step, group=TILE * GROUP * step,
+            radius=params.radius,
+            stretch=1.01 * max(self._scan.longest, 1.0),
+            more_px=(NEAREST_TAP + 2.0) * step,
+            most_px=params.max_radius_px,
+            step=self._scan.step,
+            group=TILE * GROUP * step,
             # Taps lie at whole pixels: pieces are longer, and begin beside a slice's line.
-            beyond=float(apart), beyond_px=3.0 * step,
+            beyond=float(apart),
+            beyond_px=3.0 * step,
         )

@@ -54,9 +54,7 @@ class DirectionSets:
     light: Doubles | None
 
 
-def direction_sets(
-    count: int, sky: Doubles | None = None, *, equal: bool = False
-) -> DirectionSets:
+def direction_sets(count: int, sky: Doubles | None = None, *, equal: bool = False) -> DirectionSets:
     """Return the directions of a tile.
 
     Args:
@@ -124,10 +122,7 @@ def cell_flux(sky: Doubles) -> Doubles:
     row = np.clip(((1.0 - up) * 0.5 * rows).astype(int), 0, rows - 1)
     column = np.arange(fine.shape[1]) * columns // fine.shape[1]
     at = (row[:, None] * columns + column).ravel()
-    flux = [
-        np.bincount(at, (fine[..., c] * solid_angle[:, None]).ravel(), minlength=rows * columns)
-        for c in range(3)
-    ]
+    flux = [np.bincount(at, (fine[..., c] * solid_angle[:, None]).ravel(), minlength=rows * columns) for c in range(3)]
     return np.stack(flux, axis=-1).reshape(rows, columns, 3).astype(np.float64)
 
 
@@ -157,6 +152,4 @@ def _towards(up: Doubles, turn: Doubles) -> Doubles:
     """Return directions of a height above the horizon and a share of a turn from -z to +x."""
     ring = np.sqrt(np.maximum(1.0 - up * up, 0.0))
     angle = 2.0 * np.pi * turn
-    return np.stack(
-        np.broadcast_arrays(ring * np.sin(angle), up, -ring * np.cos(angle)), axis=-1
-    )
+    return np.stack(np.broadcast_arrays(ring * np.sin(angle), up, -ring * np.cos(angle)), axis=-1)

@@ -42,8 +42,7 @@ class Finish:
         return self._reduced
 
     def run(
-        self, gbuffer: DeviceGBuffer, plane: Plane, *, source: Source | None = None,
-        tiles: OpenTiles | None = None,
+        self, gbuffer: DeviceGBuffer, plane: Plane, *, source: Source | None = None, tiles: OpenTiles | None = None
     ) -> Plane:
         """Queue the blur and the upsampling of all images at once; return the plane at full size.
 
@@ -57,14 +56,10 @@ class Finish:
         count = plane.count
         if count not in self._blurs:
             size = self.size if self._late else plane.size
-            self._blurs[count] = Bilateral(
-                self.runtime, size, self._smooth, count, kept=False
-            )
+            self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count, kept=False)
         if not self._late:
             region = gbuffer.seen_every(self._step)
-            plane = self._blurs[count].run(
-                source, plane, tiles=tiles, step=self._step, region=region
-            )
+            plane = self._blurs[count].run(source, plane, tiles=tiles, step=self._step, region=region)
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(

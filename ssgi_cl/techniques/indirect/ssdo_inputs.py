@@ -17,9 +17,7 @@ def view_on_device(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime)
     if isinstance(view, GBuffer):
         return on_device(view, runtime, place=number + 1)
     if not isinstance(view, DeviceGBuffer):
-        raise TypeError(
-            f"views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer"
-        )
+        raise TypeError(f"views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer")
     return view
 
 
@@ -35,8 +33,7 @@ def uploaded_radiance(radiance: ArrayLike, device: DeviceGBuffer) -> Plane:
             f"{device.layers} layers in front, as the depth"
         )
     plane: Plane = device.runtime.prepared(
-        ("ssdo radiance", device.whole, device.layers),
-        lambda: device.runtime.plane(3 * device.layers, device.whole),
+        ("ssdo radiance", device.whole, device.layers), lambda: device.runtime.plane(3 * device.layers, device.whole)
     )
     images = np.zeros((3 * device.layers, *device.whole), np.float32)
     images[: 3 * shape[0]] = np.moveaxis(values.reshape(shape), -1, 1).reshape(-1, *device.whole)

@@ -14,8 +14,7 @@ from ssgi_cl.techniques.shading.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.light_shadows import LightShadows
 
 
-def punctual_lights_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[],
-    PunctualLights]:
+def punctual_lights_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], PunctualLights]:
     """Return what makes the light of lights for images of a size."""
     if params.lamp_taps == 0:
         return lambda: PunctualLights(runtime, size, kept=False)
@@ -54,16 +53,13 @@ class LightBlur:
         """
         maps = shadows if shadows is not None else [None] * len(lights)
         looked_for = any(
-            not isinstance(light, Environment) and shadow is None
-            for light, shadow in zip(lights, maps, strict=True)
+            not isinstance(light, Environment) and shadow is None for light, shadow in zip(lights, maps, strict=True)
         )
         if not looked_for or self.params.lamp_taps == 0:
             return punctual_lights
         size = punctual_lights.size
         if size not in self._blurs:
-            blur = BilateralParams(
-                radius=self.params.blur_radius, passes=self.params.blur_passes
-            )
+            blur = BilateralParams(radius=self.params.blur_radius, passes=self.params.blur_passes)
             self._blurs[size] = Bilateral(self.runtime, size, blur, 3, kept=False)
         source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
         return self._blurs[size].run(source, punctual_lights, name="blur lights")

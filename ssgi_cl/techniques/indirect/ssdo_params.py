@@ -12,11 +12,7 @@ from ssgi_cl.techniques.indirect.ssdo_points import PointsParams
 from ssgi_cl.techniques.shading.light_shadows import LightShadowParams
 
 METHODS = ("bitmask", "points", "published")
-METHODS_OF = {
-    "strength": ("published",),
-    "nearest_distance": ("published",),
-    "thickness": ("bitmask", "points"),
-}
+METHODS_OF = {"strength": ("published",), "nearest_distance": ("published",), "thickness": ("bitmask", "points")}
 """Parameters that don't apply to every method, and the methods that they apply to."""
 
 
@@ -31,51 +27,54 @@ class SsdoParams(OcclusionParams):
     """
 
     radius: float = param(
-        0.5, "distance up to which surfaces occlude and send light", low=0.0, high=1e30,
-        above=True, unit="scene units",
+        0.5, "distance up to which surfaces occlude and send light", low=0.0, high=1e30, above=True, unit="scene units"
     )
     method: str = param(
-        "bitmask", "how surfaces are found: slices along the view direction, in which they cover "
+        "bitmask",
+        "how surfaces are found: slices along the view direction, in which they cover "
         "sectors; directions of the hemisphere, which meet them; or one tap for each direction, as "
-        "published, whose light is not conserved", choices=METHODS,
+        "published, whose light is not conserved",
+        choices=METHODS,
     )
     bounce: bool = param(True, "whether surfaces within the radius reflect light")
-    emission: bool = param(
-        True, "whether surfaces send emitted light too; small bright ones make noise"
-    )
+    emission: bool = param(True, "whether surfaces send emitted light too; small bright ones make noise")
     slices: int = param(2, "bitmask: planes along the view direction", low=1, high=32)
     taps: int = param(20, "bitmask: depths read on either side of a slice", low=1, high=64)
     blur_radius: int = param(
-        4, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16,
-        unit="px",
+        4, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16, unit="px"
     )
     samples: int = param(
-        16, "points, published: directions per pixel; with one tap each as published, else with "
-        "the root of as many, and two", low=1, high=256,
+        16,
+        "points, published: directions per pixel; with one tap each as published, else with "
+        "the root of as many, and two",
+        low=1,
+        high=256,
     )
     thickness: float = param(
-        0.0, "bitmask, points: of surfaces, along the view ray", low=0.0, high=1e3,
-        unit="radii", shape=bool,
+        0.0, "bitmask, points: of surfaces, along the view ray", low=0.0, high=1e3, unit="radii", shape=bool
     )
     view_taps: int = param(
-        4, "bitmask: depths of an auxiliary camera read in each unoccluded direction, of which a "
+        4,
+        "bitmask: depths of an auxiliary camera read in each unoccluded direction, of which a "
         "slice has the square root of this number, at least 2; take more where the radius is as "
-        "large as the scene", low=1, high=64,
+        "large as the scene",
+        low=1,
+        high=64,
     )
     lamp_taps: int = param(
-        12, "depths read on the way to a light that has no shadow map; 0: it casts no shadow",
-        low=0, high=256,
+        12, "depths read on the way to a light that has no shadow map; 0: it casts no shadow", low=0, high=256
     )
     bent_normals: bool = param(
-        False, "bitmask: also find the mean unoccluded direction of each pixel, which "
-        "auxiliary cameras do not change"
+        False, "bitmask: also find the mean unoccluded direction of each pixel, which auxiliary cameras do not change"
     )
-    strength: float = param(
-        1.0, "published: factor of the bounce, set by hand", low=0.0, high=1e3,
-    )
+    strength: float = param(1.0, "published: factor of the bounce, set by hand", low=0.0, high=1e3)
     nearest_distance: float = param(
-        1.0, "published: least distance that counts between sender and receiver", low=0.0,
-        high=1e30, above=True, unit="scene units",
+        1.0,
+        "published: least distance that counts between sender and receiver",
+        low=0.0,
+        high=1e30,
+        above=True,
+        unit="scene units",
     )
 
     def __post_init__(self) -> None:
@@ -96,9 +95,13 @@ class SsdoParams(OcclusionParams):
     def bitmask(self) -> SsdoBitmaskParams:
         """Return the parameters of the bitmask's back end."""
         return SsdoBitmaskParams(
-            radius=self.radius, slices=self.slices, taps=self.taps,
-            thickness=self.thickness, resolution=self.resolution,
-            max_radius_px=self.max_radius_px, bent_normals=self.bent_normals,
+            radius=self.radius,
+            slices=self.slices,
+            taps=self.taps,
+            thickness=self.thickness,
+            resolution=self.resolution,
+            max_radius_px=self.max_radius_px,
+            bent_normals=self.bent_normals,
         )
 
     def punctual_lights(self) -> LightShadowParams:
@@ -108,9 +111,13 @@ class SsdoParams(OcclusionParams):
     def points(self) -> PointsParams:
         """Return the parameters of the back end of "points" and "published"."""
         return PointsParams(
-            method=self.method, radius=self.radius, samples=self.samples,
-            thickness=self.thickness, max_radius_px=self.max_radius_px,
-            strength=self.strength, nearest_distance=self.nearest_distance,
+            method=self.method,
+            radius=self.radius,
+            samples=self.samples,
+            thickness=self.thickness,
+            max_radius_px=self.max_radius_px,
+            strength=self.strength,
+            nearest_distance=self.nearest_distance,
         )
 
 

@@ -14,10 +14,7 @@ from ssgi_cl.techniques.shading.layer_shading import SenderRecords
 
 POINT_VIEWS = Struct(
     "PointViewsParams",
-    (
-        *floats(*ROTATION, "shift_x", "shift_y", "shift_z", "nearest"),
-        *((name, "int") for name in ("columns", "rows")),
-    ),
+    (*floats(*ROTATION, "shift_x", "shift_y", "shift_z", "nearest"), *((name, "int") for name in ("columns", "rows"))),
 )
 
 
@@ -55,9 +52,7 @@ class SsdoPointViews:
         if gbuffer.camera is None or other.camera is None:
             raise ValueError("a device G-buffer is empty: draw or upload something first")
         if points.kept is None or points.wide_directions is None:
-            raise ValueError(
-                "points keeps no directions: expected one that was made with kept=True"
-            )
+            raise ValueError("points keeps no directions: expected one that was made with kept=True")
         if records is not None and not points.bounces:
             raise ValueError("there are records: expected None, as points gathered no bounce")
         kernel = self.runtime.kernel(
@@ -75,11 +70,19 @@ class SsdoPointViews:
             (CAMERA, POINTS, POINT_VIEWS),
         )
         kernel.run(
-            "ssdo view", light.size,
-            depth=gbuffer.depth, normal=gbuffer.normal, directions=points.wide_directions,
-            planes=points.planes_of(other, other.layers), thickness=other.thickness,
-            senders=None if records is None else records.array, gathered=light, kept=points.kept,
-            camera=gbuffer.camera_struct, other=other.camera_struct, params=points.packed(gbuffer),
+            "ssdo view",
+            light.size,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            directions=points.wide_directions,
+            planes=points.planes_of(other, other.layers),
+            thickness=other.thickness,
+            senders=None if records is None else records.array,
+            gathered=light,
+            kept=points.kept,
+            camera=gbuffer.camera_struct,
+            other=other.camera_struct,
+            params=points.packed(gbuffer),
             view=_packed(gbuffer.camera, other.camera, other.whole, points.params.radius),
         )
 

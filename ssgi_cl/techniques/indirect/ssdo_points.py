@@ -45,28 +45,32 @@ class PointsParams(Params):
     """Parameters of SSDO from directions (Ritschel, Grosch and Seidel 2009)."""
 
     method: str = param(
-        "points", "rays that meet surfaces, or one tap for each direction as published",
-        choices=POINT_METHODS,
+        "points", "rays that meet surfaces, or one tap for each direction as published", choices=POINT_METHODS
     )
-    radius: float = param(
-        0.5, "radius of the half ball", low=0.0, high=1e30, above=True, unit="scene units",
-    )
+    radius: float = param(0.5, "radius of the half ball", low=0.0, high=1e30, above=True, unit="scene units")
     samples: int = param(16, "directions per pixel", low=1, high=256)
     max_radius_px: float = param(
-        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf,
-        unit="px",
+        math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf, unit="px"
     )
     thickness: float = param(
-        0.0, "points: taps this far behind a surface, along the view ray, meet it too; that "
-        "of each pixel where the G-buffer has it", low=0.0, high=1e30, unit="radii", shape=bool,
+        0.0,
+        "points: taps this far behind a surface, along the view ray, meet it too; that "
+        "of each pixel where the G-buffer has it",
+        low=0.0,
+        high=1e30,
+        unit="radii",
+        shape=bool,
     )
     bias: float = param(
-        0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0,
-        high=1.0, unit="radii",
+        0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0, high=1.0, unit="radii"
     )
     nearest_distance: float = param(
-        1.0, "published: least distance that counts between sender and receiver", low=0.0,
-        high=1e30, above=True, unit="scene units",
+        1.0,
+        "published: least distance that counts between sender and receiver",
+        low=0.0,
+        high=1e30,
+        above=True,
+        unit="scene units",
     )
     strength: float = param(1.0, "published: factor of the bounce", low=0.0, high=1e3)
 
@@ -105,15 +109,15 @@ class SurfacePlanes:
         """Queue the pass for a (reduced) G-buffer; return `array`."""
         kernel = self.runtime.kernel(
             "ssdo_points/ssdo_planes.cl",
-            {
-                "PLANES_LAYERS": self.layers,
-                "PLANES_NORMALS": min(self.layers, gbuffer.normal.count // 3),
-            },
+            {"PLANES_LAYERS": self.layers, "PLANES_NORMALS": min(self.layers, gbuffer.normal.count // 3)},
             (CAMERA,),
         )
         kernel.run(
-            "ssdo planes", self.whole,
-            depth=gbuffer.depth, normal=gbuffer.normal, planes=self.array,
+            "ssdo planes",
+            self.whole,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            planes=self.array,
             camera=gbuffer.camera_struct,
         )
         return self.array
@@ -146,8 +150,14 @@ class SsdoPoints(Prepared[PointsParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, step: int = 1, params: PointsParams | None = None,
-        *, reduced: bool = False, kept: bool = False,
+        self,
+        runtime: Runtime,
+        size: Size,
+        step: int = 1,
+        params: PointsParams | None = None,
+        *,
+        reduced: bool = False,
+        kept: bool = False,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -171,8 +181,13 @@ class SsdoPoints(Prepared[PointsParams]):
             self.wide_directions = runtime.empty(256 * count * fields, np.float32)
 
     def run(
-        self, gbuffer: DeviceGBuffer, source: Source | None = None, *,
-        radiance: Plane | SenderRecords | None = None, sky: Any = None, tiles: Any = None,
+        self,
+        gbuffer: DeviceGBuffer,
+        source: Source | None = None,
+        *,
+        radiance: Plane | SenderRecords | None = None,
+        sky: Any = None,
+        tiles: Any = None,
     ) -> Plane:
         """Queue the passes; return A, the sky's irradiance if it is an image, and the bounce's.
 
@@ -227,16 +242,24 @@ class SsdoPoints(Prepared[PointsParams]):
         result = self._results[count]
         planes = self.planes_of(read, layers)
         kernel.run(
-            "ssdo points", result.size, grid=self._grid(result.size),
-            depth=read.depth, normal=read.normal, thickness=thickness, planes=planes,
-            senders=None if radiance is None else radiance.array, directions=self._directions,
-            gathered=result, kept=self.kept, camera=read.camera_struct, params=self.packed(read),
+            "ssdo points",
+            result.size,
+            grid=self._grid(result.size),
+            depth=read.depth,
+            normal=read.normal,
+            thickness=thickness,
+            planes=planes,
+            senders=None if radiance is None else radiance.array,
+            directions=self._directions,
+            gathered=result,
+            kept=self.kept,
+            camera=read.camera_struct,
+            params=self.packed(read),
         )
         return result
 
     def planes_of(self, gbuffer: Any, layers: int) -> DeviceArray:
-        """Queue the pass that makes tangent planes; return them. G-buffers of a shape share them.
-        """
+        """Queue the pass that makes tangent planes; return them. G-buffers of a shape share them."""
         key = gbuffer.whole, layers
         if key not in self._planes:
             self._planes[key] = SurfacePlanes(self.runtime, *key)

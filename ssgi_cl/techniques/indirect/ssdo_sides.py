@@ -36,16 +36,18 @@ class Sides:
             return None
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
-        kernel = self.runtime.kernel(
-            "ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,)
-        )
+        kernel = self.runtime.kernel("ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,))
         if gbuffer.sides is not None:
             return gbuffer.sides
         target = Target(self.runtime, layers, gbuffer.whole, kept=False)
         with target.over(gbuffer.region) as (sides, over):
             kernel.run(
-                "ssdo sides", gbuffer.whole, region=over,
-                depth=gbuffer.depth, normal=gbuffer.normal, given=gbuffer.normal_world,
+                "ssdo sides",
+                gbuffer.whole,
+                region=over,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                given=gbuffer.normal_world,
                 sides=sides,
                 rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),
             )

@@ -39,9 +39,7 @@ class ViewSenders:
         self.runtime = runtime
         self.params = params
         # Four taps in two directions, 16 in four, 64 in eight.
-        self.views = ViewsParams(
-            strata=max(ViewsParams().strata, math.isqrt(params.view_taps)), taps=params.view_taps
-        )
+        self.views = ViewsParams(strata=max(ViewsParams().strata, math.isqrt(params.view_taps)), taps=params.view_taps)
         self._technique: SsdoViews | SsdoPointViews
         if params.method != "bitmask":
             self._technique = SsdoPointViews(runtime)
@@ -93,15 +91,11 @@ class ViewSenders:
         radiance: Any = None
         if sends:
             senders, visibility = self._for(view)
-            ambient = any(
-                isinstance(light, Environment) and np.any(light.radiance) for light in lights
-            )
+            ambient = any(isinstance(light, Environment) and np.any(light.radiance) for light in lights)
             open_ = visibility.run(view) if ambient else None
             points = isinstance(self._technique, SsdoPointViews)
             light_up = senders.records if points else senders.run
-            radiance = light_up(
-                view, lights, shadows=shadows, visibility=open_, step=visibility.step
-            )
+            radiance = light_up(view, lights, shadows=shadows, visibility=open_, step=visibility.step)
             senders.punctual_lights = None
         if isinstance(self._technique, SsdoPointViews):
             assert isinstance(back, SsdoPoints)  # noqa: S101  of the same method
@@ -116,13 +110,14 @@ class ViewSenders:
         shape = (view.size, view.margin, view.layers, view.attributes)
         if shape not in self._senders:
             lit = LitLayers(
-                self.runtime, view.whole, view.layers, view.attributes,
+                self.runtime,
+                view.whole,
+                view.layers,
+                view.attributes,
                 punctual_lights_of(self.runtime, view.whole, self.params),
                 emission=self.params.emission,
             )
-            visibility = SenderVisibility(
-                self.runtime, view.size, _coarse(self.params), view.margin, view.layers
-            )
+            visibility = SenderVisibility(self.runtime, view.size, _coarse(self.params), view.margin, view.layers)
             self._senders[shape] = lit, visibility
         return self._senders[shape]
 
@@ -133,6 +128,8 @@ def _coarse(params: SsdoParams) -> SsdoParams:
     Few sectors are left for a camera, and each of its surfaces counts in few of them.
     """
     return replace(
-        params, slices=-(-params.slices // COARSER), taps=-(-params.taps // COARSER),
+        params,
+        slices=-(-params.slices // COARSER),
+        taps=-(-params.taps // COARSER),
         samples=-(-params.samples // COARSER),
     )

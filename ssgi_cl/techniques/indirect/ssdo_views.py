@@ -20,20 +20,17 @@ from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 from ssgi_cl.techniques.indirect.ssdo_views_unseen import UnseenDepth
 from ssgi_cl.techniques.source import Source
 
-EDGES = tuple(f"{side}_{axis}" for side, axes in (("left", "xzw"), ("right", "xzw"),
-                                                 ("top", "yzw"), ("bottom", "yzw"))
-              for axis in axes)
+EDGES = tuple(
+    f"{side}_{axis}"
+    for side, axes in (("left", "xzw"), ("right", "xzw"), ("top", "yzw"), ("bottom", "yzw"))
+    for axis in axes
+)
 VIEWS = Struct(
     "ViewsParams",
     (
         *floats("radius", "most_px", "bias", "depth_bias", "nearest"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z", *EDGES),
-        *(
-            (name, "int")
-            for name in (
-                "columns", "rows", "margin_left", "margin_right", "margin_top", "margin_bottom"
-            )
-        ),
+        *((name, "int") for name in ("columns", "rows", "margin_left", "margin_right", "margin_top", "margin_bottom")),
     ),
 )
 
@@ -48,7 +45,10 @@ class ViewsParams(Params):
     strata: int = param(2, "directions that are tried in each slice", low=1, high=16)
     taps: int = param(4, "depths read on the way in each direction", low=1, high=64)
     bias: float = param(
-        0.2, "height above the tangent plane up to which nothing hides", low=0.0, high=100.0,
+        0.2,
+        "height above the tangent plane up to which nothing hides",
+        low=0.0,
+        high=100.0,
         unit="px of the other camera",
     )
 
@@ -62,9 +62,7 @@ class SsdoViews:
         params: see `ViewsParams`.
     """
 
-    def __init__(
-        self, runtime: Runtime, slices: SliceParams, params: ViewsParams | None = None
-    ) -> None:
+    def __init__(self, runtime: Runtime, slices: SliceParams, params: ViewsParams | None = None) -> None:
         self.runtime = runtime
         self.slices = slices
         self.params = params or ViewsParams()
@@ -126,10 +124,18 @@ class SsdoViews:
             (CAMERA, VIEWS),
         )
         kernel.run(
-            "ssdo view", light.size,
-            linear=source.linear, normal=source.normal, table=self._table,
-            depth=self._unseen.of(other), seen=other.normal, radiance=radiance, light=light,
-            masks=masks, camera=source.camera_struct, other=other.camera_struct,
+            "ssdo view",
+            light.size,
+            linear=source.linear,
+            normal=source.normal,
+            table=self._table,
+            depth=self._unseen.of(other),
+            seen=other.normal,
+            radiance=radiance,
+            light=light,
+            masks=masks,
+            camera=source.camera_struct,
+            other=other.camera_struct,
             params=self._packed(light, gbuffer, source, other, camera, further),
         )
 
@@ -176,9 +182,7 @@ def _edges(camera: Camera, margin: tuple[int, int]) -> Mapping[str, float]:
         ("x", ("left", "right"), to_x, at_x, -columns, camera.width + columns),
         ("y", ("bottom", "top"), to_y, at_y, -rows, camera.height + rows),
     ):
-        for name, end, sign in zip(
-            names, sorted((to * low + at, to * high + at)), (1.0, -1.0), strict=True
-        ):
+        for name, end, sign in zip(names, sorted((to * low + at, to * high + at)), (1.0, -1.0), strict=True):
             length = 1.0 if camera.is_orthographic else math.hypot(1.0, end)
             values[f"{name}_{axis}"] = sign / length
             values[f"{name}_z"] = 0.0 if camera.is_orthographic else sign * end / length

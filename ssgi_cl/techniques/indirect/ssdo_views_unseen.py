@@ -13,10 +13,7 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_va
 
 UNSEEN = Struct(
     "UnseenParams",
-    (
-        *floats(*ROTATION, "shift_x", "shift_y", "shift_z", "nearest"),
-        *((name, "int") for name in ("columns", "rows")),
-    ),
+    (*floats(*ROTATION, "shift_x", "shift_y", "shift_z", "nearest"), *((name, "int") for name in ("columns", "rows"))),
 )
 
 
@@ -39,9 +36,7 @@ class UnseenDepth:
         """Forget all views but the first one, whose G-buffer is given."""
         if gbuffer.camera is None:
             raise ValueError("a device G-buffer is empty: draw or upload something first")
-        self._before = [
-            (gbuffer.camera, gbuffer.camera_struct, gbuffer.depth, gbuffer.normal)
-        ]
+        self._before = [(gbuffer.camera, gbuffer.camera_struct, gbuffer.depth, gbuffer.normal)]
 
     def end(self) -> None:
         """Forget all views."""
@@ -70,9 +65,15 @@ class UnseenDepth:
                 (CAMERA, UNSEEN),
             )
             kernel.run(
-                "ssdo unseen", view.whole, region=view.region,
-                normal=view.normal, earlier=depth, facing=normal, depth=unseen,
-                camera=view.camera_struct, before=earlier_struct,
+                "ssdo unseen",
+                view.whole,
+                region=view.region,
+                normal=view.normal,
+                earlier=depth,
+                facing=normal,
+                depth=unseen,
+                camera=view.camera_struct,
+                before=earlier_struct,
                 view=self._packed(camera, earlier, depth.size),
             )
         # The next view may be drawn to the same memory.

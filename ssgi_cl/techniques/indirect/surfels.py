@@ -154,9 +154,7 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     return _reordered(whole, np.argsort(key, kind="stable"))
 
 
-def _points(
-    scene: Scene, count: int, shares: TriangleShares
-) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Return position, normal, area, albedo and emission of points on one side of the triangles."""
     ends = shares.ends
     total = float(ends[-1])
@@ -176,9 +174,7 @@ def _points(
         return result
 
     ids = scene.material_ids[triangle]
-    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(
-        mixed(scene.colors), 0.0, None
-    )
+    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
     there = np.ones(count, np.bool_)
     uvs = mixed(scene.uvs)
     for index in np.unique(ids):
@@ -254,10 +250,7 @@ def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.in
     return number
 
 
-def _surfels(
-    origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp],
-    kind: NDArray[np.int64],
-) -> Surfels:
+def _surfels(origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp], kind: NDArray[np.int64]) -> Surfels:
     """Return surfels of each `PARTS` consecutive points; those of different kinds do not mix."""
     counts = np.bincount(kind, minlength=12)
     firsts = np.cumsum(counts) - counts
@@ -282,8 +275,7 @@ def _surfels(
     # A padding part is as near as the last real one, and comes behind it.
     nearest = np.argsort(away, axis=1, kind="stable")
     position, normal, albedo, emission = (
-        np.take_along_axis(values, nearest[..., None], 1)
-        for values in (position, normal, albedo, emission)
+        np.take_along_axis(values, nearest[..., None], 1) for values in (position, normal, albedo, emission)
     )
     area = np.take_along_axis(area, nearest, 1)
     facing = mean(normal)
@@ -291,11 +283,13 @@ def _surfels(
     # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
     facing /= length[:, None]
     return Surfels(
-        origin, position[:, 0], facing, whole, mean(albedo), mean(emission),
-        *(
-            values.reshape(-1, *values.shape[2:])
-            for values in (position, normal, area, albedo, emission)
-        ),
+        origin,
+        position[:, 0],
+        facing,
+        whole,
+        mean(albedo),
+        mean(emission),
+        *(values.reshape(-1, *values.shape[2:]) for values in (position, normal, area, albedo, emission)),
     )
 
 

@@ -26,12 +26,7 @@ from ssgi_cl.techniques.indirect.surfels import Surfels, TriangleShares, scene_s
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
-START = Struct(
-    "StartParams",
-    (
-        *floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int"),
-    ),
-)
+START = Struct("StartParams", (*floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
 ROWS = 16
 START_ROWS = slice(6, 9)
 """Of kernels/radiosity/surfel.clh."""
@@ -144,8 +139,11 @@ class DeviceSurfels:
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
         self._see.run(
-            "surfel visibility", (words, self._stride),
-            surfels=self._rows, records=self._flux[0], occupancy=self._occupancy.grid,
+            "surfel visibility",
+            (words, self._stride),
+            surfels=self._rows,
+            records=self._flux[0],
+            occupancy=self._occupancy.grid,
             visible=self._visible,
         )
         self._mirror.run("surfel visibility", (words, self._stride), visible=self._visible)
@@ -200,16 +198,26 @@ class DeviceSurfels:
         parts[3:, : PARTS * count] = surfels.part_normal.T
         chosen = runtime.empty(stride, np.int32)
         values = {
-            "lift": occupancy.lift, "per_unit": 1.0 / self.unit,
+            "lift": occupancy.lift,
+            "per_unit": 1.0 / self.unit,
             "vertex_stride": solid.vertex_stride,
             **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
         }
         self._start.run(
-            "surfel starts", (solid.triangles, stride), grid=(1, stride // runtime.variant.lanes),
-            parts=runtime.array(parts), corners=near.corners, positions=solid.positions,
-            boxes=near.boxes, few=near.few, cutouts=near.cutouts, occupancy=occupancy.grid,
+            "surfel starts",
+            (solid.triangles, stride),
+            grid=(1, stride // runtime.variant.lanes),
+            parts=runtime.array(parts),
+            corners=near.corners,
+            positions=solid.positions,
+            boxes=near.boxes,
+            few=near.few,
+            cutouts=near.cutouts,
+            occupancy=occupancy.grid,
             grid_box=occupancy.box,
-            surfels=self._rows, part=chosen, params=START.pack(values),
+            surfels=self._rows,
+            part=chosen,
+            params=START.pack(values),
         )
         part: NDArray[np.int32] = chosen.download()[:count]
         return part
@@ -223,9 +231,11 @@ class DeviceSurfels:
         table = np.zeros((len(ways), 8), np.float32)
         table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance
         self._sky.run(
-            "surfel sky", (len(ways), self._stride),
+            "surfel sky",
+            (len(ways), self._stride),
             grid=(1, self._stride // self.runtime.variant.lanes),
-            surfels=self._rows, directions=self.runtime.array(table),
+            surfels=self._rows,
+            directions=self.runtime.array(table),
             occupancy=self._occupancy.grid,
             sky=self._seen,
         )
@@ -241,11 +251,18 @@ class DeviceSurfels:
         weights = np.zeros(numbers.shape, np.float32)
         numbers[:groups], weights[:groups] = own, weight
         self._first.run(
-            "surfel lights", (most, self._stride),
+            "surfel lights",
+            (most, self._stride),
             grid=(1, self._stride // runtime.variant.lanes),
-            surfels=self._rows, lights=lights.lights, numbers=runtime.array(numbers),
-            weights=runtime.array(weights), occupancy=self._occupancy.grid,
-            grid_box=self._occupancy.box, values=self._values, lift=self._occupancy.lift, gain=gain,
+            surfels=self._rows,
+            lights=lights.lights,
+            numbers=runtime.array(numbers),
+            weights=runtime.array(weights),
+            occupancy=self._occupancy.grid,
+            grid_box=self._occupancy.box,
+            values=self._values,
+            lift=self._occupancy.lift,
+            gain=gain,
         )
         return self._of_surfels(self._values.download())
 
@@ -268,10 +285,17 @@ class DeviceSurfels:
         values[:, : len(source)] = source.T
         self._values.send(values)
         self._gather.run(
-            "surfel bounce", (self._stride // 32, self._stride),
+            "surfel bounce",
+            (self._stride // 32, self._stride),
             grid=(1, self._stride // self.runtime.variant.lanes),
-            surfels=self._rows, before=self._flux[0], visible=self._visible, sky=self._seen,
-            source=self._values, after=self._flux[1], received=self._received, most=MOST_ROW,
+            surfels=self._rows,
+            before=self._flux[0],
+            visible=self._visible,
+            sky=self._seen,
+            source=self._values,
+            after=self._flux[1],
+            received=self._received,
+            most=MOST_ROW,
         )
         self._flux.reverse()
         return self._of_surfels(self._received.download())

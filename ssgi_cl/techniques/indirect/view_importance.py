@@ -33,9 +33,7 @@ class ViewImportance:
         self.runtime = runtime
         self._importance: DeviceArray | None = None
 
-    def run(
-        self, gbuffer: DeviceGBuffer, curve: FluxCurve, *, occupancy: OccupancyGrid, packed: Any
-    ) -> DeviceArray:
+    def run(self, gbuffer: DeviceGBuffer, curve: FluxCurve, *, occupancy: OccupancyGrid, packed: Any) -> DeviceArray:
         """Queue the passes; return the importance of all runs, see kernels/vpl/curve.clh.
 
         Args:
@@ -52,15 +50,29 @@ class ViewImportance:
         kernel = runtime.kernel("vpl/vpl_view_importance.cl", occupancy.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
-                "vpl importance", rsm.size, grid=(1, map_runs // runtime.variant.lanes),
-                position=rsm.position, normal=rsm.normal, flux=rsm.flux, order=order,
-                depth=gbuffer.depth, seen_normal=gbuffer.normal, occupancy=occupancy.grid,
-                grid_box=occupancy.box, importance=self._importance, camera=gbuffer.camera_struct,
-                vpl=packed, params=table, turn=packed_turn(rsm.to_view(camera)),
-                columns=gbuffer.size[1], rows=gbuffer.size[0],
+                "vpl importance",
+                rsm.size,
+                grid=(1, map_runs // runtime.variant.lanes),
+                position=rsm.position,
+                normal=rsm.normal,
+                flux=rsm.flux,
+                order=order,
+                depth=gbuffer.depth,
+                seen_normal=gbuffer.normal,
+                occupancy=occupancy.grid,
+                grid_box=occupancy.box,
+                importance=self._importance,
+                camera=gbuffer.camera_struct,
+                vpl=packed,
+                params=table,
+                turn=packed_turn(rsm.to_view(camera)),
+                columns=gbuffer.size[1],
+                rows=gbuffer.size[0],
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
-            "vpl importance", (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)),
+            "vpl importance",
+            (runs, SUMS),
+            grid=(1, -(-SUMS // runtime.variant.lanes)),
             local=(1, 1),
             importance=self._importance,
         )

@@ -70,9 +70,7 @@ class ChosenVpls:
         amounts = np.diff(edges, axis=1)
         found = places.download()[:, : amounts.shape[1]]
         lobe = (None, found[6:9].T, found[9]) if self.curve.glossy else ()
-        return Vpls(
-            found[:3].T + self.curve.origin, found[3:6].T, amounts[:3].T, amounts[3], *lobe
-        )
+        return Vpls(found[:3].T + self.curve.origin, found[3:6].T, amounts[:3].T, amounts[3], *lobe)
 
 
 @serialised
@@ -123,16 +121,12 @@ def choose_vpls(
     return chosen.download()
 
 
-def _chosen_vpls(
-    maps: Sequence[DeviceRsm], count: int, *, parts: bool, glossy: bool
-) -> ChosenVpls:
+def _chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool, glossy: bool) -> ChosenVpls:
     """Return what chooses from maps of these sizes, the same as last time; nothing is queued."""
     runtime, key = maps[0].runtime, curve_key(maps)
 
     def make() -> ChosenVpls:
-        curve: FluxCurve = runtime.prepared(
-            (FluxCurve, key, glossy), lambda: FluxCurve(runtime, key, glossy=glossy)
-        )
+        curve: FluxCurve = runtime.prepared((FluxCurve, key, glossy), lambda: FluxCurve(runtime, key, glossy=glossy))
         return ChosenVpls(curve, min(count, curve.texels), parts=parts)
 
     chosen: ChosenVpls = runtime.prepared((ChosenVpls, key, count, parts, glossy), make)
@@ -140,8 +134,7 @@ def _chosen_vpls(
 
 
 def on_device_rsms(
-    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
-    runtime: Runtime | None,
+    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm], runtime: Runtime | None
 ) -> list[DeviceRsm]:
     """Return one or several maps in device memory, uploaded unless they are there already.
 
@@ -157,8 +150,7 @@ def on_device_rsms(
         size, faces = rsm.cameras[0].size, len(rsm.cameras)
         glossy = rsm.specular_flux is not None
         device: DeviceRsm = runtime.prepared(
-            (on_device_rsms, index, size, faces, glossy),
-            partial(DeviceRsm, runtime, size, faces, glossy=glossy),
+            (on_device_rsms, index, size, faces, glossy), partial(DeviceRsm, runtime, size, faces, glossy=glossy)
         )
         device.upload(rsm)
         maps.append(device)

@@ -31,25 +31,27 @@ LEAST_CUT, MOST_CUT = 1e-30, 1e30
 def cutoff_param(default: float) -> Any:
     """Declare the parameter `cutoff`, whose default differs from technique to technique."""
     return param(
-        default, "a light counts where its irradiance is more than this share of what it is at "
-        "`unit_distance`, face to face; 0: everywhere", low=0.0, high=1e6, shape=bool,
+        default,
+        "a light counts where its irradiance is more than this share of what it is at "
+        "`unit_distance`, face to face; 0: everywhere",
+        low=0.0,
+        high=1e6,
+        shape=bool,
     )
 
 
 def importance_param() -> Any:
     """Declare the parameter `importance`."""
     return param(
-        True, "with `visibility`, lights from maps are more where their light reaches what the "
-        "camera sees, and so change with it; False: in proportion to flux alone"
+        True,
+        "with `visibility`, lights from maps are more where their light reaches what the "
+        "camera sees, and so change with it; False: in proportion to flux alone",
     )
 
 
 def refine_param(more: str = "") -> Any:
     """Declare the parameter `refine`; `more`: what else there is to say of it."""
-    about = (
-        "from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that it "
-        f"is made of {more}"
-    )
+    about = f"from a distance of sqrt(refine A) to half of that, a light gives way to the 16 that it is made of {more}"
     return param(4.0, about.strip(), low=0.0, high=1e6, shape=bool)
 
 
@@ -60,12 +62,9 @@ class VplParams(Params):
     vpls: int = param(1024, "virtual point lights in all", low=1, high=MOST_VPLS)
     cutoff: float = cutoff_param(0.01)
     unit_distance: float = param(
-        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True,
-        unit="scene units",
+        1.0, "cutoff k reaches 1 / sqrt(k) such distances", low=0.0, high=1e30, above=True, unit="scene units"
     )
-    near: str = param(
-        "disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS
-    )
+    near: str = param("disk", "near field: form factor of a disc, or 1 / (pi d^2) clamped to 1 / A", choices=NEARS)
 
     def scaled_cutoff(self, unit: float) -> float:
         """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
@@ -134,10 +133,7 @@ def lit_by_maps(
     fitting: Any = replace(params, vpls=min(params.vpls, texels))
     if scene is not None and fitting.grid == 0:
         fitting = replace(fitting, grid=MOST_CELLS)  # no pixels have to fill it
-    made = runtime.prepared(
-        (technique, device.size, fitting.shape()),
-        lambda: technique(runtime, device.size, fitting),
-    )
+    made = runtime.prepared((technique, device.size, fitting.shape()), lambda: technique(runtime, device.size, fitting))
     made.params = fitting
     with runtime.frame():
         where: dict[str, Any] = {} if solid is None else {"scene": solid}

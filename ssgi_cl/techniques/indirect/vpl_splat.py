@@ -25,13 +25,7 @@ from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
-from ssgi_cl.techniques.indirect.packed_vpls import (
-    CAPACITY,
-    NEAR_CAPACITY,
-    VPL,
-    DeviceVpls,
-    VplChooser,
-)
+from ssgi_cl.techniques.indirect.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
 from ssgi_cl.techniques.indirect.vpl_light import (
     NEARS,
@@ -56,24 +50,20 @@ COARSER = 16
 class VplSplatParams(VplParams):
     """Parameters of splatting (Dachsbacher and Stamminger 2006)."""
 
-    restore: bool = param(
-        True, "put back what the cutoff leaves out, computed with a sixteenth of the lights"
-    )
+    restore: bool = param(True, "put back what the cutoff leaves out, computed with a sixteenth of the lights")
     refine: float = refine_param("(of which an interleaved pixel takes one); only with `cull`")
-    interleave: bool = param(
-        False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out"
-    )
+    interleave: bool = param(False, "each pixel of 4 x 4 takes one light in 16, and a blur evens them out")
     blur_radius: int = param(4, "of that blur; 0 for none", low=0, high=16, unit="px")
     visibility: bool = param(
-        False, "surfaces block light on its way from light to pixel: all triangles where `scene` "
-        "is given, else what the camera and the lights see; needs `interleave`"
+        False,
+        "surfaces block light on its way from light to pixel: all triangles where `scene` "
+        "is given, else what the camera and the lights see; needs `interleave`",
     )
     grid: int = grid_param()
     importance: bool = importance_param()
     share: int = param(16, "lights of a pixel that share a shadow ray", low=1, high=256)
     glossy_vpls: int = param(
-        0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none",
-        low=0, high=MOST_VPLS,
+        0, "more lights, with Phong lobes, for what glossy surfaces mirror; 0: none", low=0, high=MOST_VPLS
     )
     cull: bool = param(True, "tiles skip the lights that give them nothing (same but for rounding)")
 
@@ -122,18 +112,14 @@ class VplSplat(Prepared[VplSplatParams]):
     name: ClassVar[str] = "vpl splat"
     """Of the pass that is skipped where no light is."""
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: VplSplatParams | None = None
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: VplSplatParams | None = None) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params = params or VplSplatParams()
         self._irradiance = runtime.plane(3, size)
         subsets = 16 if params.interleave else 1
         listed = CAPACITY if params.parted and not params.interleave else 1
-        self._lights = DeviceVpls(
-            runtime, params.vpls, subsets, parts=params.parted, listed=listed
-        )
+        self._lights = DeviceVpls(runtime, params.vpls, subsets, parts=params.parted, listed=listed)
         self._coarse = DeviceVpls(runtime, -(-params.vpls // COARSER), subsets)
         self._chooser = VplChooser(runtime, (self._lights, self._coarse))
         self._glossy: tuple[DeviceVpls, ...] = ()
@@ -153,9 +139,7 @@ class VplSplat(Prepared[VplSplatParams]):
         parted = params.interleave and params.parted
         self._near = runtime.empty(tiles * NEAR_CAPACITY if parted else 1, np.int32)
         self._near_counts = runtime.empty(tiles, np.int32)
-        self.occupancy = (
-            OccupancyGrid(runtime, params.grid, size) if params.visibility else None
-        )
+        self.occupancy = OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         self._importance = ViewImportance(runtime)
         self._blur: Bilateral | None = None
         if params.interleave:
@@ -163,8 +147,12 @@ class VplSplat(Prepared[VplSplatParams]):
 
     @former_order("gbuffer", "vpls", "rsms")
     def run(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *,
-        rsms: Sequence[DeviceRsm] = (), glossy: Vpls | None = None,
+        self,
+        gbuffer: DeviceGBuffer,
+        vpls: Vpls | None = None,
+        *,
+        rsms: Sequence[DeviceRsm] = (),
+        glossy: Vpls | None = None,
         scene: DeviceScene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance in W/m^2.
@@ -186,9 +174,7 @@ class VplSplat(Prepared[VplSplatParams]):
         cut = self.params.cutoff > 0.0
         values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
         if self.occupancy is not None:
-            packed = VPL.pack(
-                {**values, **self._lights.values, "segment": 0, "count": self._lights.segments}
-            )
+            packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": self._lights.segments})
             self.occupancy.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
             values["lift"] = self.occupancy.lift
             if vpls is None and self.params.importance:
@@ -203,8 +189,7 @@ class VplSplat(Prepared[VplSplatParams]):
         return self._blur.run(gbuffer, self._irradiance)
 
     def _choose_by_importance(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid,
-        values: dict[str, float],
+        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid, values: dict[str, float]
     ) -> None:
         """Queue the passes that choose the lights anew, by what they send to the image."""
         assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
@@ -237,9 +222,7 @@ class VplSplat(Prepared[VplSplatParams]):
             result[at] = numbers[at][: counts[at]] * counts.shape[-1] + at[-1]
         return result
 
-    def _bring(
-        self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], *, coarse: bool
-    ) -> None:
+    def _bring(self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], *, coarse: bool) -> None:
         """Bring the lights to the device, or choose them there."""
         if vpls is not None:
             self._lights.upload(vpls, camera)
@@ -252,8 +235,7 @@ class VplSplat(Prepared[VplSplatParams]):
             raise ValueError("vpls is None and there are no maps: expected one of them at least")
 
     def _begin(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *,
-        coarse: bool,
+        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *, coarse: bool
     ) -> dict[str, float]:
         """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
         camera = camera_of(gbuffer, self.size)
@@ -269,15 +251,19 @@ class VplSplat(Prepared[VplSplatParams]):
         if params.cull:
             packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
             self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-                "vpl boxes", self.size, grid=self._tiles,
-                depth=gbuffer.depth, normal=gbuffer.normal, boxes=self._boxes,
-                camera=gbuffer.camera_struct, params=packed,
+                "vpl boxes",
+                self.size,
+                grid=self._tiles,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                boxes=self._boxes,
+                camera=gbuffer.camera_struct,
+                params=packed,
             )
         return values
 
     def _shine_lobes(
-        self, gbuffer: DeviceGBuffer, values: dict[str, float], glossy: Vpls | None,
-        rsms: Sequence[DeviceRsm],
+        self, gbuffer: DeviceGBuffer, values: dict[str, float], glossy: Vpls | None, rsms: Sequence[DeviceRsm]
     ) -> None:
         """Queue the passes that add the light that glossy surfaces mirror."""
         camera, cut = gbuffer.camera, self.params.cutoff > 0.0
@@ -312,8 +298,14 @@ class VplSplat(Prepared[VplSplatParams]):
         }
 
     def _shine(
-        self, gbuffer: DeviceGBuffer, lights: DeviceVpls, values: dict[str, float], part: int, *,
-        add: bool = False, occupancy: bool = True,
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: DeviceVpls,
+        values: dict[str, float],
+        part: int,
+        *,
+        add: bool = False,
+        occupancy: bool = True,
     ) -> None:
         """Queue the passes that make the irradiance of the lights, or add theirs to it."""
         params, structs = self.params, (CAMERA, VPL)
@@ -323,55 +315,75 @@ class VplSplat(Prepared[VplSplatParams]):
             packed = VPL.pack({**values, **lights.values, **batch})
             if params.cull:
                 macros = {
-                    "VPL_CUT": int(part == KEPT), "VPL_SUBSETS": lights.subsets,
+                    "VPL_CUT": int(part == KEPT),
+                    "VPL_SUBSETS": lights.subsets,
                     "VPL_PARTS": int(parted and not params.interleave),
                     "VPL_GLOSSY": int(lights.glossy),
                 }
                 self.runtime.kernel("vpl/vpl_lists.cl", macros, structs).run(
-                    "vpl lists", self.size, grid=(rows, columns * lights.subsets),
-                    boxes=self._boxes, lights=lights.bounds, lists=self._lists, counts=self._counts,
+                    "vpl lists",
+                    self.size,
+                    grid=(rows, columns * lights.subsets),
+                    boxes=self._boxes,
+                    lights=lights.bounds,
+                    lists=self._lists,
+                    counts=self._counts,
                     params=packed,
                 )
             macros = {
-                "VPL_NEAR": NEARS.index(params.near), "VPL_CUT": part, "VPL_ADD": int(add),
+                "VPL_NEAR": NEARS.index(params.near),
+                "VPL_CUT": part,
+                "VPL_ADD": int(add),
                 "VPL_GLOSSY": int(lights.glossy),
             }
             given: dict[str, Any] = {
-                "depth": gbuffer.depth, "normal": gbuffer.normal, "lights": lights.lights,
-                "lists": self._lists, "counts": self._counts, "irradiance": self._irradiance,
-                "camera": gbuffer.camera_struct, "params": packed,
+                "depth": gbuffer.depth,
+                "normal": gbuffer.normal,
+                "lights": lights.lights,
+                "lists": self._lists,
+                "counts": self._counts,
+                "irradiance": self._irradiance,
+                "camera": gbuffer.camera_struct,
+                "params": packed,
             }
             if params.interleave:
                 if parted:
                     self.runtime.kernel("vpl/vpl_near.cl", structs=(CAMERA, VPL)).run(
-                        "vpl near", self.size, grid=(rows, columns),
-                        boxes=self._boxes, lights=lights.bounds, near=self._near,
-                        counts=self._near_counts, params=packed,
+                        "vpl near",
+                        self.size,
+                        grid=(rows, columns),
+                        boxes=self._boxes,
+                        lights=lights.bounds,
+                        near=self._near,
+                        counts=self._near_counts,
+                        params=packed,
                     )
                 macros["VPL_PARTS"] = int(parted)
                 self._interleaved(given, macros, occupancy=occupancy)
             else:
-                macros |= {
-                    "VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS
-                }
+                macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS}
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
-                    "vpl splat", self.size,
+                    "vpl splat",
+                    self.size,
                     grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.variant.lanes)),
                     **given,
                 )
             add = True
 
-    def _interleaved(
-        self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool
-    ) -> None:
+    def _interleaved(self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool) -> None:
         grid = self.occupancy if occupancy else None
         macros |= grid.macros if grid else {"VPL_GRID": 32}
         macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
-            "vpl splat", self.size, grid=(self._tiles[0], self._tiles[1] * pieces),
-            occupancy=grid.grid if grid else None, grid_box=grid.box if grid else None,
-            near=self._near, near_counts=self._near_counts, **given,
+            "vpl splat",
+            self.size,
+            grid=(self._tiles[0], self._tiles[1] * pieces),
+            occupancy=grid.grid if grid else None,
+            grid_box=grid.box if grid else None,
+            near=self._near,
+            near_counts=self._near_counts,
+            **given,
         )
 
 
@@ -429,7 +441,13 @@ DESCRIPTOR = Technique(
         "vpl/vpl_cut.cl": ("VPL_GLOSSY", "VPL_MIDDLE", "VPL_WEIGHTED"),
         "vpl/vpl_grid.cl": ("VPL_GRID",),
         "vpl/vpl_interleaved.cl": (
-            "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_GRID", "VPL_NEAR", "VPL_PARTS", "VPL_SHARE",
+            "VPL_ADD",
+            "VPL_CUT",
+            "VPL_GLOSSY",
+            "VPL_GRID",
+            "VPL_NEAR",
+            "VPL_PARTS",
+            "VPL_SHARE",
             "VPL_VISIBILITY",
         ),
         "vpl/vpl_lists.cl": ("VPL_CUT", "VPL_GLOSSY", "VPL_PARTS", "VPL_SUBSETS"),
@@ -438,9 +456,7 @@ DESCRIPTOR = Technique(
         "vpl/vpl_place.cl": ("VPL_GLOSSY", "VPL_PART"),
         "vpl/vpl_reach.cl": ("VPL_GRID",),
         "vpl/vpl_partial_sums.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
-        "vpl/vpl_splat.cl": (
-            "VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS",
-        ),
+        "vpl/vpl_splat.cl": ("VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS"),
         "vpl/vpl_to_view.cl": ("VPL_PART",),
         "vpl/vpl_totals.cl": (),
         "vpl/vpl_view_importance.cl": ("VPL_GRID",),
@@ -452,10 +468,15 @@ DESCRIPTOR = Technique(
     quantity="bounce",
     bench=Bench(
         families=("vpl", "vpl-plain", "vpl-interleaved", "vpl-visibility"),
-        rows={"vpl_splat": (
-            "one-bounce indirect light from virtual point lights, diffuse and glossy",
-            (("1024 lights", "vpl.1024"), ("interleaved", "vpl-interleaved.1024"),
-             ("with visibility", "vpl-visibility.1024")),
-        )},
+        rows={
+            "vpl_splat": (
+                "one-bounce indirect light from virtual point lights, diffuse and glossy",
+                (
+                    ("1024 lights", "vpl.1024"),
+                    ("interleaved", "vpl-interleaved.1024"),
+                    ("with visibility", "vpl-visibility.1024"),
+                ),
+            )
+        },
     ),
 )

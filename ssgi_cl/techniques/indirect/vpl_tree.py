@@ -26,9 +26,7 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
-CUT = Struct(
-    "CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright"))
-)
+CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
 
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
@@ -84,8 +82,13 @@ class VplTree:
     """
 
     def __init__(
-        self, runtime: Runtime, lights: DeviceVpls, near: int, cut: int,
-        occupancy: OccupancyGrid | None = None, share: int = 16,
+        self,
+        runtime: Runtime,
+        lights: DeviceVpls,
+        near: int,
+        cut: int,
+        occupancy: OccupancyGrid | None = None,
+        share: int = 16,
     ) -> None:
         self.runtime = runtime
         self.lights = lights
@@ -111,7 +114,8 @@ class VplTree:
         self._occupancy = occupancy
         self._rows = ROWS // 2 if occupancy else ROWS
         macros |= {
-            "SHADE_ROWS": self._rows, "VPL_VISIBILITY": int(occupancy is not None),
+            "SHADE_ROWS": self._rows,
+            "VPL_VISIBILITY": int(occupancy is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
         }
         # Without walls the kernel does not look at the grid.
@@ -131,18 +135,34 @@ class VplTree:
         packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
         segments = self.lights.segments
         self._order.run(
-            "light order", (1, 1), grid=(1, segments),
-            lights=self.lights.lights, records=self._records, bounds=self._bounds, params=packed,
+            "light order",
+            (1, 1),
+            grid=(1, segments),
+            lights=self.lights.lights,
+            records=self._records,
+            bounds=self._bounds,
+            params=packed,
             total=total,
         )
         self._make_runs.run(
-            "light runs", (1, 1), grid=(segments, self._runs), local=(1, 8),
-            records=self._records, bounds=self._bounds, params=packed, total=total,
+            "light runs",
+            (1, 1),
+            grid=(segments, self._runs),
+            local=(1, 8),
+            records=self._records,
+            bounds=self._bounds,
+            params=packed,
+            total=total,
         )
 
     def measure(
-        self, source: Samples, samples: DeviceArray, values: dict[str, float],
-        interpolation: float, runs: float, other_light: Sequence[Plane] = (),
+        self,
+        source: Samples,
+        samples: DeviceArray,
+        values: dict[str, float],
+        interpolation: float,
+        runs: float,
+        other_light: Sequence[Plane] = (),
     ) -> None:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
@@ -150,17 +170,33 @@ class VplTree:
         by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
         """
         self._mean.run(
-            "mean", source.size, grid=(1, SAMPLES // self.runtime.variant.lanes), local=(1, 4),
-            depth=source.depth, normal=source.normal, list=samples, records=self._records,
-            found=self._found, camera=source.camera_struct,
-            params=self._packed(values, source.margin), total=self.lights.count, wanted=SAMPLES,
+            "mean",
+            source.size,
+            grid=(1, SAMPLES // self.runtime.variant.lanes),
+            local=(1, 4),
+            depth=source.depth,
+            normal=source.normal,
+            list=samples,
+            records=self._records,
+            found=self._found,
+            camera=source.camera_struct,
+            params=self._packed(values, source.margin),
+            total=self.lights.count,
+            wanted=SAMPLES,
         )
         if other_light:
             self._limit(interpolation, runs, CUT_OWN)
         for plane in other_light:
             self._other.run(
-                "mean", source.size, grid=(1, SAMPLES // self.runtime.variant.lanes), local=(1, 4),
-                light=plane, list=samples, found=self._found, plane=plane.size, wanted=SAMPLES,
+                "mean",
+                source.size,
+                grid=(1, SAMPLES // self.runtime.variant.lanes),
+                local=(1, 4),
+                light=plane,
+                list=samples,
+                found=self._found,
+                plane=plane.size,
+                wanted=SAMPLES,
                 side=max(-(-plane.size[i] // source.size[i]) for i in (0, 1)),
             )
         self._limit(interpolation, runs, CUT_ALL if other_light else CUT_ALONE)
@@ -168,13 +204,24 @@ class VplTree:
     def _limit(self, interpolation: float, runs: float, stage: int) -> None:
         """Queue the pass that sets `limits` from what is found."""
         self._limits.run(
-            "mean", (1, 1), grid=(1, 1),
-            found=self._found, limits=self.limits, count=SAMPLES, interpolation=interpolation,
-            runs=runs, stage=stage,
+            "mean",
+            (1, 1),
+            grid=(1, 1),
+            found=self._found,
+            limits=self.limits,
+            count=SAMPLES,
+            interpolation=interpolation,
+            runs=runs,
+            stage=stage,
         )
 
     def shine(
-        self, source: Samples, samples: DeviceArray, most: int, fractions: Plane, result: Plane,
+        self,
+        source: Samples,
+        samples: DeviceArray,
+        most: int,
+        fractions: Plane,
+        result: Plane,
         values: dict[str, float],
     ) -> None:
         """Queue the passes that add shares of the irradiance of the samples to a plane.
@@ -196,33 +243,47 @@ class VplTree:
         scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
         parted = self.lights.parted and values.get("refine", 0.0) > 0.0
         shade = self.runtime.kernel(
-            "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)},
-            (CAMERA, VPL, CUT),
+            "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)}, (CAMERA, VPL, CUT)
         )
         occupancy = self._occupancy
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
-            cut = CUT.pack({
-                "first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT,
-            })
+            cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT})
             for batch in self.lights.batches():
                 shared = {
-                    "list": samples, "lists": self._lists, "counts": self._counts, "cut": cut,
+                    "list": samples,
+                    "lists": self._lists,
+                    "counts": self._counts,
+                    "cut": cut,
                     "params": self._packed({**values, **batch}, source.margin),
                 }
                 self._cut.run(
-                    "light cuts", source.size, grid=(1, min(here, items)), local=local,
-                    depth=source.depth, normal=source.normal, bounds=self._bounds,
-                    limits=self.limits, kept=self._kept, camera=source.camera_struct, **shared,
+                    "light cuts",
+                    source.size,
+                    grid=(1, min(here, items)),
+                    local=local,
+                    depth=source.depth,
+                    normal=source.normal,
+                    bounds=self._bounds,
+                    limits=self.limits,
+                    kept=self._kept,
+                    camera=source.camera_struct,
+                    **shared,
                 )
                 shade.run(
-                    "light samples", source.size, grid=(1, min(here * pieces, items)), local=local,
-                    samples=self._kept, records=self._records,
+                    "light samples",
+                    source.size,
+                    grid=(1, min(here * pieces, items)),
+                    local=local,
+                    samples=self._kept,
+                    records=self._records,
                     lights=self.lights.lights if parted else None,
                     occupancy=occupancy.grid if occupancy else None,
                     grid_box=occupancy.box if occupancy else None,
                     camera=source.camera_struct if occupancy else None,
-                    fractions=fractions, values=result, **shared,
+                    fractions=fractions,
+                    values=result,
+                    **shared,
                 )
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:
@@ -249,9 +310,12 @@ class VplTree:
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
             {
-                **_ZEROS, **self.lights.values, **values,
+                **_ZEROS,
+                **self.lights.values,
+                **values,
                 "lift": self._occupancy.lift if self._occupancy else 0.0,
-                "margin_columns": margin[1], "margin_rows": margin[0],
+                "margin_columns": margin[1],
+                "margin_rows": margin[0],
             }
         )
 

@@ -51,9 +51,7 @@ def record(technique: str) -> dict[str, Any]:
         ValueError: it has no presets.
     """
     folder = resources.files(__package__)
-    known = sorted(
-        file.name.removesuffix(".json") for file in folder.iterdir() if file.name.endswith(".json")
-    )
+    known = sorted(file.name.removesuffix(".json") for file in folder.iterdir() if file.name.endswith(".json"))
     if technique not in known:
         raise ValueError(f"{technique!r} has no presets: expected one of {', '.join(known)}")
     document: dict[str, Any] = json.loads((folder / f"{technique}.json").read_text("utf-8"))
@@ -67,10 +65,7 @@ def recorded_for(technique: str, layers: int) -> dict[str, Any]:
         ValueError: the technique has no presets.
     """
     entries: list[dict[str, Any]] = record(technique)["layers"]
-    return max(
-        (entry for entry in entries if entry["layers"] <= layers),
-        key=lambda entry: int(entry["layers"]),
-    )
+    return max((entry for entry in entries if entry["layers"] <= layers), key=lambda entry: int(entry["layers"]))
 
 
 def parameters(technique: str, name: str, layers: int = 1) -> dict[str, Any]:

@@ -83,8 +83,7 @@ def choice_for(
         budget = checks.number("budget_ms", budget_ms, low=0.0, above=True, unit="ms")
         runtime = runtime or Runtime.open()
         timed = [
-            (predicted_ms(runtime, technique, _with_layers(name, setting.ms, layers), size),
-             setting)
+            (predicted_ms(runtime, technique, _with_layers(name, setting.ms, layers), size), setting)
             for setting in presets.curve(name, layers)
         ]
         fast = [pair for pair in timed if pair[0] <= budget]
@@ -99,8 +98,7 @@ def choice_for(
 
 
 def params_for(
-    technique: type[OcclusionTechnique], gbuffer: GBuffer | DeviceGBuffer,
-    runtime: Runtime | None, **given: Any
+    technique: type[OcclusionTechnique], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
 ) -> Any:
     """Return the parameters that a call of a technique's function means.
 
@@ -124,8 +122,7 @@ def params_for(
     if isinstance(gbuffer, DeviceGBuffer):
         runtime = gbuffer.runtime
     chosen = choice_for(
-        technique, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, runtime=runtime,
-        **asked, **given,
+        technique, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, runtime=runtime, **asked, **given
     )
     return chosen.params
 
@@ -135,16 +132,13 @@ def _check_single(asked: dict[str, Any], least: int = 0) -> None:
     if not least <= len(given) <= 1:
         how_many = "exactly" if least else "at most"
         raise ValueError(
-            f"{' and '.join(given) or 'nothing is asked for'}: expected {how_many} one of "
-            f"{', '.join(ASKED)}"
+            f"{' and '.join(given) or 'nothing is asked for'}: expected {how_many} one of {', '.join(ASKED)}"
         )
 
 
 def _reaches(margin: Size, size: Size, overscan: float) -> bool:
     """Return whether a margin is about as wide as the recorded one."""
-    return all(
-        part >= MARGIN_SLACK * overscan * whole for part, whole in zip(margin, size, strict=True)
-    )
+    return all(part >= MARGIN_SLACK * overscan * whole for part, whole in zip(margin, size, strict=True))
 
 
 def _named(technique: str, name: str, layers: int) -> presets.Setting:

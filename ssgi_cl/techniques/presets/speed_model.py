@@ -107,9 +107,7 @@ def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Spe
     return speed
 
 
-def predicted_ms(
-    runtime: Runtime, technique: type[OcclusionTechnique], ms: float, size: Size
-) -> float:
+def predicted_ms(runtime: Runtime, technique: type[OcclusionTechnique], ms: float, size: Size) -> float:
     """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
 
     It is that of a picture full of surfaces: the defaults, with which both devices were measured on
@@ -137,9 +135,7 @@ def rolling_ground(size: Size) -> GBuffer:
     return GBuffer(camera=camera, depth=depth.astype(np.float32))
 
 
-def _times_ms(
-    runtime: Runtime, technique: OcclusionTechnique, gbuffer: DeviceGBuffer
-) -> list[float]:
+def _times_ms(runtime: Runtime, technique: OcclusionTechnique, gbuffer: DeviceGBuffer) -> list[float]:
     """Return the device times of some runs."""
     took: list[float] = []
     end = time.perf_counter() + SECONDS
@@ -152,12 +148,14 @@ def _times_ms(
     return took
 
 
-def _fingerprint(
-    runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
-) -> str:
+def _fingerprint(runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]) -> str:
     parts = (
-        runtime.info.driver, runtime.info.label, str(runtime.variant), str(os.cpu_count()),
-        __version__, sources.flatten(f"{technique.name}/{technique.name}.cl"),
+        runtime.info.driver,
+        runtime.info.label,
+        str(runtime.variant),
+        str(os.cpu_count()),
+        __version__,
+        sources.flatten(f"{technique.name}/{technique.name}.cl"),
         json.dumps(parameters, sort_keys=True),
     )
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

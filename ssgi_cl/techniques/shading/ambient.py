@@ -104,10 +104,7 @@ def part_vectors(image: Doubles) -> Doubles:
     squared = np.diff(0.5 * polar - 0.25 * np.sin(2.0 * polar))
     upward = np.diff(0.5 * np.sin(polar) ** 2)
     around = np.stack([np.diff(-np.cos(azimuth)), np.diff(azimuth), np.diff(-np.sin(azimuth))])
-    starts = [
-        np.arange(0, size, round(size / least))
-        for size, least in ((rows, _PARTS), (columns, 2 * _PARTS))
-    ]
+    starts = [np.arange(0, size, round(size / least)) for size, least in ((rows, _PARTS), (columns, 2 * _PARTS))]
     axes = []
     for down, across in zip((squared, upward, squared), around, strict=True):
         weighted = np.add.reduceat(image * down[:, None, None], starts[0], 0)
@@ -159,7 +156,4 @@ def _way() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def _folded(x: NDArray[np.int64], z: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
     """Return x and z of vertices beyond the diamond |x| + |z| = 1, where the lower half lies."""
     half = AMBIENT_SIZE // 2
-    return (
-        np.copysign(half - np.abs(z), x).astype(np.int64),
-        np.copysign(half - np.abs(x), z).astype(np.int64),
-    )
+    return (np.copysign(half - np.abs(z), x).astype(np.int64), np.copysign(half - np.abs(x), z).astype(np.int64))

@@ -42,22 +42,23 @@ class SenderRecords:
     def __init__(self, runtime: Runtime, whole: Size, layers: int) -> None:
         self.runtime = runtime
         self.layers = layers
-        self.array: DeviceArray = runtime.empty(
-            4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32
-        )
+        self.array: DeviceArray = runtime.empty(4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32)
 
     def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
         """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
-        kernel = self.runtime.kernel(
-            "layer_shading/layer_shading.cl", _macros(emission=True, records=True), (LIT,)
-        )
+        kernel = self.runtime.kernel("layer_shading/layer_shading.cl", _macros(emission=True, records=True), (LIT,))
         for layer in range(self.layers):
             values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
             kernel.run(
-                "pack senders", gbuffer.whole,
+                "pack senders",
+                gbuffer.whole,
                 # Without light, what is sent is what is emitted.
-                depth=gbuffer.depth, normal=gbuffer.normal, albedo=radiance, emission=radiance,
-                records=self.array, params=LIT.pack({**values, "layer": layer, "image": layer}),
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                albedo=radiance,
+                emission=radiance,
+                records=self.array,
+                params=LIT.pack({**values, "layer": layer, "image": layer}),
             )
 
 
@@ -100,8 +101,7 @@ class LitLayers:
         self.punctual_lights: Plane | None = None
         self._emission = emission
         self._sides = (False, True) if backs else (False,)
-        self._punctual_lights = punctual_lights() if punctual_lights else PunctualLights(runtime,
-            whole, kept=False)
+        self._punctual_lights = punctual_lights() if punctual_lights else PunctualLights(runtime, whole, kept=False)
         self._ambient = Ambient(runtime)
         self._records: SenderRecords | None = None
 
@@ -130,9 +130,7 @@ class LitLayers:
         """
         if not self._start(gbuffer, lights, shadows):
             return None
-        radiance = self.runtime.transient.plane(
-            3 * self.layers * len(self._sides), self.whole
-        )
+        radiance = self.runtime.transient.plane(3 * self.layers * len(self._sides), self.whole)
         if self.attributes < self.layers and isinstance(radiance, TransientPlane):
             radiance.clear()
         self._run(gbuffer, lights, shadows, visibility, step, radiance)
@@ -147,12 +145,13 @@ class LitLayers:
         visibility: Plane | None = None,
         step: int = 1,
     ) -> ImageParts | None:
-        """Return the images of `run` in parts of 3, whose passes are queued as they are asked for.
-        """
+        """Return the images of `run` in parts of 3, whose passes are queued as they are asked for."""
         if not self._start(gbuffer, lights, shadows):
             return None
         return ImageParts(
-            3 * self.layers * len(self._sides), self.whole, self.attributes == self.layers,
+            3 * self.layers * len(self._sides),
+            self.whole,
+            self.attributes == self.layers,
             self._parts(self.punctual_lights, gbuffer, lights, shadows, visibility, step),
         )
 
@@ -177,8 +176,7 @@ class LitLayers:
         return self._records
 
     def _start(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], shadows: Sequence[ShadowMap | None] | None
     ) -> bool:
         """Queue what makes `punctual_lights`; return whether any surface is lit."""
         given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
@@ -193,8 +191,13 @@ class LitLayers:
         return lit
 
     def _parts(
-        self, punctual_lights: Plane | None, gbuffer: DeviceGBuffer, lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None, visibility: Plane | None, step: int,
+        self,
+        punctual_lights: Plane | None,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        shadows: Sequence[ShadowMap | None] | None,
+        visibility: Plane | None,
+        step: int,
     ) -> Iterator[tuple[int, Plane]]:
         """Give the parts of `images`, given what `punctual_lights` was when it was called."""
         for back, number in product(self._sides, range(self.attributes)):
@@ -228,9 +231,7 @@ class LitLayers:
                 punctual_lights = self._punctual_lights.run(layer, lights, shadows=shadows)
             image = number + (self.layers if back else 0)
             self._light(
-                layer, punctual_lights, visibility, step, gbuffer.margin, to,
-                image if records else 3 * image,
-                region,
+                layer, punctual_lights, visibility, step, gbuffer.margin, to, image if records else 3 * image, region
             )
 
     @property
@@ -239,15 +240,12 @@ class LitLayers:
         return self._punctual_lights
 
     def front(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
-        shadows: Sequence[ShadowMap | None] | None = None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> bool:
         """Queue what makes `punctual_lights` alone; return whether `run` would find any light."""
         self._ambient.set(lights)
         self.punctual_lights = None
-        self.punctual_lights = self._punctual_lights.run(
-            gbuffer.layer(0), lights, shadows=shadows
-        )
+        self.punctual_lights = self._punctual_lights.run(gbuffer.layer(0), lights, shadows=shadows)
         return self.punctual_lights is not None or self._ambient.shines or self._emits(gbuffer)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:
@@ -268,10 +266,14 @@ class LitLayers:
         kernel = self.runtime.kernel(
             "layer_shading/layer_shading.cl",
             _macros(
-                punctual_lights=punctual_lights is not None, ambient=self._ambient.shines,
-                visibility=visibility is not None, emission=self._emits(layer), records=records,
+                punctual_lights=punctual_lights is not None,
+                ambient=self._ambient.shines,
+                visibility=visibility is not None,
+                emission=self._emits(layer),
+                records=records,
                 step=step,
-            ) | self._ambient.macros,
+            )
+            | self._ambient.macros,
             (LIT,),
         )
         assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
@@ -287,12 +289,17 @@ class LitLayers:
             "open_rows": rows,
         }
         kernel.run(
-            "lit layer" + (f" {layer.front + 1}" if self.attributes > 1 else "")
+            "lit layer"
+            + (f" {layer.front + 1}" if self.attributes > 1 else "")
             + (" back" if layer.facing < 0.0 else ""),
-            self.whole, region=region,
-            depth=layer.depth, normal=layer.normal, albedo=layer.albedo,
+            self.whole,
+            region=region,
+            depth=layer.depth,
+            normal=layer.normal,
+            albedo=layer.albedo,
             emission=layer.emission if self._emits(layer) else None,
-            punctual_lights=punctual_lights, visibility=visibility,
+            punctual_lights=punctual_lights,
+            visibility=visibility,
             ambient=self._ambient.irradiance if self._ambient.shines else None,
             **({"records": to.array} if isinstance(to, SenderRecords) else {"radiance": to}),
             params=LIT.pack(values),
@@ -300,13 +307,20 @@ class LitLayers:
 
 
 def _macros(
-    *, punctual_lights: bool = False, ambient: bool = False, visibility: bool = False,
+    *,
+    punctual_lights: bool = False,
+    ambient: bool = False,
+    visibility: bool = False,
     emission: bool = False,
-    records: bool = False, step: int = 1,
+    records: bool = False,
+    step: int = 1,
 ) -> dict[str, int]:
     return {
-        "LAYERS_LIGHTS": int(punctual_lights), "LAYERS_AMBIENT": int(ambient),
+        "LAYERS_LIGHTS": int(punctual_lights),
+        "LAYERS_AMBIENT": int(ambient),
         "LAYERS_VISIBILITY": int(visibility),
-        "LAYERS_EMISSION": int(emission), "LAYERS_RECORDS": int(records), "LAYERS_STEP": step,
+        "LAYERS_EMISSION": int(emission),
+        "LAYERS_RECORDS": int(records),
+        "LAYERS_STEP": step,
         "AMBIENT_SIZE": 0,
     }

@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import (
-    DirectionalLight,
-    Environment,
-    Light,
-    PointLight,
-    SpotLight,
-    light_extent,
-)
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight, light_extent
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -67,12 +60,17 @@ class ShadowMap:
 
     @classmethod
     def of(
-        cls, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
-        images: tuple[int, ...], table: DeviceArray, *, is_fitted: bool = False,
+        cls,
+        depth: Plane,
+        cameras: tuple[Camera, ...],
+        crops: tuple[Crop, ...],
+        images: tuple[int, ...],
+        table: DeviceArray,
+        *,
+        is_fitted: bool = False,
     ) -> ShadowMap:
         """Return the map, with what kernels read of its crops sent to `table`."""
-        values = [crop.values(image, depth.size[0])
-                  for crop, image in zip(crops, images, strict=True)]
+        values = [crop.values(image, depth.size[0]) for crop, image in zip(crops, images, strict=True)]
         table.send(np.array(values, np.float32))
         return cls(depth, cameras, crops, images, table, is_fitted=is_fitted)
 
@@ -98,11 +96,7 @@ class PunctualLights:
         self._irradiance = Target(runtime, 3, size, kept=kept)
 
     def run(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        *,
-        shadows: Sequence[ShadowMap | None] | None = None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> Plane | None:
         """Queue the passes; return the sum of all lights, or None if none shines.
 
@@ -126,7 +120,11 @@ class PunctualLights:
         return irradiance
 
     def add_lobes(
-        self, radiance: Plane, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
+        self,
+        radiance: Plane,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> None:
         """Queue the passes that add to radiance what the lobes of a G-buffer that mirrors reflect.
@@ -136,21 +134,31 @@ class PunctualLights:
         maps = list(shadows) if shadows is not None else [None] * len(lights)
         for light, shadow in zip(lights, maps, strict=True):
             if not isinstance(light, Environment) and power(light).any():
-                self._pass(
-                    radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True
-                )
+                self._pass(radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True)
 
     def light(
-        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
-        shadow: ShadowMap | None, *,
-        add: bool, region: Region | None,
+        self,
+        irradiance: Plane,
+        gbuffer: DeviceGBuffer,
+        light: PunctualLight,
+        shadow: ShadowMap | None,
+        *,
+        add: bool,
+        region: Region | None,
     ) -> None:
         """Queue the pass of one light, which sets `irradiance` or adds to it."""
         self._pass(irradiance, gbuffer, light, shadow, add=add, region=region, lobe=False)
 
     def _pass(
-        self, target: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
-        shadow: ShadowMap | None, *, add: bool, region: Region | None, lobe: bool,
+        self,
+        target: Plane,
+        gbuffer: DeviceGBuffer,
+        light: PunctualLight,
+        shadow: ShadowMap | None,
+        *,
+        add: bool,
+        region: Region | None,
+        lobe: bool,
     ) -> None:
         """Queue the pass of one light to a plane: irradiance, or the radiance of lobes."""
         blocks = shadow.blocks if shadow else None
@@ -170,18 +178,28 @@ class PunctualLights:
         light_camera = shadow.cameras[0] if shadow else camera
         map_ = shadow.depth if shadow else None
         kernel.run(
-            f"{'lobe' if lobe else 'light'} {kind_name(light)}", self.size, region=region,
-            depth=gbuffer.depth, normal=gbuffer.normal, map=map_, blocks=blocks or map_,
-            crops=shadow.table if shadow else None, irradiance=target,
+            f"{'lobe' if lobe else 'light'} {kind_name(light)}",
+            self.size,
+            region=region,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            map=map_,
+            blocks=blocks or map_,
+            crops=shadow.table if shadow else None,
+            irradiance=target,
             albedo=gbuffer.albedo if lobe else None,
-            specular=gbuffer.specular if lobe else None, gloss=gbuffer.gloss if lobe else None,
-            camera=gbuffer.camera_struct, light_camera=CAMERA.pack(camera_values(light_camera)),
-            light=LIGHT.pack({
-                **light_values(light, camera, light_camera, gbuffer),
-                "blocks": int(blocks is not None),
-                "crops": len(shadow.crops) if shadow else 0,
-                "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
-            }),
+            specular=gbuffer.specular if lobe else None,
+            gloss=gbuffer.gloss if lobe else None,
+            camera=gbuffer.camera_struct,
+            light_camera=CAMERA.pack(camera_values(light_camera)),
+            light=LIGHT.pack(
+                {
+                    **light_values(light, camera, light_camera, gbuffer),
+                    "blocks": int(blocks is not None),
+                    "crops": len(shadow.crops) if shadow else 0,
+                    "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
+                }
+            ),
         )
 
 
@@ -201,9 +219,7 @@ def face_count(light: Light) -> int:
     return 6 if isinstance(light, PointLight) else 1
 
 
-def light_values(
-    light: PunctualLight, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer
-) -> dict[str, Any]:
+def light_values(light: PunctualLight, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer) -> dict[str, Any]:
     turn, shift = camera.view[:3, :3], camera.view[:3, 3]
     position = direction = np.zeros(3)
     least = -2.0
@@ -226,7 +242,9 @@ def light_values(
         **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
         "least_cosine": least,
         "facing": gbuffer.facing,
-        "red": red, "green": green, "blue": blue,
+        "red": red,
+        "green": green,
+        "blue": blue,
         "extent": light_extent(light),
         **rotation_values(to_light),
         **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),

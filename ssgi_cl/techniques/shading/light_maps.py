@@ -41,18 +41,13 @@ class LightMaps:
             what is reflected.
     """
 
-    def __init__(
-        self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False,
-        rsm_size: int = 8192,
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False, rsm_size: int = 8192) -> None:
         self.runtime = runtime
         self.size = size
         self._flux = flux
         self._glossy = glossy
         self._step = -(-size // rsm_size) if flux else 1
-        self._renderer = RsmRenderer(
-            runtime, size, step=self._step, flux=flux, matt=not glossy
-        )
+        self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux, matt=not glossy)
         self._depths: dict[int, Plane] = {}
         self._blocks = ShadowBlocks(runtime, size)
         self._block_planes: dict[int, Plane] = {}
@@ -65,8 +60,13 @@ class LightMaps:
         self._shadows: dict[int, ShadowMap] = {}
 
     def draw(
-        self, scene: Scene, lights: Sequence[Light], *, idle: Collection[int] = (),
-        keep: bool = True, seen: Seen | None = None,
+        self,
+        scene: Scene,
+        lights: Sequence[Light],
+        *,
+        idle: Collection[int] = (),
+        keep: bool = True,
+        seen: Seen | None = None,
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
@@ -79,7 +79,8 @@ class LightMaps:
             reflects their light: None if nothing does, or if it was not asked for.
         """
         punctual_lights = {
-            index: light for index, light in enumerate(lights)
+            index: light
+            for index, light in enumerate(lights)
             if index not in idle and not isinstance(light, Environment) and power(light).any()
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
@@ -88,31 +89,23 @@ class LightMaps:
         # Should anything fail, nothing is taken for drawn.
         self._scene, self._punctual_lights, self._shadows = None, {}, {}
         cameras = {
-            index: before[index].cameras if index in kept
-            else light_cameras(light, scene.bounds, self.size)
+            index: before[index].cameras if index in kept else light_cameras(light, scene.bounds, self.size)
             for index, light in punctual_lights.items()
         }
         # Idle lights count too: which are found to be idle must change no bit.
-        shining = sum(not isinstance(light, Environment) and bool(power(light).any())
-                      for light in lights)
-        images = {
-            index: len(faces) if seen is None else parts(len(faces), shining)
-            for index, faces in cameras.items()
-        }
+        shining = sum(not isinstance(light, Environment) and bool(power(light).any()) for light in lights)
+        images = {index: len(faces) if seen is None else parts(len(faces), shining) for index, faces in cameras.items()}
         crops = {
             index: whole(len(faces)) if seen is None else fitted(faces, seen, images[index])
             for index, faces in cameras.items()
         }
         self._require(scene, images, sum(map(len, cameras.values())), len(lights))
-        held = self._rsm_of(scene, punctual_lights, cameras,
-            kept) if self._flux and punctual_lights else None
+        held = self._rsm_of(scene, punctual_lights, cameras, kept) if self._flux and punctual_lights else None
         first = 0
         for index, light in punctual_lights.items():
             old = before.get(index) if index in kept else None
             depth = self._depth(index, images[index])
-            shadow, missing = self._shadow(
-                index, depth, cameras[index], crops[index], old, is_fitted=seen is not None
-            )
+            shadow, missing = self._shadow(index, depth, cameras[index], crops[index], old, is_fitted=seen is not None)
             reflects = held if index not in kept else None
             if not missing and reflects is None:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
@@ -126,12 +119,17 @@ class LightMaps:
         if held is not None and len(kept) < len(punctual_lights):
             self._lit = held.lit()
         self._scene, self._punctual_lights = scene.key, punctual_lights
-        return shadows, held if held is not None and self._reflects(punctual_lights,
-            shadows) else None
+        return shadows, held if held is not None and self._reflects(punctual_lights, shadows) else None
 
     def _shadow(
-        self, index: int, depth: Plane, cameras: tuple[Camera, ...], crops: tuple[Crop, ...],
-        old: ShadowMap | None, *, is_fitted: bool,
+        self,
+        index: int,
+        depth: Plane,
+        cameras: tuple[Camera, ...],
+        crops: tuple[Crop, ...],
+        old: ShadowMap | None,
+        *,
+        is_fitted: bool,
     ) -> tuple[ShadowMap, list[int]]:
         """Return the map of a light in `depth`, and which of its crops are not drawn yet.
 
@@ -149,9 +147,7 @@ class LightMaps:
         table = self._tables[index]
         return ShadowMap.of(depth, cameras, crops, images, table, is_fitted=is_fitted), missing
 
-    def _require(
-        self, scene: Scene, images: dict[int, int], faces: int, lights: int
-    ) -> None:
+    def _require(self, scene: Scene, images: dict[int, int], faces: int, lights: int) -> None:
         """Let go of maps of lights that are gone; see that there is room for all that are missing.
 
         `images` are those of each light's shadow map, `faces` those of all lights.
@@ -194,14 +190,14 @@ class LightMaps:
         """Return which lights' maps are there already."""
         before = self._punctual_lights
         same = {
-            index for index, light in punctual_lights.items()
+            index
+            for index, light in punctual_lights.items()
             if self._scene is scene.key and index in before and _equal(light, before[index])
         }
         if not self._flux:
             return same
         # All faces are in one map whose positions count from the first light.
-        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (punctual_lights,
-            before))
+        kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (punctual_lights, before))
         return same if kinds == old_kinds and min(punctual_lights, default=0) in same else set()
 
     def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
@@ -209,18 +205,20 @@ class LightMaps:
         looked, used = self._looked[index], set(shadow.images)
         if not used <= looked:
             perspective = not shadow.cameras[0].is_orthographic
-            self._blocks.find(
-                shadow.depth, self._block_planes[index], sorted(used - looked),
-                perspective=perspective,
-            )
+            self._blocks.find(shadow.depth, self._block_planes[index], sorted(used - looked), perspective=perspective)
             looked |= used
         if shadow.blocks is not None:
             return shadow
         return replace(shadow, blocks=self._block_planes[index])
 
     def _draw(
-        self, scene: Scene, light: PunctualLight, shadow: ShadowMap, missing: Sequence[int],
-        rsm: DeviceRsm | None, first: int,
+        self,
+        scene: Scene,
+        light: PunctualLight,
+        shadow: ShadowMap,
+        missing: Sequence[int],
+        rsm: DeviceRsm | None,
+        first: int,
     ) -> None:
         """Queue the passes of one light: images of its shadow map, and faces of `rsm` from `first`
         on if there is one."""
@@ -252,14 +250,10 @@ class LightMaps:
             rsm.write_face(first + face, target.depth, target.normal_world, renderer.flux)
             if rsm.lobes is not None:
                 renderer.render_lobes(kept, light)
-                rsm.write_lobes(
-                    target.depth, target.normal_world, renderer.specular_flux, renderer.gloss
-                )
+                rsm.write_lobes(target.depth, target.normal_world, renderer.specular_flux, renderer.gloss)
         return done
 
-    def _reflects(
-        self, punctual_lights: dict[int, PunctualLight], shadows: Sequence[ShadowMap | None]
-    ) -> bool:
+    def _reflects(self, punctual_lights: dict[int, PunctualLight], shadows: Sequence[ShadowMap | None]) -> bool:
         """Note the lights that light nothing; return whether any does."""
         first = 0
         for index, light in punctual_lights.items():
@@ -283,7 +277,9 @@ class LightMaps:
         return self._depths[index]
 
     def _rsm_of(
-        self, scene: Scene, punctual_lights: dict[int, PunctualLight],
+        self,
+        scene: Scene,
+        punctual_lights: dict[int, PunctualLight],
         faces: dict[int, tuple[Camera, ...]],
         kept: set[int],
     ) -> DeviceRsm:
@@ -297,17 +293,15 @@ class LightMaps:
             texels = (c.pixel_to_view[:2] for c in cameras)
             widest = max(abs(to_x * to_y) for to_x, to_y in texels)
             self._rsm.begin(
-                next(iter(punctual_lights.values())), cameras,
+                next(iter(punctual_lights.values())),
+                cameras,
                 reach=float(np.abs(scene.bounds - cameras[0].position).max()),
-                brightest=widest * max(
-                    float(power(light).max()) for light in punctual_lights.values()
-                ),
+                brightest=widest * max(float(power(light).max()) for light in punctual_lights.values()),
             )
         return self._rsm
 
 
 def _equal(a: PunctualLight, b: PunctualLight) -> bool:
     return a is b or (
-        type(a) is type(b)
-        and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        type(a) is type(b) and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     )

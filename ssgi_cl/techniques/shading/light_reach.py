@@ -57,15 +57,19 @@ class Boxes:
     def at(self, places: NDArray[np.int64]) -> Boxes:
         """Return the boxes at these places, of any shape."""
         return Boxes(
-            self.least[places], self.greatest[places], self.normal_least[places],
-            self.normal_greatest[places], self.offset[places],
+            self.least[places],
+            self.greatest[places],
+            self.normal_least[places],
+            self.normal_greatest[places],
+            self.offset[places],
         )
 
     def runs(self) -> Boxes:
         """Return boxes round each run of boxes."""
         first = np.arange(0, len(self.offset), RUN)
         return Boxes(
-            np.minimum.reduceat(self.least, first), np.maximum.reduceat(self.greatest, first),
+            np.minimum.reduceat(self.least, first),
+            np.maximum.reduceat(self.greatest, first),
             np.minimum.reduceat(self.normal_least, first),
             np.maximum.reduceat(self.normal_greatest, first),
             np.minimum.reduceat(self.offset, first),
@@ -77,27 +81,30 @@ class _PunctualLights:
 
     def __init__(self, punctual_lights: Sequence[PunctualLight], camera: Camera) -> None:
         turn, shift = camera.view[:3, :3], camera.view[:3, 3]
-        far = np.array([isinstance(punctual_light,
-            DirectionalLight) for punctual_light in punctual_lights])
+        far = np.array([isinstance(punctual_light, DirectionalLight) for punctual_light in punctual_lights])
         self.placed = 1.0 - far[:, None]
         # Of a directional light, the way to it in place of its position.
-        places = np.array([
-            -np.asarray(punctual_light.direction) if isinstance(punctual_light, DirectionalLight)
-            else np.asarray(punctual_light.position)
-            for punctual_light in punctual_lights
-        ])
+        places = np.array(
+            [
+                -np.asarray(punctual_light.direction)
+                if isinstance(punctual_light, DirectionalLight)
+                else np.asarray(punctual_light.position)
+                for punctual_light in punctual_lights
+            ]
+        )
         self.position = places @ turn.T + shift * self.placed
         self.any_placed = not far.all()
-        spots = [punctual_light if isinstance(punctual_light,
-            SpotLight) else None for punctual_light in punctual_lights]
-        self.axis = np.array(
-            [np.zeros(3) if spot is None else np.asarray(spot.direction) for spot in spots]
-        ) @ turn.T
+        spots = [
+            punctual_light if isinstance(punctual_light, SpotLight) else None for punctual_light in punctual_lights
+        ]
+        self.axis = np.array([np.zeros(3) if spot is None else np.asarray(spot.direction) for spot in spots]) @ turn.T
         self.angle = np.array([[math.pi if s is None else s.cone_angle] for s in spots])
         self.any_spot = any(spot is not None for spot in spots)
         self.radius = np.array(
-            [[0.0 if isinstance(punctual_light,
-            DirectionalLight) else punctual_light.radius] for punctual_light in punctual_lights]
+            [
+                [0.0 if isinstance(punctual_light, DirectionalLight) else punctual_light.radius]
+                for punctual_light in punctual_lights
+            ]
         )
 
     def margins(self, boxes: Boxes, rows: NDArray[np.int64]) -> Floats:
@@ -138,8 +145,7 @@ class _PunctualLights:
         return above
 
 
-def reaching(punctual_lights: Sequence[PunctualLight], boxes: Boxes,
-    camera: Camera) -> NDArray[np.bool_]:
+def reaching(punctual_lights: Sequence[PunctualLight], boxes: Boxes, camera: Camera) -> NDArray[np.bool_]:
     """Return for each light False if it is proven to light nothing in any of the boxes."""
     count = len(boxes.offset)
     reach = np.zeros(len(punctual_lights), np.bool_)
@@ -157,8 +163,7 @@ def reaching(punctual_lights: Sequence[PunctualLight], boxes: Boxes,
     reach[open_] = (held.margins(boxes.at(members), open_) > 0.0).any(axis=1)
     for punctual_light in open_[~reach[open_]]:
         tiles = np.flatnonzero(np.repeat(margins[punctual_light] > 0.0, RUN)[:count])
-        reach[punctual_light] = (held.margins(boxes.at(tiles),
-            np.array([punctual_light])) > 0.0).any()
+        reach[punctual_light] = (held.margins(boxes.at(tiles), np.array([punctual_light])) > 0.0).any()
     return reach
 
 

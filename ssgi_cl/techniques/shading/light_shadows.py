@@ -26,9 +26,7 @@ from ssgi_cl.techniques.shading.light_data import (
     light_values,
 )
 
-LIGHT_SHADOW = Struct(
-    "LightShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias")
-)
+LIGHT_SHADOW = Struct("LightShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,17 +34,19 @@ class LightShadowParams(Params):
     """Parameters of screen-space shadows."""
 
     radius: float = param(
-        0.5, "distance up to which surfaces cast shadows", low=0.0, high=1e30, above=True,
-        unit="scene units",
+        0.5, "distance up to which surfaces cast shadows", low=0.0, high=1e30, above=True, unit="scene units"
     )
     taps: int = param(12, "depths read on the way to a light", low=1, high=256)
     thickness: float = param(
-        0.5, "of surfaces, along the view ray; that of each pixel where the G-buffer has it; "
-        "the next depth layer ends them if it is nearer", low=0.0, high=1e30, unit="radii",
+        0.5,
+        "of surfaces, along the view ray; that of each pixel where the G-buffer has it; "
+        "the next depth layer ends them if it is nearer",
+        low=0.0,
+        high=1e30,
+        unit="radii",
     )
     bias: float = param(
-        0.01, "height above the tangent plane up to which nothing casts a shadow", low=0.0,
-        high=1.0, unit="radii",
+        0.01, "height above the tangent plane up to which nothing casts a shadow", low=0.0, high=1.0, unit="radii"
     )
 
 
@@ -58,35 +58,29 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: LightShadowParams | None = None, *,
-        kept: bool = True,
+        self, runtime: Runtime, size: Size, params: LightShadowParams | None = None, *, kept: bool = True
     ) -> None:
         super().__init__(runtime, size, kept=kept)
         self._params = params or LightShadowParams()
         self._tile = runtime.array(tile_table())
 
     def run(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        *,
-        shadows: Sequence[ShadowMap | None] | None = None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> Plane | None:
         """Queue the passes; return the sum of all lights, or None if none shines."""
         maps = list(shadows) if shadows is not None else [None] * len(lights)
-        kept = [
-            (light, shadow)
-            for light, shadow in zip(lights, maps, strict=True)
-            if not self._misses(gbuffer, light)
-        ]
-        return super().run(
-            gbuffer, [light for light, _ in kept], shadows=[shadow for _, shadow in kept]
-        )
+        kept = [(light, shadow) for light, shadow in zip(lights, maps, strict=True) if not self._misses(gbuffer, light)]
+        return super().run(gbuffer, [light for light, _ in kept], shadows=[shadow for _, shadow in kept])
 
     def light(
-        self, irradiance: Plane, gbuffer: DeviceGBuffer, light: PunctualLight,
-        shadow: ShadowMap | None, *,
-        add: bool, region: Region | None,
+        self,
+        irradiance: Plane,
+        gbuffer: DeviceGBuffer,
+        light: PunctualLight,
+        shadow: ShadowMap | None,
+        *,
+        add: bool,
+        region: Region | None,
     ) -> None:
         """Queue the pass of one light, which sets `irradiance` or adds to it."""
         if shadow is not None:
@@ -117,10 +111,16 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
             }
         )
         kernel.run(
-            f"light {kind_name(light)}", self.size,
-            depth=gbuffer.depth, normal=gbuffer.normal, thickness=gbuffer.thickness,
-            tile=self._tile, irradiance=irradiance, camera=gbuffer.camera_struct,
-            light=LIGHT.pack(light_values(light, camera, camera, gbuffer)), params=packed,
+            f"light {kind_name(light)}",
+            self.size,
+            depth=gbuffer.depth,
+            normal=gbuffer.normal,
+            thickness=gbuffer.thickness,
+            tile=self._tile,
+            irradiance=irradiance,
+            camera=gbuffer.camera_struct,
+            light=LIGHT.pack(light_values(light, camera, camera, gbuffer)),
+            params=packed,
         )
 
     def _misses(self, gbuffer: DeviceGBuffer, light: Light) -> bool:

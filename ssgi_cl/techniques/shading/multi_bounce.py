@@ -50,9 +50,7 @@ def multi_bounce(ao: ArrayLike, albedo: ArrayLike) -> NDArray[np.float32]:
     if np.ndim(albedo) < 2:
         colour = checks.rgb("albedo", albedo, "reflectance")
         if (colour > 1.0).any():
-            raise ValueError(
-                f"albedo is {colour.tolist()}: expected numbers >= 0 and <= 1 (reflectance)"
-            )
+            raise ValueError(f"albedo is {colour.tolist()}: expected numbers >= 0 and <= 1 (reflectance)")
         albedo = np.broadcast_to(colour, (*a.shape[:2], 3))
     rho = checks.plane("albedo", albedo, channels=3, low=0.0, high=1.0, unit="reflectance")
     if rho.shape[:2] != a.shape[:2]:

@@ -38,8 +38,7 @@ class Seen:
     @property
     def pixels(self) -> Doubles:
         """[n] of each tile."""
-        return np.asarray((self.sides[:, 1] - self.sides[:, 0])
-                          * (self.sides[:, 3] - self.sides[:, 2]))
+        return np.asarray((self.sides[:, 1] - self.sides[:, 0]) * (self.sides[:, 3] - self.sides[:, 2]))
 
     def widths(self) -> Doubles:
         """Return [n] the width of a pixel half way between the tile's depths, scene units."""
@@ -81,8 +80,13 @@ class SeenDepths:
     def find(self, gbuffer: DeviceGBuffer) -> Seen:
         """Queue the pass and read its result back, 8 bytes a tile."""
         self._kernel.run(
-            "seen depths", self._size, grid=self._size, depth=gbuffer.depth, tiles=self._tiles,
-            pixels=self._pixels, margin=gbuffer.margin,
+            "seen depths",
+            self._size,
+            grid=self._size,
+            depth=gbuffer.depth,
+            tiles=self._tiles,
+            pixels=self._pixels,
+            margin=gbuffer.margin,
         )
         nearest, farthest = self._tiles.download().astype(np.float64)
         there = np.isfinite(nearest)
@@ -91,9 +95,7 @@ class SeenDepths:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         left, top = column * SEEN_SIDE, row * SEEN_SIDE
-        sides = np.stack([
-            left, np.minimum(left + SEEN_SIDE, columns), top, np.minimum(top + SEEN_SIDE, rows)
-        ], axis=-1).astype(np.float64)
-        return Seen(
-            camera, sides, nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING)
-        )
+        sides = np.stack(
+            [left, np.minimum(left + SEEN_SIDE, columns), top, np.minimum(top + SEEN_SIDE, rows)], axis=-1
+        ).astype(np.float64)
+        return Seen(camera, sides, nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING))

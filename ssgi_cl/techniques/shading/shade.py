@@ -25,10 +25,7 @@ from ssgi_cl.techniques.technique import Bench, Technique
 
 COMBINE = Struct(
     "CombineParams",
-    (
-        *floats(*ROTATION),
-        *((n, "int") for n in ("sky_columns", "sky_rows", "margin_columns", "margin_rows")),
-    ),
+    (*floats(*ROTATION), *((n, "int") for n in ("sky_columns", "sky_rows", "margin_columns", "margin_rows"))),
 )
 
 
@@ -37,9 +34,7 @@ class ShadeParams(Params):
     """Parameters of deferred shading."""
 
     multi_bounce: bool = param(False, "brighten A by the surface's albedo, see `multi_bounce`")
-    indirect_ao: bool = param(
-        False, "A dims indirect light too, which has no visibility of its own"
-    )
+    indirect_ao: bool = param(False, "A dims indirect light too, which has no visibility of its own")
 
 
 class Shade(Prepared[ShadeParams]):
@@ -55,8 +50,7 @@ class Shade(Prepared[ShadeParams]):
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: ShadeParams | None = None, *,
-        punctual_lights: bool = True,
+        self, runtime: Runtime, size: Size, params: ShadeParams | None = None, *, punctual_lights: bool = True
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -91,16 +85,21 @@ class Shade(Prepared[ShadeParams]):
         """
         lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
         radiance = self.combine(
-            gbuffer, lights, lit, ambient=direct is None, visibility=visibility, indirect=indirect,
-            multi_bounce=multi_bounce, indirect_ao=indirect_ao,
+            gbuffer,
+            lights,
+            lit,
+            ambient=direct is None,
+            visibility=visibility,
+            indirect=indirect,
+            multi_bounce=multi_bounce,
+            indirect_ao=indirect_ao,
         )
         if gbuffer.mirrors and self._punctual_lights is not None:
             self._punctual_lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
         return radiance
 
     def light(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *,
-        shadows: Sequence[ShadowMap | None] | None = None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
         self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size)
@@ -145,13 +144,10 @@ class Shade(Prepared[ShadeParams]):
                 "SHADE_AO": int(visibility is not None),
                 "SHADE_BOUNCES": int(multi_bounce and visibility is not None),
                 "SHADE_INDIRECT": (
-                    0 if indirect is None
-                    else 1 if visibility is None else 2 if indirect_ao else 3 if gaps else 1
+                    0 if indirect is None else 1 if visibility is None else 2 if indirect_ao else 3 if gaps else 1
                 ),
                 "SHADE_EMISSION": int(gbuffer.emits),
-                "SHADE_SKY_LIGHT": (
-                    0 if sky_light is None else 1 if visibility is None else 2
-                ),
+                "SHADE_SKY_LIGHT": (0 if sky_light is None else 1 if visibility is None else 2),
                 "SHADE_AMBIENT": int(shines),
                 "SHADE_SKY": int(sky_rows * sky_columns > 1),
                 "SHADE_LIGHT": int(light is not None),
@@ -171,12 +167,22 @@ class Shade(Prepared[ShadeParams]):
         }
         with self._previous.over(self.seen(gbuffer), self._background) as over:
             kernel.run(
-                "combine", self.size, region=over,
-                linear=gbuffer.linear, normal=gbuffer.normal, albedo=gbuffer.albedo,
-                emission=gbuffer.emission if gbuffer.emits else None, direct=lit,
-                visibility=visibility, indirect=indirect, sky_light=sky_light,
-                ambient=self._ambient.irradiance if shines else None, sky=self._sky,
-                radiance=self._radiance, light_over_pi=light, camera=gbuffer.camera_struct,
+                "combine",
+                self.size,
+                region=over,
+                linear=gbuffer.linear,
+                normal=gbuffer.normal,
+                albedo=gbuffer.albedo,
+                emission=gbuffer.emission if gbuffer.emits else None,
+                direct=lit,
+                visibility=visibility,
+                indirect=indirect,
+                sky_light=sky_light,
+                ambient=self._ambient.irradiance if shines else None,
+                sky=self._sky,
+                radiance=self._radiance,
+                light_over_pi=light,
+                camera=gbuffer.camera_struct,
                 params=COMBINE.pack(values),
             )
         return self._radiance
@@ -263,8 +269,13 @@ def shade(
     shadows = uploaded_maps(lights, rsms, runtime)
     with runtime.frame():
         result = technique.run(
-            device, lights, shadows=shadows, visibility=visibility, indirect=added,
-            multi_bounce=params.multi_bounce, indirect_ao=params.indirect_ao,
+            device,
+            lights,
+            shadows=shadows,
+            visibility=visibility,
+            indirect=added,
+            multi_bounce=params.multi_bounce,
+            indirect_ao=params.indirect_ao,
         ).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
@@ -276,9 +287,12 @@ def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
 
 def sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
     """Return [rows, columns, 3]: the sum of the environments, one texel if all are constant."""
-    images = [np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
-              if np.asarray(e.radiance).ndim == 1 else np.asarray(e.radiance)
-              for e in environments]
+    images = [
+        np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
+        if np.asarray(e.radiance).ndim == 1
+        else np.asarray(e.radiance)
+        for e in environments
+    ]
     rows = max((image.shape[0] for image in images), default=1)
     columns = max((image.shape[1] for image in images), default=1)
     if len(images) > 1 and rows * columns > MOST_TEXELS:
@@ -302,12 +316,18 @@ DESCRIPTOR = Technique(
     reference="ssgi_cl.reference.shade",
     kernels={
         "shade/shade_combine.cl": (
-            "SHADE_DIRECT", "SHADE_AO", "SHADE_BOUNCES", "SHADE_INDIRECT", "SHADE_EMISSION",
-            "SHADE_AMBIENT", "SHADE_SKY", "SHADE_SKY_LIGHT", "SHADE_LIGHT", "AMBIENT_SIZE",
+            "SHADE_DIRECT",
+            "SHADE_AO",
+            "SHADE_BOUNCES",
+            "SHADE_INDIRECT",
+            "SHADE_EMISSION",
+            "SHADE_AMBIENT",
+            "SHADE_SKY",
+            "SHADE_SKY_LIGHT",
+            "SHADE_LIGHT",
+            "AMBIENT_SIZE",
         ),
-        "shade/shade_light.cl": (
-            "SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_LOBE", "SHADE_SOFT",
-        ),
+        "shade/shade_light.cl": ("SHADE_ADD", "SHADE_KIND", "SHADE_SHADOW", "SHADE_LOBE", "SHADE_SOFT"),
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),
     },
@@ -316,9 +336,11 @@ DESCRIPTOR = Technique(
     quantity="direct",
     bench=Bench(
         families=("direct",),
-        rows={"shade": (
-            "direct light with filtered shadows, ambient light times AO, emission",
-            (("direct light, maps of 1024", "direct.1024"),),
-        )},
+        rows={
+            "shade": (
+                "direct light with filtered shadows, ambient light times AO, emission",
+                (("direct light, maps of 1024", "direct.1024"),),
+            )
+        },
     ),
 )

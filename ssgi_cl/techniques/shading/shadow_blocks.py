@@ -26,9 +26,7 @@ class ShadowBlocks:
         """Return memory for the blocks of a map of so many faces."""
         return self.runtime.plane(IMAGES * faces, self.size)
 
-    def find(
-        self, depth: Plane, blocks: Plane, images: Sequence[int], *, perspective: bool
-    ) -> None:
+    def find(self, depth: Plane, blocks: Plane, images: Sequence[int], *, perspective: bool) -> None:
         """Queue the passes.
 
         Args:
@@ -44,8 +42,14 @@ class ShadowBlocks:
                 continue
             count = place - start
             self._kernel.run(
-                "shadow blocks", depth.size, grid=(count * rows, columns),
-                map=depth, blocks=blocks, count=(rows, columns), first=images[start], faces=count,
+                "shadow blocks",
+                depth.size,
+                grid=(count * rows, columns),
+                map=depth,
+                blocks=blocks,
+                count=(rows, columns),
+                first=images[start],
+                faces=count,
                 perspective=float(perspective),
             )
             start = place

@@ -66,9 +66,9 @@ class Crop:
         if self.is_whole:
             return face
         projection = face.projection.copy()
-        for axis, (zoom, first, size) in enumerate((
-            (self.zoom_x, self.left, face.width), (self.zoom_y, self.top, face.height)
-        )):
+        for axis, (zoom, first, size) in enumerate(
+            ((self.zoom_x, self.left, face.width), (self.zoom_y, self.top, face.height))
+        ):
             shift = (zoom - 1.0 - 2.0 * first / size) * (1 - 2 * axis)
             projection[axis] = zoom * projection[axis] + shift * projection[3]
         return Camera(view=face.view, projection=projection, width=face.width, height=face.height)
@@ -87,8 +87,17 @@ class Crop:
             math.inf if first + size >= zoom * size else size - room
             for first, zoom in ((self.left, self.zoom_x), (self.top, self.zoom_y))
         ]
-        return [self.face, image, self.zoom_x, self.zoom_y, self.left, self.top, *sides,
-                1.0 / self.zoom_x, 1.0 / self.zoom_y]
+        return [
+            self.face,
+            image,
+            self.zoom_x,
+            self.zoom_y,
+            self.left,
+            self.top,
+            *sides,
+            1.0 / self.zoom_x,
+            1.0 / self.zoom_y,
+        ]
 
 
 def whole(faces: int) -> tuple[Crop, ...]:
@@ -122,9 +131,7 @@ def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ..
         cells.remove(worst)
         cells += worst.halves()
     found = {cell.crop for cell in cells} or {Crop(0)}
-    return tuple(sorted(
-        found, key=lambda c: (c.zoom_x * c.zoom_y, c.face, c.zoom_x, c.top, c.left)
-    ))
+    return tuple(sorted(found, key=lambda c: (c.zoom_x * c.zoom_y, c.face, c.zoom_x, c.top, c.left)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +150,7 @@ class _Boxes:
     pixels: Doubles
 
     @classmethod
-    def of(
-        cls, camera: Camera, corners: Doubles, width: Doubles, pixels: Doubles
-    ) -> _Boxes | None:
+    def of(cls, camera: Camera, corners: Doubles, width: Doubles, pixels: Doubles) -> _Boxes | None:
         """Return the boxes of what a face shows, or None if that is nothing.
 
         Args:
@@ -267,4 +272,3 @@ def _beyond(view: Doubles, near: float) -> Doubles:
 
 
 _PAIRS = np.array([(a, b) for a in range(8) for b in range(a + 1, 8)]).T
-

@@ -21,18 +21,14 @@ def checked_lights(lights: Sequence[Light], rsms: Maps) -> tuple[Light, ...]:
     """Return the lights; raise TypeError or ValueError if one is none, or a map is not its own."""
     lights = light_tuple(lights)
     if rsms is not None and len(rsms) != len(lights):
-        raise ValueError(
-            f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light"
-        )
+        raise ValueError(f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light")
     for index, rsm in enumerate(rsms or ()):
         if rsm is not None and not isinstance(lights[index], Environment):
             _checked(rsm, lights[index], index)
     return lights
 
 
-def uploaded_maps(
-    lights: Sequence[Light], rsms: Maps, runtime: Runtime
-) -> list[ShadowMap | None]:
+def uploaded_maps(lights: Sequence[Light], rsms: Maps, runtime: Runtime) -> list[ShadowMap | None]:
     """Return the shadow map of each light; memory is kept by the runtime and used again."""
     shadows: list[ShadowMap | None] = [None] * len(lights)
     for index, rsm in enumerate(rsms or ()):
@@ -43,9 +39,7 @@ def uploaded_maps(
 
 def _checked(rsm: object, light: Light, index: int) -> None:
     if not isinstance(rsm, ReflectiveShadowMap):
-        raise TypeError(
-            f"rsms[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None"
-        )
+        raise TypeError(f"rsms[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None")
     if type(rsm.light) is not type(light):
         raise ValueError(
             f"rsms[{index}] is that of a {type(rsm.light).__name__}: expected one of "
@@ -66,7 +60,10 @@ def _uploaded(rsm: ReflectiveShadowMap, runtime: Runtime, index: int) -> ShadowM
     kept: ShadowMap = runtime.prepared(
         (ShadowMap, index, count, size),
         lambda: ShadowMap.of(
-            runtime.plane(count, size, np.inf), rsm.cameras, whole(count), tuple(range(count)),
+            runtime.plane(count, size, np.inf),
+            rsm.cameras,
+            whole(count),
+            tuple(range(count)),
             ShadowMap.new_table(runtime, count),
         ),
     )

@@ -68,10 +68,7 @@ def _sum(images: Sequence[Doubles]) -> Doubles:
     Sizes beyond 4096 texels are those of the largest image: texels are then picked.
     """
     shapes = [image.shape[:2] for image in images]
-    rows, columns = (
-        size if (size := math.lcm(*sizes)) <= 4096 else max(sizes)
-        for sizes in zip(*shapes, strict=True)
-    )
+    rows, columns = (size if (size := math.lcm(*sizes)) <= 4096 else max(sizes) for sizes in zip(*shapes, strict=True))
     total = np.zeros((rows, columns, 3))
     for image in images:
         row = np.arange(rows) * image.shape[0] // rows
@@ -86,10 +83,7 @@ def directions() -> tuple[Doubles, Doubles]:
     z, x = np.meshgrid(centre, centre, indexing="ij")
     y = 1.0 - np.abs(x) - np.abs(z)
     folded = y < 0.0
-    x, z = (
-        np.where(folded, np.copysign(1.0 - np.abs(z), x), x),
-        np.where(folded, np.copysign(1.0 - np.abs(x), z), z),
-    )
+    x, z = (np.where(folded, np.copysign(1.0 - np.abs(z), x), x), np.where(folded, np.copysign(1.0 - np.abs(x), z), z))
     point = np.stack([x, y, z], axis=-1)
     length = np.linalg.norm(point, axis=-1)
     # A texel's area on the octahedron, seen from its middle: the faces are 1 / sqrt(3) away.

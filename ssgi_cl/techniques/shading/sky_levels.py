@@ -49,9 +49,7 @@ class SkyLevels:
         images = levels(sky)
         ends = np.cumsum([0, *(image.size for image in images)])
         places = [[end, *image.shape[:2]] for end, image in zip(ends, images, strict=False)]
-        self.texels = DeviceArray(
-            self.runtime, np.concatenate([image.ravel() for image in images]).astype(np.float32)
-        )
+        self.texels = DeviceArray(self.runtime, np.concatenate([image.ravel() for image in images]).astype(np.float32))
         self.places = DeviceArray(self.runtime, np.array(places, np.int32).ravel())
         self.count = len(images)
         rows, columns = images[0].shape[:2]

@@ -26,11 +26,11 @@ class TonemapParams(Params):
     """Parameters of tone mapping (Narkowicz 2015; Reinhard et al. 2002)."""
 
     curve: str = param(
-        "filmic", "fit of the ACES reference transform, or 'clip': what exceeds 1 is cut",
-        choices=CURVES,
+        "filmic", "fit of the ACES reference transform, or 'clip': what exceeds 1 is cut", choices=CURVES
     )
     exposure: float | None = param(
-        None, "factor before the curve, above 0; by default the log-average luminance becomes 0.18",
+        None,
+        "factor before the curve, above 0; by default the log-average luminance becomes 0.18",
         shape=lambda _: None,
     )
 
@@ -52,10 +52,7 @@ class Tonemap(Prepared[TonemapParams]):
         params: see `TonemapParams`. A curve alone, as `curve`, works for one release and warns.
     """
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: TonemapParams | str | None = None,
-        **former: str,
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: TonemapParams | str | None = None, **former: str) -> None:
         self.runtime = runtime
         self.size = size
         if isinstance(params, str) or former:
@@ -66,9 +63,7 @@ class Tonemap(Prepared[TonemapParams]):
         self._pitch = (size[1] + 15) // 16 * 16
 
     @former_order("radiance", "exposure", "region")
-    def run(
-        self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None
-    ) -> NDArray[np.uint8]:
+    def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[np.uint8]:
         """Run the pass; return the picture, [rows, columns, 3] uint8.
 
         `exposure` is that of the parameters by default, or the automatic one of the radiance.
@@ -79,15 +74,17 @@ class Tonemap(Prepared[TonemapParams]):
             exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), region)
         beyond = None if region is None else region.beyond(self.size)
         parts = [region]
-        encoded_bytes = self.runtime.transient.array(
-            self.size[0] * self._pitch * 3 // 4, np.uint32
-        )
+        encoded_bytes = self.runtime.transient.array(self.size[0] * self._pitch * 3 // 4, np.uint32)
         if beyond is not None:
             parts.append(Region(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
-                "tonemap", self.size, region=part,
-                radiance=radiance, encoded=encoded_bytes, exposure=min(exposure, LARGEST_EXPOSURE),
+                "tonemap",
+                self.size,
+                region=part,
+                radiance=radiance,
+                encoded=encoded_bytes,
+                exposure=min(exposure, LARGEST_EXPOSURE),
             )
         rows, columns = self.size
         picture = np.empty((rows, columns, 3), np.uint8)
@@ -133,11 +130,7 @@ def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
 
 @serialised
 def tonemap(
-    radiance: ArrayLike,
-    *,
-    exposure: float | None = None,
-    curve: str = "filmic",
-    runtime: Runtime | None = None,
+    radiance: ArrayLike, *, exposure: float | None = None, curve: str = "filmic", runtime: Runtime | None = None
 ) -> NDArray[np.uint8]:
     """Turn linear radiance into an sRGB picture.
 
@@ -165,8 +158,7 @@ def tonemap(
     device = runtime or Runtime.open()
     size = values.shape[:2]
     technique, plane = device.prepared(
-        (Tonemap, size, params.shape()),
-        lambda: (Tonemap(device, size, params), device.plane(3, size)),
+        (Tonemap, size, params.shape()), lambda: (Tonemap(device, size, params), device.plane(3, size))
     )
     technique.params = params
     plane.upload(np.moveaxis(values, -1, 0))

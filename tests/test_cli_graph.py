@@ -42,7 +42,6 @@ def test_the_ending_chooses_what_is_written(tmp_path: Path) -> None:
 def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
     found = states(drawn(tmp_path / "a.json", "--outputs", "ao, gbuffer"))
     assert {name for name, state in found.items() if state == "culled"} == {
-        "idle lights",
         "shadow maps",
         "direct light",
         "radiosity",

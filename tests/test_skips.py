@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.skip_scenes import LAMPS, SKIP_SCENES
+from ssgi_cl.bench.skip_scenes import SKIP_SCENES
 from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight
@@ -19,7 +19,6 @@ from ssgi_cl.frame.plan import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
 from ssgi_cl.frame.render import Frame, Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.ao.gtao import GtaoParams
-from ssgi_cl.techniques.shading.shadow_fit import parts
 
 GLOW = Environment((0.3, 0.2, 0.4))
 SIZE = (80, 60)
@@ -132,33 +131,6 @@ def test_a_frame_whose_inputs_stay_runs_no_pass(runtime: Runtime) -> None:
     assert next(p.saved for p in frame.passes if p.name == "G-buffer") > 0.0
 
 
-def test_empty_and_flat_tiles_and_empty_layers_are_told(runtime: Runtime) -> None:
-    built = next(make() for make in SKIP_SCENES if make.__name__ == "flat_floor")
-    partly = drawn(runtime, built, MOVING)
-    assert reasons(partly)["gtao tiles"] == "15 of 20 tiles are open (15 flat)"
-    # What the tiles that were not open took tells what the open ones save the next time.
-    again = drawn(runtime, built, MOVING)
-    assert next(p.saved for p in again.passes if p.name == "gtao tiles") > 0.0
-    frame = drawn(runtime, built, MOVING, ao_radius=0.05)
-    assert reasons(frame)["gtao tiles"] == "20 of 20 tiles are open (20 too far)"
-    assert reasons(frame)["gtao layers"] == "1 of 2 have no pixel"
-    assert frame.ao is not None
-    assert (frame.ao == 1.0).all()
-    assert "gtao" not in [p.name for p in frame.passes if not p.skipped]
-
-
-def test_lights_that_light_nothing_seen_draw_no_map(runtime: Runtime) -> None:
-    built = next(make() for make in SKIP_SCENES if make.__name__ == "many_lamps")
-    frame = drawn(runtime, built, MOVING, built.lights)
-    ran = [p.name for p in frame.passes if not p.skipped]
-    assert [p.name for p in frame.passes if p.skipped].count("light spot") == LAMPS - 1
-    every = [p.name for p in drawn(runtime, built, [], built.lights).passes if not p.skipped]
-    assert (ran.count("light spot"), every.count("light spot")) == (1, LAMPS)
-    # A fitted map has several images.
-    assert 0 < ran.count("raster depth") <= parts(1, LAMPS)
-    assert every.count("raster depth") >= LAMPS
-
-
 def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
     punctual_lights = [PointLight((0.3, 0.4, 0.3), 1.0)]
@@ -203,13 +175,12 @@ def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(t
     arguments = ["render", "cornell_box", *small, "--bounces", "0", "-o", str(tmp_path / "a.exr")]
     result = CliRunner().invoke(main, [*arguments, "--explain"], env={"COLUMNS": "150"})
     assert result.exit_code == 0, result.output
-    assert "tiles are open" in result.stdout
     assert "saves ms, by estimate" in result.stdout
     reports = [
         json.loads(CliRunner().invoke(main, [*arguments, "--json", *more]).stdout) for more in ([], ["--no-skips"])
     ]
     left_out = [[p["name"] for p in r["passes"] if p["skipped"]] for r in reports]
-    assert left_out == [["gtao tiles", "map spot"], []]
+    assert left_out == [["map spot"], []]
     assert reports[0]["passes"][-1]["saved_ms"] == 0.0
 
 
@@ -219,15 +190,15 @@ def test_the_command_line_explains_what_was_left_out_and_can_leave_nothing_out(t
 def test_skips_and_outputs_are_names() -> None:
     assert chosen_skips(True) == set(SKIPS)
     assert chosen_skips(False) == set()
-    assert chosen_skips(["tiles"]) == {"tiles"}
+    assert chosen_skips(["maps"]) == {"maps"}
     with pytest.warns(DeprecationWarning, match="the skip 'window' is called 'region' now"):
-        assert chosen_skips(["window", "tiles"]) == {"region", "tiles"}
+        assert chosen_skips(["window", "maps"]) == {"region", "maps"}
     assert chosen_outputs(None) is None
     assert chosen_outputs(OUTPUTS) == set(OUTPUTS)
     for wrong, error, message in (
-        ("tiles", TypeError, r"skips is 'tiles': expected names out of 'outputs'"),
+        ("maps", TypeError, r"skips is 'maps': expected names out of 'outputs'"),
         (3, TypeError, r"skips is 3"),
-        (["layer"], ValueError, r"skips has 'layer': expected names out of"),
+        (["tiles"], ValueError, r"skips has 'tiles': expected names out of"),
     ):
         with pytest.raises(error, match=message):
             chosen_skips(wrong)

@@ -59,7 +59,6 @@ class Graph:
         stages: in any order; those that may run at the same place run as they are listed.
         resources: those of which more than the name is to be known.
         keep: whether results are reused.
-        costs: what `costs` is to be, for stages that estimate what they leave out.
 
     Attributes:
         stages: in the order in which they run.
@@ -73,17 +72,11 @@ class Graph:
     """
 
     def __init__(
-        self,
-        runtime: Runtime,
-        stages: Sequence[Stage],
-        resources: Sequence[Resource] = (),
-        *,
-        keep: bool = True,
-        costs: dict[str, float] | None = None,
+        self, runtime: Runtime, stages: Sequence[Stage], resources: Sequence[Resource] = (), *, keep: bool = True
     ) -> None:
         self.runtime = runtime
         self.keep = keep
-        self.costs: dict[str, float] = {} if costs is None else costs
+        self.costs: dict[str, float] = {}
         self.device_bytes: dict[str, int] = {}
         self.resources = {each.name: each for each in resources}
         self._writer = writers_of(stages)
@@ -223,8 +216,7 @@ class Graph:
             if name in compiled.culled:
                 log[name] = self._left("culled", compiled.culled[name], label, stage.culled)
             elif name in reasons:
-                told = "" if stage.silent else reasons[name]
-                log[name] = self._left("idle", reasons[name], label, told)
+                log[name] = self._left("idle", reasons[name], label, reasons[name])
             elif name in unneeded:
                 log[name] = self._left("unneeded", "what would read it is idle")
             elif stage.reuse != "on demand" or not compiled.outputs.isdisjoint(stage.writes):

@@ -27,11 +27,7 @@ SKIPS = {
     "reads of kept shadow maps where a block of 8 x 8 texels is proven all lit or all in shadow",
     "unchanged": "passes all of whose inputs equal those of the previous frame: G-buffer, ambient "
     "occlusion, light, image",
-    "tiles": "ambient occlusion or SSDO, and its blur, in tiles proven to have visibility 1 and no "
-    "indirect light: empty, flat, or so far away that the radius covers less than a pixel",
     "region": "pixels outside the active region: the rectangle of tiles that triangles may cover",
-    "lights": "lights that reach no visible surface, as all are turned away or outside the cone; and their shadow maps",
-    "layers": "depth layers without pixels",
 }
 """Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -22,9 +22,9 @@ from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
 from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
 from ssgi_cl.frame.plan import Needs, chosen_skips
-from ssgi_cl.frame.render_params import BounceParams
+from ssgi_cl.frame.render_params import BounceParams, ao_technique
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Stage
 from ssgi_cl.frame.stages import (
     AO,
     AO_PARAMS,
@@ -33,7 +33,6 @@ from ssgi_cl.frame.stages import (
     DIRECT,
     EXPOSURE,
     GBUFFER,
-    IDLE_LIGHTS,
     IMAGE,
     INDIRECT,
     INDIRECT_PARAMS,
@@ -45,32 +44,26 @@ from ssgi_cl.frame.stages import (
     SCENE,
     SKY,
     SKY_LIGHT,
-    TILES,
     combine_stage,
     direct_stage,
     gbuffer_stage,
-    idle_lights_stage,
     maps_stage,
     occlusion_stage,
     one_bounce_stage,
     picture_stages,
     pixels,
     ssdo_stages,
-    ssdo_tiles_condition,
-    tiles_stage,
 )
-from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion, TileRest
 from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import downloaded
-from ssgi_cl.techniques.ao.occlusion import OcclusionParams
+from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.shading.light_maps import LightMaps
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shade import Shade
 from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams
-from ssgi_cl.techniques.tiles import Tiles
 
 _PLANES = {AO: "ao", INDIRECT: "indirect"}
 """Resources that a frame holds where they are there -> its outputs."""
@@ -136,16 +129,9 @@ class Renderer:
             rsm_size=rsm_size,
         )
         keep = "maps" in self.skips
-        tiles: Tiles | None = None
-        if self.skips & ({"tiles"} if ssdo else {"tiles", "lights", "layers"}):
-            tiles = Tiles(runtime, size, margin, layers, pieces=ssdo)
         shade = Shade(runtime, size, punctual_lights=not ssdo)
-        costs: dict[str, float] = {}
-        self._rest = TileRest()
-        condition: Callable[[Values], str | None] = self._rest.condition
-        self._openers: list[OpenTileFinder | TiledOcclusion] = []
         self._bounce: OneBounce | None = None
-        self._ao: TiledOcclusion | None = None
+        self._ao: OcclusionTechnique | None = None
         self._indirect: Ssdo | OneBounce | None = None
         near: list[Stage] = []
         lobes: Lobes | None = None
@@ -156,14 +142,11 @@ class Renderer:
         if isinstance(indirect, SsdoParams):
             params = replace(indirect, bent_normals=False)  # a picture has none
             technique = Ssdo(runtime, size, params, margin, layers, attributes)
-            condition = ssdo_tiles_condition(technique, self.rasterizer.target, condition)
             self._indirect = technique
             look = technique.look
-            opener = OpenTileFinder(runtime, "ssdo", "ssdo_bitmask")
-            self._openers.append(opener)
             near = [
-                maps_stage(maps, None, keep=keep, reflects=False, all_lights=True),
-                *ssdo_stages(technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None),
+                maps_stage(maps, None, keep=keep, reflects=False),
+                *ssdo_stages(technique, AuxiliaryViews(runtime, views) if views else None),
             ]
             light.append(INDIRECT)
         else:
@@ -172,20 +155,15 @@ class Renderer:
             reflects = self._bounce is not None or whole is not None
             indirect_ao = indirect_ao and reflects
             if ao is not None:
-                occluder = TiledOcclusion(runtime, size, ao, margin, layers, self.skips)
-                self._openers.append(occluder)
-                self._ao = occluder
+                name, occlusion = ao_technique(runtime, size, ao, margin, layers)
+                self._ao = occlusion
                 near.append(
-                    occlusion_stage(occluder, tiles, self.skips, dims_indirect=indirect_ao or whole is not None)
+                    occlusion_stage(
+                        name, occlusion, dims_indirect=indirect_ao or whole is not None, dark="dark" in self.skips
+                    )
                 )
                 light.append(AO)
-            if "lights" in self.skips:
-                near.append(idle_lights_stage(runtime, costs))
-            # What reflects light is in one map of all lights, idle or not.
-            near += [
-                maps_stage(maps, SeenDepths(runtime, size), keep=keep, reflects=reflects, all_lights=reflects),
-                direct,
-            ]
+            near += [maps_stage(maps, SeenDepths(runtime, size), keep=keep, reflects=reflects), direct]
             if whole is not None:
                 stages, lobes = whole.stages(runtime, size)
                 near += stages
@@ -197,7 +175,6 @@ class Renderer:
                 light.append(INDIRECT)
         stages = [
             gbuffer_stage(self.rasterizer, look),
-            *([] if tiles is None else [tiles_stage(tiles, condition)]),
             *near,
             combine_stage(
                 shade,
@@ -212,7 +189,7 @@ class Renderer:
             ),
             *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
         ]
-        self._graph = Graph(runtime, stages, RESOURCES, keep="unchanged" in self.skips, costs=costs)
+        self._graph = Graph(runtime, stages, RESOURCES, keep="unchanged" in self.skips)
         self._light = frozenset(light)
         self._splits_suns = whole is not None
         self._log: GraphLog | None = None
@@ -305,7 +282,6 @@ class Renderer:
             EXPOSURE: exposure,
             **self._params(),
         }
-        self._rest.begin(scene.key, len(lights))
         if gbuffer or "gbuffer" in needs.outputs:
             self._keep_world()
         with self.runtime.frame(self._graph.costs):
@@ -323,7 +299,6 @@ class Renderer:
             levels = None
             if kept and bounced is not None and self._bounce is not None:
                 levels = self._bounce.levels()
-        self._learn(made)
         self._log = run.log
         return Frame(
             ao=ao,
@@ -337,11 +312,3 @@ class Renderer:
             _radiance=made[PIXELS] if "radiance" in needs.outputs else None,
             _log=run.log,
         )
-
-    def _learn(self, made: Mapping[str, Any]) -> None:
-        """Take from what passes took what tiles save, and whether to look at them next time."""
-        for opener in self._openers:
-            opener.learn(self._graph.costs)
-        if made.get(TILES) is not None:
-            pays = any(opener.pays for opener in self._openers)
-            self._rest.learn(pays or bool(made.get(IDLE_LIGHTS)))

@@ -34,7 +34,6 @@ class Stage:
         releases: stages whose results go before it runs: what is drawn next needs their memory.
         label: the name under which `PassTime` reports an idle stage; by default `name`.
         culled: why it is not run where no output needs it, if passes are to tell that.
-        silent: whether passes tell nothing of it when it is idle.
     """
 
     name: str
@@ -47,7 +46,6 @@ class Stage:
     releases: tuple[str, ...] = ()
     label: str = ""
     culled: str = ""
-    silent: bool = False
 
     @property
     def uses(self) -> tuple[str, ...]:

@@ -22,27 +22,25 @@ from ssgi_cl.frame.blended import Blended
 from ssgi_cl.frame.lobes import Lobes
 from ssgi_cl.frame.one_bounce import OneBounce
 from ssgi_cl.frame.stage import Resource, Stage, Values
-from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
 from ssgi_cl.techniques.sampled_lights import SampledLights
-from ssgi_cl.techniques.shading.light_data import kind_name, power
+from ssgi_cl.techniques.shading.light_data import power
 from ssgi_cl.techniques.shading.light_maps import LightMaps
-from ssgi_cl.techniques.shading.light_reach import reaching
 from ssgi_cl.techniques.shading.seen_depths import SeenDepths
 from ssgi_cl.techniques.shading.shade import Shade
 from ssgi_cl.techniques.shading.tonemap import Tonemap, auto_exposure
-from ssgi_cl.techniques.tiles import Tiles
 
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
 CASTING = "surfaces that light meets"
 SKY = "lights as the background shows them"
 AO_PARAMS, INDIRECT_PARAMS = "parameters of occlusion", "parameters of indirect light"
-GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
+GBUFFER = "G-buffer"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
 SHADOWS, RSM = "shadow maps", "reflective shadow map"
 SCENE_LIGHT, SKY_LIGHT = "light of surfaces", "irradiance by environments"
@@ -90,101 +88,32 @@ def gbuffer_stage(rasterizer: Rasterizer, look: Callable[[DeviceGBuffer], None] 
     return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run, releases=("ssdo",))
 
 
-def tiles_stage(tiles: Tiles, condition: Callable[[Values], str | None]) -> Stage:
-    """Return the stage that classifies tiles of the G-buffer; see `Stage.condition`."""
-    return Stage(
-        name="tile summary",
-        reads=(GBUFFER,),
-        writes=(TILES,),
-        run=lambda r: tiles.look(r[GBUFFER]),
-        condition=condition,
-        silent=True,
-    )
-
-
-def ssdo_tiles_condition(
-    ssdo: Ssdo, seen: DeviceGBuffer, condition: Callable[[Values], str | None]
-) -> Callable[[Values], str | None]:
-    """Return `condition`, and that SSDO says how far it looks in the G-buffer `seen`."""
-
-    def both(facts: Values) -> str | None:
-        if ssdo.reach(seen) is None:
-            return "no tile is proven open where planes hide themselves"
-        return condition(facts)
-
-    return both
-
-
-def occlusion_stage(ao: TiledOcclusion, tiles: Tiles | None, skips: frozenset[str], *, dims_indirect: bool) -> Stage:
+def occlusion_stage(name: str, technique: OcclusionTechnique, *, dims_indirect: bool, dark: bool) -> Stage:
     """Return the stage of ambient occlusion.
 
     Args:
-        ao: the technique.
-        tiles: what classifies tiles, if anything may be left out for that.
-        skips: see `plan.SKIPS`; "dark", "tiles" and "layers" count.
+        name, technique: what computes it.
         dims_indirect: whether indirect light is dimmed too.
+        dark: whether the skip "dark" is on.
     """
 
     def condition(facts: Values) -> str | None:
-        if AO in facts["outputs"] or dims_indirect or "dark" not in skips:
+        if AO in facts["outputs"] or dims_indirect or not dark:
             return None
         lit = any(_is_ambient(light) for light in facts[LIGHTS])
         return None if lit else "no ambient light for it to dim"
 
-    hints = (TILES,) if tiles is not None and skips & {"tiles", "layers"} else ()
     return Stage(
-        name=ao.name,
+        name=name,
         reads=(GBUFFER, AO_PARAMS),
-        hints=hints,
         writes=(AO,),
         condition=condition,
-        run=lambda r: ao.run(r[GBUFFER], tiles=tiles, summary=r.get(TILES)),
+        run=lambda r: technique.run(r[GBUFFER]),
         culled="no output that it changes",
     )
 
 
-def idle_lights_stage(runtime: Runtime, costs: dict[str, float]) -> Stage:
-    """Return the stage that finds the lights which light nothing that is seen.
-
-    `costs` are those of the graph.
-    """
-
-    def condition(facts: Values) -> str | None:
-        punctual_lights = any(not isinstance(light, Environment) for light in facts[LIGHTS])
-        return None if punctual_lights else "no spot, point or directional light"
-
-    def run(r: Values) -> set[int]:
-        if r[TILES] is None:
-            return set()
-        punctual_lights = {
-            index: light
-            for index, light in enumerate(r[LIGHTS])
-            if not isinstance(light, Environment) and power(light).any()
-        }
-        reach = reaching(list(punctual_lights.values()), r[TILES].boxes, r[CAMERA])
-        idle = {
-            index: light for (index, light), reaches in zip(punctual_lights.items(), reach, strict=True) if not reaches
-        }
-        for light in idle.values():
-            kind = kind_name(light)
-            why = "all that is seen is turned away from it or outside its cone"
-            # Its light would be found to be none soon, but not before its map is drawn.
-            runtime.skip(f"light {kind}", why, costs.get(f"map {kind}", 0.0))
-        return set(idle)
-
-    return Stage(
-        name="idle lights",
-        reads=(CAMERA, LIGHTS),
-        hints=(TILES,),
-        writes=(IDLE_LIGHTS,),
-        run=run,
-        condition=condition,
-        reuse="every frame",
-        silent=True,
-    )
-
-
-def maps_stage(maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflects: bool, all_lights: bool) -> Stage:
+def maps_stage(maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflects: bool) -> Stage:
     """Return the stage that draws the maps of lights.
 
     Args:
@@ -192,23 +121,17 @@ def maps_stage(maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflec
         depths: finds what is seen, which shadow maps are fitted to; None: they show everything.
         keep: whether maps are kept where neither light nor scene changed.
         reflects: whether what reflects light is asked for too.
-        all_lights: whether lights have maps that light nothing that is seen.
     """
 
     def run(r: Values) -> Any:
-        idle = r.get(IDLE_LIGHTS) or ()
-        lit = any(
-            index not in idle and not isinstance(light, Environment) and power(light).any()
-            for index, light in enumerate(r[LIGHTS])
-        )
+        lit = any(not isinstance(light, Environment) and power(light).any() for light in r[LIGHTS])
         seen = depths.find(r[GBUFFER]) if depths is not None and lit else None
-        shadows, rsm = maps.draw(r[CASTING], r[LIGHTS], idle=idle, keep=keep, seen=seen)
+        shadows, rsm = maps.draw(r[CASTING], r[LIGHTS], keep=keep, seen=seen)
         return (shadows, rsm) if reflects else shadows
 
     return Stage(
         name="shadow maps",
         reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
-        hints=() if all_lights else (IDLE_LIGHTS,),
         writes=(SHADOWS, RSM) if reflects else (SHADOWS,),
         run=run,
         reuse="on demand",
@@ -218,12 +141,12 @@ def maps_stage(maps: LightMaps, depths: SeenDepths | None, *, keep: bool, reflec
 def direct_stage(shade: Shade) -> Stage:
     """Return the stage of direct light."""
 
-    def run(r: Values) -> Plane | None:
-        lights, shadows, idle = r[LIGHTS], r[SHADOWS], r[IDLE_LIGHTS] or ()
-        lit = [i for i in range(len(lights)) if i not in idle]
-        return shade.light(r[GBUFFER], [lights[i] for i in lit], shadows=[shadows[i] for i in lit])
-
-    return Stage(name="direct light", reads=(GBUFFER, LIGHTS, SHADOWS), hints=(IDLE_LIGHTS,), writes=(DIRECT,), run=run)
+    return Stage(
+        name="direct light",
+        reads=(GBUFFER, LIGHTS, SHADOWS),
+        writes=(DIRECT,),
+        run=lambda r: shade.light(r[GBUFFER], r[LIGHTS], shadows=r[SHADOWS]),
+    )
 
 
 def radiosity_stage(radiosity: Radiosity) -> Stage:
@@ -291,22 +214,18 @@ def one_bounce_stage(bounce: OneBounce, runtime: Runtime) -> Stage:
     )
 
 
-def ssdo_stages(ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: AuxiliaryViews | None) -> list[Stage]:
+def ssdo_stages(ssdo: Ssdo, views: AuxiliaryViews | None) -> list[Stage]:
     """Return the stage of directional occlusion, and that of the occlusion which it replaces.
 
     Args:
         ssdo: the technique.
-        opener: finds open tiles for it.
-        tiles: what classifies tiles, if any may be left out.
         views: draws what auxiliary cameras see.
     """
 
     def run(r: Values) -> tuple[Plane | None, Plane | None]:
         seen, lights = r[GBUFFER], r[LIGHTS]
         extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
-        known = None if r.get(TILES) is None else tiles
-        open_ = opener.find(seen, known, ssdo.reach(seen))
-        found = ssdo.run(seen, lights, shadows=r[SHADOWS], views=extra, tiles=open_)
+        found = ssdo.run(seen, lights, shadows=r[SHADOWS], views=extra)
         return found.direct, found.bounce
 
     replaced = Stage(
@@ -321,7 +240,7 @@ def ssdo_stages(ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: 
         Stage(
             name="ssdo",
             reads=(GBUFFER, CASTING, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
-            hints=(AO,) if tiles is None else (AO, TILES),
+            hints=(AO,),
             writes=(DIRECT, INDIRECT),
             run=run,
         ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -60,18 +60,11 @@ class LightMaps:
         self._shadows: dict[int, ShadowMap] = {}
 
     def draw(
-        self,
-        scene: Scene,
-        lights: Sequence[Light],
-        *,
-        idle: Collection[int] = (),
-        keep: bool = True,
-        seen: Seen | None = None,
+        self, scene: Scene, lights: Sequence[Light], *, keep: bool = True, seen: Seen | None = None
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
-        `idle` lights, by their place among the lights, get no map. Without `keep` all are drawn.
-        Shadow maps are fitted to what is `seen`; without it they show all that a light sees.
+        Without `keep` all are drawn. Shadow maps are fitted to what is `seen`; without it they show all that a light sees.
         Which lights reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
@@ -81,7 +74,7 @@ class LightMaps:
         punctual_lights = {
             index: light
             for index, light in enumerate(lights)
-            if index not in idle and not isinstance(light, Environment) and power(light).any()
+            if not isinstance(light, Environment) and power(light).any()
         }
         shadows: list[ShadowMap | None] = [None] * len(lights)
         kept = self._kept(scene, punctual_lights) if keep else set()
@@ -92,9 +85,10 @@ class LightMaps:
             index: before[index].cameras if index in kept else light_cameras(light, scene.bounds, self.size)
             for index, light in punctual_lights.items()
         }
-        # Idle lights count too: which are found to be idle must change no bit.
-        shining = sum(not isinstance(light, Environment) and bool(power(light).any()) for light in lights)
-        images = {index: len(faces) if seen is None else parts(len(faces), shining) for index, faces in cameras.items()}
+        images = {
+            index: len(faces) if seen is None else parts(len(faces), len(punctual_lights))
+            for index, faces in cameras.items()
+        }
         crops = {
             index: whole(len(faces)) if seen is None else fitted(faces, seen, images[index])
             for index, faces in cameras.items()

@@ -82,7 +82,6 @@ def test_options_of_render_shape_the_frame(
 def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
     record = json.loads(drawn(tmp_path / "a.json", "--width", 128, "--height", 96, "--bounces", 0))
     skips = {stage["name"]: [s["name"] for s in stage["skips"]] for stage in record["stages"]}
-    assert skips["gtao"] == ["gtao tiles"]
     assert skips["shadow maps"] == ["map spot"]
     record = json.loads(drawn(tmp_path / "b.json", "--no-skips", "--bounces", 0))
     assert not any(stage["skips"] for stage in record["stages"])

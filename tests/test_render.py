@@ -71,7 +71,7 @@ def names(frame: Frame) -> list[str]:
 
 def skipped(frame: Frame) -> dict[str, str]:
     """Return the passes that did not run, and why; not those of which a part was left out."""
-    return {p.name: p.skipped for p in frame.passes if p.skipped and not p.name.endswith((" tiles", " layers"))}
+    return {p.name: p.skipped for p in frame.passes if p.skipped}
 
 
 # ---- what a frame holds

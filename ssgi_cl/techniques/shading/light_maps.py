@@ -64,7 +64,8 @@ class LightMaps:
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
-        Without `keep` all are drawn. Shadow maps are fitted to what is `seen`; without it they show all that a light sees.
+        Without `keep` all are drawn. Shadow maps are fitted to what is `seen`; without it they show
+        all that a light sees.
         Which lights reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:

@@ -25,9 +25,9 @@ _MOVED = {
     ("", "frame"): ("further_views=auxiliary_views occluder=tile_classifier plan render render_params renderer"),
     ("", "io"): ("cli_common=console exr exr_header png views=previews"),
     ("", "rasterize"): ("viewpoint=default_camera"),
-    ("", "techniques"): ("presets tiles"),
+    ("", "techniques"): ("presets"),
     ("", "techniques.indirect"): ("device_vpls=packed_vpls extra_cameras=auxiliary_cameras flux_curve vpls=vpl_choice"),
-    ("", "techniques.shading"): ("lamp_reach=light_reach light_maps"),
+    ("", "techniques.shading"): ("light_maps"),
     ("", "truth"): ("metrics raycast"),
     ("bench", "tuning"): (
         "calibration case context measure search trials tunables tune tuning=outcome views=measured_scenes"

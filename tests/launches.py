@@ -40,7 +40,7 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
     own = Runtime(runtime.info, runtime.variant)
     every.results(every.inputs(own, (20, 32), 16), own)
     made = BUILTIN_SCENES["cornell_box"]()
-    # Tile classification, and lights with lobes in the occupancy grid.
+    # Lights with lobes in the occupancy grid.
     for visible in (polished(made.scene), made.scene):
         gi.render(
             visible,

@@ -117,7 +117,6 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
     [
         ("kernels/ssao/ssao.cl", "tests/techniques/test_ssao.py"),
         ("kernels/vpl/lobe.clh", "tests/techniques/test_vpl_glossy.py"),
-        ("kernels/tiles/tiles_open.cl", "tests/techniques/test_tiles.py"),
         ("kernels/raster/edges.clh", "tests/test_rasterize.py"),
         ("ssgi_cl/core/camera.py", "tests/test_camera.py"),
         ("ssgi_cl/techniques/shading/light_data.py", "tests/techniques/test_shade.py"),

@@ -21,7 +21,7 @@ ALLOWED = {
     "ssgi_cl.core.vpls": {"Vpls"},
 }
 """Modules and what reference implementations may take from them: the user's data."""
-ANNOTATED = {"ssgi_cl.techniques.tiles": {"Reach"}}
+ANNOTATED: dict[str, set[str]] = {}
 """As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
 ROOT = Path(str(files(ssgi_cl)))
 REFERENCES = sorted(path.stem for path in (ROOT / "reference").glob("*.py"))

@@ -10,8 +10,6 @@
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          weights by distance in pixels: of 0 to BLUR_RADIUS, then BLUR_ROWS - 1 zeros; that of
 //                  0 is 0 unless BLUR_SHAPE is 2, as a pixel counts fully whatever it fits
-//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0. Where they are
-//                  calm, the value is the same all round and stays
 // Writes:  blurred BLUR_COUNT x [rows, columns]; the value itself where nothing is
 // Macros:  BLUR_RADIUS (1..16), BLUR_COUNT (1..4),
 //          BLUR_SHAPE (0 along rows, 1 along columns, 2 the full square),
@@ -28,7 +26,6 @@
 
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
-#include "tiles/open.clh"
 
 #if !defined(BLUR_RADIUS) || !defined(BLUR_COUNT) || !defined(BLUR_SHAPE) || !defined(BLUR_ROWS)
 #error "BLUR_RADIUS, BLUR_COUNT, BLUR_SHAPE and BLUR_ROWS must be defined by the host"
@@ -39,22 +36,12 @@
 
 __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
                              __global const float *restrict weights,
-                             ssgi_optional __global const int *restrict tiles,
                              __global float *restrict blurred, const int2 size, // of the value
                              const SsgiCamera camera, const BlurParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1) * BLUR_ROWS;
     if (x >= size.x || y >= size.y) {
-        return;
-    }
-    if (ssgi_tiles_are(TILES_IS_INTERIOR, tiles, params.tile_columns, params.tile_step, x,
-                       min(x + SSGI_LANES, size.x) - 1, y)) {
-        for (int r = 0; r < min(BLUR_ROWS, size.y - y); ++r) {
-            for (int c = 0; c < BLUR_COUNT; ++c) {
-                ssgi_store(ssgi_load(value, size, c, x, y + r), blurred, size, c, x, y + r, 0.0f);
-            }
-        }
         return;
     }
     const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);

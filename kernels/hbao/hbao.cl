@@ -10,7 +10,6 @@
 // Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
-//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT (pairs of directions), SLICES_TAPS, SLICES_LAYERS (>= 1),
 //          HBAO_ATTENUATION, HBAO_BIAS (0, 1)
@@ -143,16 +142,11 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 }
 
 __kernel void hbao(ssgi_plane inv_depth, ssgi_plane normal, __global const float *restrict table,
-                   ssgi_optional __global const int *restrict tiles,
                    __global float *restrict visibility, const int2 size, const SsgiCamera camera,
                    const SliceParams params)
 {
     const SsgiItem item = ssgi_item(size);
     if (!item.inside) {
-        return;
-    }
-    if (ssgi_item_is_open(&item, tiles, size, params)) {
-        ssgi_store_unoccluded(visibility, 1, size, &item);
         return;
     }
     const SsgiReceiver receiver =

@@ -14,7 +14,6 @@
 //          samples  [4 rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball, already
 //                   reflected about the random vector of each pixel of a 4 x 4 tile
 //          curve    SSAO_CURVE_SIZE values of f at equal steps from 0 to params.curve_end
-//          tiles    bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SSAO_MOST_SAMPLES (1..256), SSAO_RADII (1..4), SSAO_HEMISPHERE (0, 1),
 //          SSAO_FALLOFF (0 exponential, 1 ramp and power, 2 curve), SSAO_CURVE_SIZE (>= 2),
@@ -24,7 +23,6 @@
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
-#include "tiles/open.clh"
 
 #if !defined(SSAO_MOST_SAMPLES) || !defined(SSAO_RADII) || !defined(SSAO_HEMISPHERE) ||            \
     !defined(SSAO_FALLOFF) || !defined(SSAO_CURVE_SIZE) || !defined(SSAO_OUTSIDE)
@@ -54,19 +52,13 @@ static inline vfloat ssao_occlusion(const vfloat d, __global const float *restri
 }
 
 __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *restrict samples,
-                   __global const float *restrict curve,
-                   ssgi_optional __global const int *restrict tiles,
-                   __global float *restrict visibility, const int2 size, // of the result
+                   __global const float *restrict curve, __global float *restrict visibility,
+                   const int2 size, // of the result
                    const SsgiCamera camera, const SsaoParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
     if (x >= size.x || y >= size.y) {
-        return;
-    }
-    if (ssgi_tiles_are(TILES_IS_OPEN, tiles, params.tile_columns, params.tile_step, x,
-                       min(x + SSGI_LANES, size.x) - 1, y)) {
-        ssgi_store(v_splat(1.0f), visibility, size, 0, x, y, 1.0f);
         return;
     }
     const int2 whole = (int2)(size.x + params.margin_left + params.margin_right,

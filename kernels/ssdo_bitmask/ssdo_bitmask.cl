@@ -23,7 +23,6 @@
 //          sent    3 SLICES_LAYERS x [rows, 4 stride] from slices_sorted: senders' radiance,
 //                  W m^-2 sr^-1; with BITMASK_BACKS as many more for their backs
 //          sides   SLICES_LAYERS x likewise, see ssdo/ssdo_sides.cl (BITMASK_SIDES 1)
-//          tiles   bits of tiles/open.clh, tile_columns a row; none if that is 0
 // Writes:  light   images [rows, columns] without margin: A in [0, 1], 1 where nothing is; with
 //                  BITMASK_BENT 3 of what bends the normal, view space; with BITMASK_CONES 3 of
 //                  irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of irradiance by the
@@ -63,8 +62,6 @@ typedef struct {
 #define SSDO_IMAGES (SSDO_FIRST_BOUNCE + 3 * BITMASK_BOUNCE)
 // Are covered sectors noted whose sender is seen from behind, which sends `back` alone?
 #define SSDO_DARK (BITMASK_KEPT * BITMASK_BOUNCE * (1 - BITMASK_BACKS))
-// Is anything to be written of an unoccluded receiver but A = 1 and zeros?
-#define SSDO_OPEN_TOO (BITMASK_CONES + BITMASK_KEPT)
 
 #include "common/scan.clh"
 #include "ssdo_bitmask/bend.clh"
@@ -176,8 +173,7 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
              __global const float *restrict slopes,
              ssgi_optional __global const float *restrict sky,
              ssgi_optional __global const float *restrict sent,
-             ssgi_optional __global const float *restrict sides,
-             ssgi_optional __global const int *restrict tiles, __global float *restrict light,
+             ssgi_optional __global const float *restrict sides, __global float *restrict light,
              ssgi_optional __global int *restrict kept, const int2 size, const SsgiCamera camera,
              const SliceParams params, const SsdoBitmaskParams own)
 {
@@ -192,14 +188,8 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
     if (!item.inside) {
         return;
     }
-    const bool open = ssgi_item_is_open(&item, tiles, size, params);
-    if (open && SSDO_OPEN_TOO == 0) {
-        ssgi_store_unoccluded(light, SSDO_IMAGES, size, &item);
-        return;
-    }
-    SsgiReceiver receiver =
+    const SsgiReceiver receiver =
         ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
-    receiver.active = open ? v_splat_int(0) : receiver.active;
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat images[SSDO_IMAGES];
     vint bits[2 * SLICES_COUNT];

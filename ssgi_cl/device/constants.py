@@ -27,31 +27,6 @@ SLICES_LEAST_N_DOT_V = 0.05
 SEEN_SIDE = 32
 """Pixels along the side of a tile whose depths shadow maps are fitted to."""
 
-TILES_SIDE = 16
-"""Pixels along the side of a tile that is classified."""
-TILES_NEAREST = 7
-"""Number of an image of the tile summaries: greatest v; -INFINITY where the tile is empty."""
-TILES_FARTHEST = 8
-"""Likewise: least v of what is there."""
-TILES_LEAST = 9
-"""Likewise: the least components of normals, view space, 3 images."""
-TILES_GREATEST = 12
-"""Likewise: the greatest, 3 images."""
-TILES_LAYER = 15
-"""Likewise: number of the deepest layer that has a pixel, from 1; 0 if none has."""
-TILES_OFFSET = 16
-"""Likewise: n.p of a flat tile's plane, scene units; -INFINITY of others."""
-TILES_COUNT = 17
-"""Images of the tile summaries."""
-TILES_FLAT = 1e-5
-"""Of v: a tile that is less flat counts as not flat."""
-TILES_IS_OPEN = 1
-"""Bit of a tile: it is unoccluded."""
-TILES_IS_FAR = 4
-"""Bit of a tile: unoccluded as what is near it is too far off."""
-TILES_IS_FLAT = 8
-"""Bit of a tile: unoccluded as it is flat."""
-
 RASTER_TILE = 32
 """Pixels along a tile's side; the layout of the visibility buffer."""
 RASTER_RECORD = 12

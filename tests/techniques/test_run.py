@@ -101,18 +101,10 @@ def test_former_orders_of_arguments_work_and_warn(runtime: Runtime, given: Input
     reduced = ReducedGBuffer(gbuffer, 2)
     reduced.update(gbuffer)
     maps = on_device_rsms(given.maps[:1], runtime)
-    ssao = gi.Ssao(runtime, size, gi.SsaoParams(samples=4))
-    gtao = gi.Gtao(runtime, size, gi.GtaoParams(slices=1, taps=4))
     blur, upsample = gi.Bilateral(runtime, size), gi.Upsample(runtime, size)
     splat = gi.VplSplat(runtime, size, gi.VplSplatParams(vpls=16))
     mapped = gi.Tonemap(runtime, size)
     for former, now, text in (
-        (lambda: ssao.run(gbuffer, None), lambda: ssao.run(gbuffer), "run(gbuffer, tiles=tiles)"),
-        (
-            lambda: gtao.run(gbuffer, None, 1),
-            lambda: gtao.run(gbuffer, layers=1),
-            "Gtao.run(gbuffer, tiles, layers) is now run(gbuffer, tiles=tiles, layers=layers)",
-        ),
         (
             lambda: blur.run(value, gbuffer),
             lambda: blur.run(gbuffer, value),

@@ -12,7 +12,6 @@ from typing import Literal, Unpack, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import Plane, Size
@@ -29,7 +28,6 @@ from ssgi_cl.techniques.ao.slices import (
     made_for,
 )
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.tiles import OpenTiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +83,9 @@ class Gtao(SliceTechnique[GtaoParams]):
         if self.params.bent_normals:
             self._bent = BentNormals(runtime, size)
 
-    @former_order("gbuffer", "tiles", "layers")
-    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
-        plane = super().run(gbuffer, tiles=tiles, layers=layers)
+        plane = super().run(gbuffer)
         return self._bent.run(gbuffer, plane) if self.params.bent_normals else plane
 
     def __call__(self, gbuffer: GBuffer | DeviceGBuffer, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
@@ -21,7 +20,6 @@ from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams, coarse_size
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 BLUR_DEPTH_SIGMA = 0.002
@@ -111,13 +109,10 @@ class OcclusionTechnique(Prepared[Any], ABC):
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
-    @former_order("gbuffer", "tiles", "layers")
-    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
 
-        In open `tiles`, found with `reach`, nothing is computed that is known. Only the front
-        `layers` of depth are looked at where the others have no pixel. Nothing is allocated after
-        the first call.
+        Nothing is allocated after the first call.
         """
         self._check(gbuffer)
         source: Source = gbuffer
@@ -129,9 +124,9 @@ class OcclusionTechnique(Prepared[Any], ABC):
         region = gbuffer.seen_every(self._step)
         background = (1.0, *(0.0,) * (self.params.channels - 1))
         with self._visibility.over(region, background=background) as (result, over):
-            self._occlude(result, gbuffer, source, tiles, layers, over)
+            self._occlude(result, gbuffer, source, over)
         if self._blur_first:
-            result = self._blur.run(source, result, tiles=tiles, step=self._step, region=region)
+            result = self._blur.run(source, result, region=region)
         if self._upsample is not None and self._reduced is not None:
             result = self._upsample.run(gbuffer, result, reduced=self._reduced)
         if not self._blur_first and self._blur.active:
@@ -151,19 +146,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         """Raise ValueError if this was prepared for other G-buffers."""
 
     @abstractmethod
-    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
-        """Return how far the technique looks, or None if no tile with a surface is surely open."""
-
-    @abstractmethod
-    def _occlude(
-        self,
-        out: Plane,
-        gbuffer: DeviceGBuffer,
-        source: Source,
-        tiles: OpenTiles | None,
-        layers: int | None,
-        region: Region | None,
-    ) -> None:
+    def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
 
         Only pixels in `region` are needed.

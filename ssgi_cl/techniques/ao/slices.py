@@ -25,7 +25,6 @@ from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, Occl
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 SLICES = Struct(
     "SliceParams",
@@ -33,19 +32,7 @@ SLICES = Struct(
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
         *floats("thickness", "slack", "falloff_scale", "thin"),
         *floats("attenuation", "bias_cos", "bias_sin"),
-        *(
-            (name, "int")
-            for name in (
-                "margin_left",
-                "margin_right",
-                "margin_top",
-                "margin_bottom",
-                "stride",
-                "lead",
-                "tile_columns",
-                "tile_step",
-            )
-        ),
+        *((name, "int") for name in ("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead")),
     ),
 )
 
@@ -189,7 +176,6 @@ class SliceScan(Prepared[SliceParams]):
         step: pixels of the image from one that is scanned to the next.
         size: (rows, columns) of the result, every step-th pixel.
         table: what kernels read of the pattern.
-        longest: distance of the farthest tap, in parts of the radius.
     """
 
     def __init__(self, runtime: Runtime, size: Size, params: SliceParams, margin: Size, layers: int) -> None:
@@ -197,7 +183,6 @@ class SliceScan(Prepared[SliceParams]):
         self.step = step = RESOLUTIONS[params.resolution]
         self.size = coarse_size(size, step)
         self.table = runtime.array(table(params))
-        self.longest = float(pattern(params).share.max())
         reduced_margin = (margin[0] // step, margin[1] // step)
         self._whole = (self.size[0] + 2 * reduced_margin[0], self.size[1] + 2 * reduced_margin[1])
         # Column 0 of the result begins a tile.
@@ -209,7 +194,6 @@ class SliceScan(Prepared[SliceParams]):
     def _set(self, params: SliceParams) -> None:
         if params.tap_power != self.params.tap_power:
             self.table.upload(table(params))
-            self.longest = float(pattern(params).share.max())
 
     @property
     def sorted_size(self) -> Size:
@@ -233,18 +217,18 @@ class SliceScan(Prepared[SliceParams]):
             for strip in range(first[1], first[1] + count)
         ]
 
-    def macros(self, *, thick: bool, reads_thickness: bool, layers: int | None = None) -> dict[str, int]:
-        """Return the macros of a kernel that scans `layers`, without or with thickness by pixel."""
+    def macros(self, *, thick: bool, reads_thickness: bool) -> dict[str, int]:
+        """Return the macros of a kernel that scans all layers, without or with thickness by pixel."""
         return {
             "SLICES_COUNT": self.params.slices,
             "SLICES_TAPS": self.params.taps,
-            "SLICES_LAYERS": layers or self.layers,
+            "SLICES_LAYERS": self.layers,
             **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
         }
 
-    def inv_depth(self, gbuffer: DeviceGBuffer, thickness: Plane | None, layers: int | None = None) -> Plane:
-        """Queue the pass that brings all layers or fewer into the measure and size of the scan."""
-        count = layers or self.layers
+    def inv_depth(self, gbuffer: DeviceGBuffer, thickness: Plane | None) -> Plane:
+        """Queue the pass that brings all layers into the measure and size of the scan."""
+        count = self.layers
         perspective = bool(gbuffer.camera_struct["perspective"])
         thick = thickness is not None
         kernel = self.runtime.kernel(
@@ -385,52 +369,30 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
             plane_bytes(self.params.channels, self._scan.size)
             + max(plane_bytes(self.params.channels, self._scan.size), plane_bytes(layers, self._scan.sorted_size))
         )
-        self._kernels: dict[tuple[bool, int], Kernel] = {}
-        self._kernel(thick=False, layers=layers)
+        self._kernels: dict[bool, Kernel] = {}
+        self._kernel(thick=False)
 
     def _set(self, params: P) -> None:
         self._scan.params = params.in_front_of(self.layers)
 
-    def _kernel(self, *, thick: bool, layers: int) -> Kernel:
-        """Return the kernel that scans so many layers, without or with thickness by pixel."""
-        key = thick, layers
-        if key not in self._kernels:
+    def _kernel(self, *, thick: bool) -> Kernel:
+        """Return the kernel that scans all layers, without or with thickness by pixel."""
+        if thick not in self._kernels:
             scan = self._scan
-            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness, layers=layers)
-            self._kernels[key] = self.runtime.kernel(
+            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness)
+            self._kernels[thick] = self.runtime.kernel(
                 f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
             )
-        return self._kernels[key]
+        return self._kernels[thick]
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         check_shape(gbuffer, self.size, self.margin, self.layers)
 
-    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
-        """Return how far it looks: as far as the nearest pixel of those that scan together."""
-        step = self._step
-        return Reach(
-            radius=self.params.radius,
-            stretch=1.01 * max(self._scan.longest, 1.0),
-            more_px=(NEAREST_TAP + 2.0) * step,
-            most_px=self.params.max_radius_px,
-            step=step,
-            group=TILE * GROUP * step,
-        )
-
-    def _occlude(
-        self,
-        out: Plane,
-        gbuffer: DeviceGBuffer,
-        source: Source,
-        tiles: OpenTiles | None,
-        layers: int | None,
-        region: Region | None,
-    ) -> None:
+    def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
-        layers = layers or self.layers
-        inv_depth = self._scan.inv_depth(gbuffer, thickness, layers)
-        packed = self._scan.packed(source, {**self._values(), **tile_values(tiles, self._step)})
-        kernel = self._kernel(thick=thickness is not None, layers=layers)
+        inv_depth = self._scan.inv_depth(gbuffer, thickness)
+        packed = self._scan.packed(source, self._values())
+        kernel = self._kernel(thick=thickness is not None)
         for strip in self._scan.strips(region):
             kernel.run(
                 self.name,
@@ -441,7 +403,6 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
                 inv_depth=inv_depth,
                 normal=source.normal,
                 table=self._scan.table,
-                tiles=None if tiles is None else tiles.bits,
                 visibility=out,
                 camera=source.camera_struct,
                 params=packed,

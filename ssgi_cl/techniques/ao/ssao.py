@@ -23,7 +23,6 @@ from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, 
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 SSAO = Struct(
     "SsaoParams",
@@ -32,10 +31,7 @@ SSAO = Struct(
         *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
         *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
         *floats("contrast", "border_depth"),
-        *(
-            (name, "int")
-            for name in ("margin_left", "margin_right", "margin_top", "margin_bottom", "tile_columns", "tile_step")
-        ),
+        *((name, "int") for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")),
     ),
 )
 
@@ -244,31 +240,7 @@ class Ssao(OcclusionTechnique):
                 f"expected {self.size} and {self.margin}"
             )
 
-    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
-        """Return how far it looks; None if a plane may occlude itself, or what is outside all."""
-        params = self.params
-        if not params.hemisphere or params.outside != "unknown":
-            return None
-        # A point r d of the ball round a receiver at depth z and slope s projects at an offset of
-        # r |d.xy + s d.z| / (z - r d.z) <= r sqrt(1 + s^2) / (z - r): the slant, and the bulge.
-        return Reach(
-            radius=max(params.radius),
-            more_px=2.0 * self._step,
-            most_px=params.max_radius_px,
-            step=self._step,
-            bulge=1.0,
-            slack=1e-6,
-        )
-
-    def _occlude(
-        self,
-        out: Plane,
-        gbuffer: DeviceGBuffer,
-        source: Source,
-        tiles: OpenTiles | None,
-        layers: int | None,
-        region: Region | None,
-    ) -> None:
+    def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         self._kernel.run(
             "ssao",
             out.size,
@@ -277,13 +249,12 @@ class Ssao(OcclusionTechnique):
             normal=source.normal,
             samples=self._points,
             curve=self._curve,
-            tiles=None if tiles is None else tiles.bits,
             visibility=out,
             camera=source.camera_struct,
-            params=self._packed(source, tiles),
+            params=self._packed(source),
         )
 
-    def _packed(self, source: Source, tiles: OpenTiles | None) -> Any:
+    def _packed(self, source: Source) -> Any:
         params = self.params
         radii = [*params.radius, 0.0, 0.0, 0.0][:4]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
@@ -304,7 +275,6 @@ class Ssao(OcclusionTechnique):
                 "contrast": params.contrast,
                 "border_depth": params.outside if isinstance(params.outside, float) else math.inf,
                 **self._margins(source),
-                **tile_values(tiles, self._step),
             }
         )
 

@@ -21,18 +21,8 @@ from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
 from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.tiles import TILE, OpenTiles, tile_values
 
-BLUR = Struct(
-    "BlurParams",
-    (
-        *floats("depth_scale", "normal_scale"),
-        ("margin_columns", "int"),
-        ("margin_rows", "int"),
-        ("tile_columns", "int"),
-        ("tile_step", "int"),
-    ),
-)
+BLUR = Struct("BlurParams", (*floats("depth_scale", "normal_scale"), ("margin_columns", "int"), ("margin_rows", "int")))
 
 FIT_POWER = 4
 """The weight of a sample is its fit to the surface to this power; see common/surface.clh."""
@@ -148,37 +138,16 @@ class Bilateral(Prepared[BilateralParams]):
             self._weights.upload(_weight_table(params))
 
     @former_order("value", "gbuffer", "name", first=lambda given: isinstance(given, Plane))
-    def run(
-        self,
-        gbuffer: Source,
-        value: Plane,
-        *,
-        name: str = "blur",
-        tiles: OpenTiles | None = None,
-        step: int = 1,
-        region: Region | None = None,
-    ) -> Plane:
+    def run(self, gbuffer: Source, value: Plane, *, name: str = "blur", region: Region | None = None) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
-        In open `tiles` the value is the same in every pixel; it has every `step`-th pixel of their
-        image. Where all that the blur reads is open, the value stays. Outside `region` nothing is,
-        and the value the same in every call with one.
+        Outside `region` nothing is, and the value the same in every call with one.
         """
         params = self.params
-        if params.passes * params.radius * step > TILE:
-            tiles = None  # it reads more than the tiles next to a pixel's
         if not self.active:
             self.runtime.skip(name, "no passes or radius 0")
             return value
-        packed = BLUR.pack(
-            {
-                **params.scales(),
-                "margin_columns": gbuffer.margin[1],
-                "margin_rows": gbuffer.margin[0],
-                **tile_values(tiles, step),
-            }
-        )
-        bits = None if tiles is None else tiles.bits
+        packed = BLUR.pack({**params.scales(), "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]})
         lanes = self.runtime.variant.lanes
         rows, columns = self.size
         background = background_of(value)
@@ -198,7 +167,6 @@ class Bilateral(Prepared[BilateralParams]):
                         linear=gbuffer.linear,
                         normal=gbuffer.normal,
                         weights=self._weights,
-                        tiles=bits,
                         blurred=out,
                         camera=gbuffer.camera_struct,
                         params=packed,

@@ -24,7 +24,6 @@ from ssgi_cl.techniques.indirect.ssdo_finish import Finish
 from ssgi_cl.techniques.indirect.ssdo_inputs import uploaded_radiance, view_on_device
 from ssgi_cl.techniques.indirect.ssdo_lights import LightBlur, punctual_lights_of, set_lights
 from ssgi_cl.techniques.indirect.ssdo_params import METHODS, SsdoKeywords, SsdoParams
-from ssgi_cl.techniques.indirect.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.techniques.shading.layer_shading import LitLayers
@@ -33,7 +32,6 @@ from ssgi_cl.techniques.shading.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.shading.sky import Sky
 from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.tiles import OpenTiles, Reach
 
 SPLIT = Struct(
     "SplitParams",
@@ -143,7 +141,6 @@ class Ssdo(Prepared[SsdoParams]):
         shadows: Sequence[ShadowMap | None] | None = None,
         radiance: Plane | None = None,
         views: Iterable[DeviceGBuffer] = (),
-        tiles: OpenTiles | None = None,
     ) -> SsdoPlanes:
         """Queue the passes. Nothing is allocated after the first call with such arguments.
 
@@ -157,8 +154,6 @@ class Ssdo(Prepared[SsdoParams]):
             views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
                 see hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for.
-            tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
-                in these.
         """
         given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
         if given != self._shape:
@@ -167,26 +162,15 @@ class Ssdo(Prepared[SsdoParams]):
             )
         self._sky.set(environments_of(lights))
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
-        # Then lights and the whole sky are all there is.
-        open_ = (
-            tiles is not None
-            and tiles.open == tiles.total
-            and not views
-            and self._sky.image is None
-            and self._bent is None
-        )
         sent: Any = radiance
         sends = radiance is not None
         punctual_lights: Plane | None
         if self._senders is not None and not sends:
-            if open_:
-                sends = self._senders.front(gbuffer, lights, shadows=shadows)
-            else:
-                visibility = self._sender_visibility(gbuffer, tiles) if ambient else None
-                points = self.params.method != "bitmask"
-                light = self._senders.records if points else self._senders.images
-                sent = light(gbuffer, lights, shadows=shadows, visibility=visibility, step=SenderVisibility.step)
-                sends = sent is not None
+            visibility = self._sender_visibility(gbuffer) if ambient else None
+            points = self.params.method != "bitmask"
+            light = self._senders.records if points else self._senders.images
+            sent = light(gbuffer, lights, shadows=shadows, visibility=visibility, step=SenderVisibility.step)
+            sends = sent is not None
             punctual_lights, lights_margin = self._senders.punctual_lights, gbuffer.margin
             self._senders.punctual_lights = None
         else:
@@ -198,12 +182,11 @@ class Ssdo(Prepared[SsdoParams]):
         gathered = None
         if not sends and not ambient and self._bent is None:
             self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
-        elif not open_:
+        else:
             sky = self._sky if self._sky.image is not None else None
             source = self._finish.source(gbuffer)
-            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles)
-            plain = sky is None and not views
-            gathered = self._finish.run(gbuffer, gathered, source=source, tiles=tiles if plain else None)
+            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, views)
+            gathered = self._finish.run(gbuffer, gathered, source=source)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
         if self._bent is not None and gathered is not None:
@@ -215,17 +198,11 @@ class Ssdo(Prepared[SsdoParams]):
         if self.params.method == "bitmask":
             Sides(self.runtime).run(gbuffer)
 
-    def reach(self, gbuffer: DeviceGBuffer) -> Reach | None:
-        """Return how far all passes look for `Tiles` of pieces, or None if planes hide themselves."""
-        if isinstance(self._back, SsdoPoints):
-            return None
-        return self._back.reach(gbuffer, SenderVisibility.step)
-
-    def _sender_visibility(self, gbuffer: DeviceGBuffer, tiles: OpenTiles | None) -> Plane:
+    def _sender_visibility(self, gbuffer: DeviceGBuffer) -> Plane:
         if self._visibility is None:
             size, margin, layers, _ = self._shape
             self._visibility = SenderVisibility(self.runtime, size, self.params, margin, layers)
-        return self._visibility.run(gbuffer, tiles=tiles)
+        return self._visibility.run(gbuffer)
 
     def _gathered(
         self,
@@ -236,18 +213,17 @@ class Ssdo(Prepared[SsdoParams]):
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
         views: Iterable[DeviceGBuffer],
-        tiles: OpenTiles | None,
     ) -> Plane:
         """Queue the back end, and what auxiliary cameras add to it."""
         views = iter(views)
         first = next(views, None)
         if first is None:
-            return self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
+            return self._back.run(gbuffer, source, radiance=sent, sky=sky)
         if self._views is None:
             self._views = ViewSenders(self.runtime, self.params)
             size, margin, layers, _ = self._shape
             self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
-        light = self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
+        light = self._back.run(gbuffer, source, radiance=sent, sky=sky)
         self._views.begin(gbuffer)
         try:
             for view in chain((first,), views):

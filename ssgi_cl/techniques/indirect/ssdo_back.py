@@ -14,7 +14,6 @@ from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, coarse_size
 from ssgi_cl.techniques.indirect.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_points import PointsParams, SsdoPoints
-from ssgi_cl.techniques.tiles import OpenTiles
 
 BackEnd = SsdoBitmask | SsdoPoints
 
@@ -81,12 +80,9 @@ class SenderVisibility:
         """Take the values of other parameters of the same shape."""
         set_back(self._back, self._params(params))
 
-    def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None) -> Plane:
-        """Queue the passes; return a plane whose first image is A.
-
-        `tiles` are open as far as a back end of this step looks; see `SsdoBitmask.run`.
-        """
+    def run(self, gbuffer: DeviceGBuffer) -> Plane:
+        """Queue the passes; return a plane whose first image is A."""
         if self._reduced is None:
             self._reduced = ReducedGBuffer(gbuffer, self.step)
         self._reduced.update(gbuffer)
-        return self._back.run(gbuffer, self._reduced, tiles=tiles)
+        return self._back.run(gbuffer, self._reduced)

@@ -13,11 +13,10 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.bitmask_ao import ENDS
-from ssgi_cl.techniques.ao.slices import GROUP, NEAREST_TAP, SLICES, TILE, SliceParams, SliceScan, check_shape, pattern
+from ssgi_cl.techniques.ao.slices import SLICES, SliceParams, SliceScan, check_shape
 from ssgi_cl.techniques.indirect.ssdo_sides import Sides
 from ssgi_cl.techniques.shading.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.tiles import OpenTiles, Reach, tile_values
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
 
@@ -108,7 +107,6 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         *,
         radiance: Plane | ImageParts | None = None,
         sky: Sky | None = None,
-        tiles: OpenTiles | None = None,
     ) -> Plane:
         """Queue the passes; return A and irradiance, of `size`.
 
@@ -121,8 +119,6 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 parameters counts without.
             sky: whose image lights what is open; None for none. Its `constant` is left to the
                 caller: A tells all about it.
-            tiles: proven open by `Tiles` of pieces, as far as `reach` says; nothing is looked for
-                in these.
 
         Returns:
             A, 1 where nothing is; with `bent_normals` 3 images of what bends the normal, in view
@@ -163,7 +159,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         own = {"back": self.params.back, **rotation_values(camera.view[:3, :3].T)}
         region = gbuffer.seen_every(scan.step)
-        values = {"thickness": self.params.thickness, **tile_values(tiles, scan.step)}
+        values = {"thickness": self.params.thickness}
         packed, packed_own = scan.packed(source, values), OWN.pack(own)
         kernel = self.runtime.kernel("ssdo_bitmask/ssdo_bitmask.cl", macros, (CAMERA, SLICES, OWN))
         result = Target(self.runtime, count, self.size, 1.0, kept=False)
@@ -184,7 +180,6 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                     sky=lookup,
                     sent=sent,
                     sides=sides,
-                    tiles=None if tiles is None else tiles.bits,
                     light=light,
                     kept=self.masks,
                     camera=source.camera_struct,
@@ -192,26 +187,3 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                     own=packed_own,
                 )
         return light
-
-    def reach(self, gbuffer: DeviceGBuffer, coarsest: int = 1) -> Reach | None:
-        """Return how far it looks, for `Tiles` of pieces, and how far one with up to `coarsest`
-        pixels from one receiver to the next does.
-
-        None if planes are thick: they go on behind themselves, without a bias against roundings.
-        """
-        params, step = self.params, max(self._scan.step, coarsest)
-        if gbuffer.thickness is not None or params.thickness > 0.0:
-            return None
-        share = pattern(params).share
-        apart = max(share[..., 0].max(), np.diff(share, axis=-1).max(initial=0.0))
-        return Reach(
-            radius=params.radius,
-            stretch=1.01 * max(self._scan.longest, 1.0),
-            more_px=(NEAREST_TAP + 2.0) * step,
-            most_px=params.max_radius_px,
-            step=self._scan.step,
-            group=TILE * GROUP * step,
-            # Taps lie at whole pixels: pieces are longer, and begin beside a slice's line.
-            beyond=float(apart),
-            beyond_px=3.0 * step,
-        )

@@ -10,7 +10,6 @@ from ssgi_cl.techniques.filters.bilateral import Bilateral
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleParams
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.tiles import TILE, OpenTiles
 
 
 class Finish:
@@ -41,16 +40,13 @@ class Finish:
         self._reduced.update(gbuffer)
         return self._reduced
 
-    def run(
-        self, gbuffer: DeviceGBuffer, plane: Plane, *, source: Source | None = None, tiles: OpenTiles | None = None
-    ) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, plane: Plane, *, source: Source | None = None) -> Plane:
         """Queue the blur and the upsampling of all images at once; return the plane at full size.
 
         Args:
             gbuffer: at full size.
             plane: what was gathered.
             source: whose pixels those of `plane` are, see `source`; `gbuffer` by default.
-            tiles: where each image has the same value in every pixel.
         """
         source = gbuffer if source is None else source
         count = plane.count
@@ -59,7 +55,7 @@ class Finish:
             self._blurs[count] = Bilateral(self.runtime, size, self._smooth, count, kept=False)
         if not self._late:
             region = gbuffer.seen_every(self._step)
-            plane = self._blurs[count].run(source, plane, tiles=tiles, step=self._step, region=region)
+            plane = self._blurs[count].run(source, plane, region=region)
         if source is not gbuffer:
             if count not in self._upsamples:
                 self._upsamples[count] = Upsample(
@@ -67,8 +63,5 @@ class Finish:
                 )
             plane = self._upsamples[count].run(gbuffer, plane, reduced=source)
         if self._late:
-            # At a tile's end upsampling has read a pixel of the next tile.
-            reach = self._smooth.passes * self._smooth.radius + self._step
-            known = tiles if reach <= TILE else None
-            plane = self._blurs[count].run(gbuffer, plane, tiles=known, region=gbuffer.seen)
+            plane = self._blurs[count].run(gbuffer, plane, region=gbuffer.seen)
         return plane

@@ -187,7 +187,6 @@ class SsdoPoints(Prepared[PointsParams]):
         *,
         radiance: Plane | SenderRecords | None = None,
         sky: Any = None,
-        tiles: Any = None,
     ) -> Plane:
         """Queue the passes; return A, the sky's irradiance if it is an image, and the bounce's.
 
@@ -198,7 +197,6 @@ class SsdoPoints(Prepared[PointsParams]):
                 of it; None for no bounce. Layers send light as far as there are normals and
                 radiance.
             sky: an `ssgi_cl.techniques.shading.sky.Sky`, of which the image counts, or None.
-            tiles: not looked at.
 
         Returns:
             A plane of ceil(size / step): A in [0, 1], 1 where nothing is; with an image of the sky,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.normals import DEFAULT_CREASE_ANGLE
 from ssgi_cl.rasterize.parts import Part, assemble
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.rasterize.scenes.generated import generated
 from ssgi_cl.rasterize.scenes.scatter import between, rotation
 from ssgi_cl.rasterize.scenes.shapes import box, mesh, quad
 
@@ -110,3 +112,12 @@ SKIP_SCENES: tuple[Callable[[], BuiltinScene], ...] = (
     hall,
 )
 """What makes each, those that need least first."""
+
+GENERATED = ("room-7", "colonnade-3", "street-5")
+
+TABLE_SCENES: tuple[Callable[[], BuiltinScene], ...] = (
+    *SKIP_SCENES,
+    *(make for name, make in BUILTIN_SCENES.items() if name != "hall"),
+    *(partial(generated, name) for name in GENERATED),
+)
+"""Those of the table: also the built-in scenes, and some that are generated."""

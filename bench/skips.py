@@ -1,11 +1,11 @@
-"""The table of skips: frames with and without each of them.
+"""The table of skips: frames with all of them, without any, and without each.
 
 `make figures` writes docs/skips.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
@@ -18,7 +18,7 @@ from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.rasterize.scenes import BuiltinScene
 
-from .skip_scenes import SKIP_SCENES
+from .skip_scenes import TABLE_SCENES
 
 SIZE = (400, 300)
 """Columns and rows."""
@@ -29,9 +29,13 @@ STEP = 1e-3
 
 ALL = "all"
 STILL = "all, still"
-SINGLE = tuple(name for name in SKIPS if name not in ("outputs", "unchanged"))
+MOVING = tuple(name for name in SKIPS if name != "unchanged")
+"""What may be left out of a frame that differs from the one before."""
+WITHOUT = {f"all but {name}": name for name in MOVING if name != "outputs"}
+"""Columns of frames with all skips but one -> which. A picture needs
+everything that `outputs` could leave out."""
 ALONE = "all, ao alone"
-COLUMNS = ("none", *SINGLE, ALL, STILL, ALONE)
+COLUMNS = ("none", *WITHOUT, ALL, STILL, ALONE)
 SSDO = ("ssdo, none", "ssdo, all")
 """Columns of frames that SSDO lights, at its own defaults."""
 
@@ -70,7 +74,7 @@ def record(
         report: called with the name of each scene before it is measured.
     """
     rows = []
-    for make in SKIP_SCENES:
+    for make in TABLE_SCENES:
         view = make()
         report(view.name)
         rows.append(asdict(measured(runtime, view, rounds, size)))
@@ -78,7 +82,7 @@ def record(
 
 
 def measured(runtime: Runtime, view: BuiltinScene, rounds: int = ROUNDS, size: tuple[int, int] = SIZE) -> Row:
-    """Render a scene with each skip, in turns, and check that the pictures are the same."""
+    """Render a scene without each skip, in turns, and check that the pictures are the same."""
     cameras = _cameras(view, size)
     columns = (*COLUMNS, *SSDO)
     frames = {column: _rendered(runtime, view, cameras[0], column) for column in columns}
@@ -117,14 +121,14 @@ def _cameras(view: BuiltinScene, size: tuple[int, int]) -> tuple[Camera, Camera]
 
 
 def _rendered(runtime: Runtime, view: BuiltinScene, camera: Camera, column: str) -> Frame:
-    moving = tuple(name for name in SKIPS if name != "unchanged")
     chosen: dict[str, tuple[str, ...]] = {
         "none": (),
-        ALL: moving,
+        ALL: MOVING,
         STILL: tuple(SKIPS),
-        ALONE: moving,
+        ALONE: MOVING,
         SSDO[0]: (),
-        SSDO[1]: moving,
+        SSDO[1]: MOVING,
+        **{each: tuple(other for other in MOVING if other != name) for each, name in WITHOUT.items()},
     }
     return render(
         view.scene,
@@ -132,16 +136,26 @@ def _rendered(runtime: Runtime, view: BuiltinScene, camera: Camera, column: str)
         view.lights,
         ao_radius=view.ao_radius,
         layers=LAYERS,
-        skips=chosen.get(column, (column,)),
+        skips=chosen[column],
         outputs=("ao",) if column == ALONE else None,
         indirect="ssdo" if column in SSDO else None,
         runtime=runtime,
     )
 
 
+def _wins(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Return on how many scenes all skips are faster than all but one; a dash without such a column."""
+    column = f"all but {name}"
+    if column not in WITHOUT or not all(column in row["wall"] for row in rows):
+        return "-"
+    won = sum(row["wall"][ALL] < row["wall"][column] for row in rows)
+    return f"{won} of {len(rows)}"
+
+
 def page(found: Mapping[str, Any]) -> str:
     """Return the page of what `record` returns."""
     columns, high = found["size"]
+    shown = [column for column in COLUMNS if all(column in row["wall"] for row in found["rows"])]
     lines = [
         "# Skipped passes",
         "",
@@ -151,18 +165,20 @@ def page(found: Mapping[str, Any]) -> str:
         "Wall-clock milliseconds from the call to the finished arrays on the host, for a frame of "
         f"{columns} x {high} pixels with {LAYERS} depth layers, GTAO, and a shadow map of 1024 "
         f"texels a light face: medians of {2 * found['rounds']} frames, columns interleaved. The "
-        f"camera moves between frames except in `{STILL}`. Each column has one skip; `none` has "
-        f"none; `{ALONE}` has all and asks for ambient occlusion only. Every image is "
+        f"camera moves between frames except in `{STILL}`. `none` has no skip; `{ALL}` has "
+        f"all; `all but ...` lacks one; `{ALONE}` has all and asks for ambient occlusion only. Every image is "
         "bit-identical to that of `none`.",
         "",
-        f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}.",
+        "A skip stays if it wins on most of at least eight scenes: if `all` is faster there than all but that skip.",
         "",
-        "| scene | seen | " + " | ".join(COLUMNS) + " | none / all |",
-        "|---|---:|" + "---:|" * (len(COLUMNS) + 1),
+        f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}." + found.get("note", ""),
+        "",
+        "| scene | seen | " + " | ".join(shown) + " | none / all |",
+        "|---|---:|" + "---:|" * (len(shown) + 1),
     ]
     for row in found["rows"]:
         wall = row["wall"]
-        times = " | ".join(f"{wall[column]:.1f}" for column in COLUMNS)
+        times = " | ".join(f"{wall[column]:.1f}" for column in shown)
         seen = f"{100.0 * row['seen']:.0f} %"
         lines.append(f"| {row['name']} | {seen} | {times} | {wall['none'] / wall[ALL]:.1f} |")
     lines += [
@@ -180,8 +196,8 @@ def page(found: Mapping[str, Any]) -> str:
             for ms, (before, after) in pairs
         ]
         lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
-    lines += ["", "| skip | leaves out |", "|---|---|"]
-    lines += [f"| `{name}` | {meaning} |" for name, meaning in SKIPS.items()]
+    lines += ["", "| skip | leaves out | wins on |", "|---|---|---:|"]
+    lines += [f"| `{name}` | {meaning} | {_wins(found['rows'], name)} |" for name, meaning in SKIPS.items()]
     lines += ["", "Skipped with all skips, the camera moving:", ""]
     for row in found["rows"]:
         lines.append(f"- {row['name']}: " + ("; ".join(dict.fromkeys(row["skipped"])) or "nothing"))
